@@ -1,0 +1,47 @@
+# demo, test, lint, bench: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+SYSTEM_READY := $(VENV)/.system-ready
+
+# EGL and Mesa's software renderer for the GL methods; libusb and libgomp for Open3D.
+SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libgomp1
+# Only the tests: a real model that nobody here wrote.
+TEST_PACKAGES := assimp-testmodels
+
+.PHONY: demo test lint bench setup clean
+.DELETE_ON_ERROR:
+
+setup: $(READY) $(SYSTEM_READY)
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "visref needs Python 3.11 or newer; run: make PYTHON=python3.11 ..." >&2; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint constraints.txt --editable '.[dev,open3d,collada]'
+	@touch $@
+
+$(SYSTEM_READY): $(READY) tools/apt-install
+	@tools/apt-install $(SYSTEM_PACKAGES) $(TEST_PACKAGES)
+	@touch $@
+
+demo: setup
+	$(BIN)/visref demo --out demo
+
+test: setup
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/python -m tests.bench
+
+clean:
+	rm -rf $(VENV) demo build dist

@@ -1,0 +1,170 @@
+"""The contract with a culler: units once, a drawn set for each camera.
+
+The smallest plug-in is a subclass of `Culler` with one method:
+
+    class Mine(Culler):
+        name = "mine"
+
+        def cull(self, camera):
+            return DrawnSet(np.flatnonzero(self.my_test(camera)))
+
+The referee recomputes everything else and trusts no plug-in.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.scene import Int32, Scene, Units
+
+
+class Promise(StrEnum):
+    """The field's four classes of visible set, and what each lets the judge convict of."""
+
+    EXACT = "exact"
+    CONSERVATIVE = "conservative"
+    AGGRESSIVE = "aggressive"
+    APPROXIMATE = "approximate"
+
+    @property
+    def convicts(self) -> bool:
+        """Whether a confirmed miss is a violation, or only measured."""
+        return self in (Promise.EXACT, Promise.CONSERVATIVE)
+
+    @property
+    def statement(self) -> str:
+        """What such a culler promises, in words."""
+        return {
+            Promise.EXACT: "draws the objects that own a sample, and no others",
+            Promise.CONSERVATIVE: "draws every object that owns a sample",
+            Promise.AGGRESSIVE: "draws visible objects only, and may leave some out",
+            Promise.APPROXIMATE: "promises nothing; it is measured",
+        }[self]
+
+
+@dataclass
+class QueryStats:
+    """What a frame cost, counted where the cost arises (never by a method about itself).
+
+    `queries`: asked of the depth buffer; `queries_passed`: answered "visible";
+    `batches`: times the method waited for answers (stalls); `query_fragments`: samples that
+    the query geometry covers in the viewport; `depth_tests`: depth comparisons, drawing and
+    queries together; `triangles_drawn`, `units_drawn`, `draw_calls`: of the final image;
+    `state_changes`: of masks, programs and targets; `bytes_read_back`: from the GPU;
+    `iterations`: rounds of a method that has rounds; `tests_skipped`: queries that the method
+    itself saved. `ms`: milliseconds of wall time by phase. None means not measured.
+    """
+
+    queries: int | None = None
+    queries_passed: int | None = None
+    batches: int | None = None
+    tests_skipped: int | None = None
+    query_fragments: int | None = None
+    depth_tests: int | None = None
+    triangles_drawn: int | None = None
+    units_drawn: int | None = None
+    draw_calls: int | None = None
+    state_changes: int | None = None
+    bytes_read_back: int | None = None
+    iterations: int | None = None
+    ms: dict[str, float] = field(default_factory=dict)
+
+    def counts(self) -> dict[str, int]:
+        """The counters that were measured, without the times."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "ms"}
+        return {name: int(value) for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnSet:
+    """The units whose own triangles are in the draw list of the final image.
+
+    `unit_ids`: int32, each at most once, in the order drawn.
+    """
+
+    unit_ids: Int32
+    stats: QueryStats = field(default_factory=QueryStats)
+
+
+@dataclass(frozen=True)
+class RasterTolerance:
+    """How far a rasteriser may depart from the samples' definition, as it declares it.
+
+    `snap_px`: the greatest distance, in pixels, that a vertex moves when it is snapped to the
+    sub-pixel grid, plus the float32 transform's error. `depth_bits`: of a fixed-point depth
+    buffer, None for float32 depth.
+    """
+
+    snap_px: float
+    depth_bits: int | None = 24
+
+
+class Raster(ABC):
+    """The rasteriser behind a GL culler: its tolerance, and its own unculled picture."""
+
+    tolerance: RasterTolerance
+
+    @abstractmethod
+    def item_buffer(self, camera: Camera) -> Int32:
+        """(height, width) int32 triangle ids of the unculled scene, `BACKGROUND` for none."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a culler, for `NAME:option=value` and `visref cullers`.
+
+    Its type is its default's; `choices`, where given, are all it may be.
+    """
+
+    default: bool | int | float | str
+    help: str
+    choices: tuple[str | int, ...] = ()
+
+
+class Culler(ABC):
+    """An occlusion culler under judgement.
+
+    A class states its `name`, a one-line `summary`, its `promise` and its `options`; the
+    options' values are the constructor's keyword arguments.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str] = ""
+    options: ClassVar[Mapping[str, Option]] = {}
+    promise: Promise = Promise.CONSERVATIVE
+    raster: Raster | None = None
+
+    def prepare(self, scene: Scene) -> Units:
+        """Meet the scene, once, before any camera; say what is decided about."""
+        return scene.object_units()
+
+    @abstractmethod
+    def cull(self, camera: Camera) -> DrawnSet:
+        """Decide one frame. Cameras come in path order, each once."""
+
+    def close(self) -> None:
+        """Free what the culler holds; it is not used afterwards."""
+
+
+def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> NDArray[np.int32]:
+    """The drawn unit ids as int32. Raises CullerError where a culler broke the contract."""
+    ids: NDArray[Any] = np.asarray(drawn.unit_ids)
+    if ids.ndim != 1 or (ids.size and not np.issubdtype(ids.dtype, np.integer)):
+        raise CullerError(f"{culler}: frame {frame}: unit_ids is not a list of integers")
+    if ids.size and not 0 <= ids.min() <= ids.max() < units.count:
+        raise CullerError(f"{culler}: frame {frame}: a unit id is outside 0…{units.count - 1}")
+    if len(np.unique(ids)) != len(ids):
+        raise CullerError(f"{culler}: frame {frame}: a unit is drawn twice")
+    return ids.astype(np.int32)
+
+
+class CullerError(RuntimeError):
+    """A culler broke its contract or broke down; its frames cannot be judged."""

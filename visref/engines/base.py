@@ -1,0 +1,33 @@
+"""The interface of every truth engine."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from visref.camera import Camera
+from visref.scene import Scene
+from visref.visibility import FrameTruth
+
+
+class TruthEngine(ABC):
+    """Says who owns which samples of a scene, frame after frame.
+
+    Made once for a scene (this is where acceleration structures are built). `threads` None
+    means all cores; the answer is the same for any number. Found by name through the
+    entry-point group `visref.engines`.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+
+    def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
+        self.scene = scene
+        self.threads = threads
+
+    @abstractmethod
+    def frame(self, camera: Camera) -> FrameTruth:
+        """The truth of one camera's samples. Its arrays may be reused by the next call."""
+
+    def close(self) -> None:
+        """Free what the engine holds; it is not used afterwards."""

@@ -1,0 +1,299 @@
+"""What is looked at: triangles grouped into objects, and the units a culler decides about.
+
+A scene holds only what visibility needs: float32 vertices in world space, triangles in the
+order of their objects, and per triangle whether it is one-sided, alpha-masked or blended.
+Reading files is `visref.loading`'s work.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.errors import InputError
+
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+
+class Alpha(IntEnum):
+    """How a triangle's material treats its alpha; the values stand in `Scene.alpha`."""
+
+    OPAQUE = 0
+    MASK = 1
+    BLEND = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Objects made of triangles.
+
+    `vertices`: (v, 3) float32, world space, every one finite.
+    `triangles`: (t, 3) int32 vertex ids, grouped by object; counter-clockwise seen from the
+    front (a mirroring transform has already flipped the winding).
+    `object_offsets`: (n + 1,) int64; object i has triangles
+    `object_offsets[i]:object_offsets[i + 1]`, possibly none.
+    `names`: n unique names.
+    `one_sided`: (t,) bool, True where a triangle seen from behind covers nothing.
+    `alpha`: (t,) uint8, an `Alpha` each.
+
+    Raises InputError where a value breaks these rules. The arrays become read-only.
+    """
+
+    vertices: Float32
+    triangles: Int32
+    object_offsets: Int64
+    names: tuple[str, ...]
+    one_sided: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    source: str = "scene"
+
+    def __post_init__(self) -> None:
+        count = len(self.triangles)
+        put = object.__setattr__
+        put(self, "vertices", np.ascontiguousarray(self.vertices, np.float32).reshape(-1, 3))
+        put(self, "triangles", np.ascontiguousarray(self.triangles, np.int32).reshape(-1, 3))
+        put(self, "object_offsets", np.ascontiguousarray(self.object_offsets, np.int64))
+        if count and not len(self.one_sided):
+            put(self, "one_sided", np.zeros(count, np.bool_))
+        if count and not len(self.alpha):
+            put(self, "alpha", np.zeros(count, np.uint8))
+        self._check()
+        for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha"):
+            getattr(self, name).flags.writeable = False
+
+    def _check(self) -> None:
+        offsets, count = self.object_offsets, len(self.triangles)
+        if len(offsets) != len(self.names) + 1 or offsets[0] != 0 or offsets[-1] != count:
+            raise InputError("object_offsets do not span the triangles", source=self.source)
+        if (np.diff(offsets) < 0).any():
+            raise InputError("object_offsets decrease", source=self.source)
+        if len(self.one_sided) != count or len(self.alpha) != count:
+            raise InputError("one_sided or alpha is not one a triangle", source=self.source)
+        if len(set(self.names)) != len(self.names):
+            raise InputError("object names repeat", source=self.source, mend="use unique_names")
+        if count and (self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices)):
+            low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
+            bad = int(np.argmax((low < 0) | (high >= len(self.vertices))))
+            raise InputError(
+                f"triangle {bad} names a vertex outside 0…{len(self.vertices) - 1}",
+                source=self.source,
+                place=f"object '{self.names[self._object_at(bad)]}'",
+                mend="mend the index buffer",
+            )
+        if not np.isfinite(self.vertices).all():
+            finite = np.isfinite(self.vertices).all(axis=1)
+            bad_triangles = ~finite[self.triangles].all(axis=1)
+            if bad_triangles.any():
+                bad = int(np.argmax(bad_triangles))
+                place = f"object '{self.names[self._object_at(bad)]}'"
+            else:
+                place = f"vertex {int(np.argmin(finite))}, which no triangle uses"
+            raise InputError(
+                "a vertex is NaN or infinite",
+                source=self.source,
+                place=place,
+                mend="mend the mesh, or drop such triangles with --lenient",
+            )
+
+    def _object_at(self, triangle: int) -> int:
+        return int(np.searchsorted(self.object_offsets, triangle, side="right")) - 1
+
+    @classmethod
+    def from_objects(
+        cls,
+        objects: Sequence[tuple[str, NDArray[Any], NDArray[Any]]],
+        *,
+        source: str = "arrays",
+    ) -> Scene:
+        """A scene from (name, vertices (v, 3), triangles (t, 3)) of each object.
+
+        Vertices are rounded to float32. Repeated names get `#2`, `#3`, …
+        """
+        vertices, triangles, offsets, base = [], [], [0], 0
+        for name, points, faces in objects:
+            points = np.asarray(points, np.float32).reshape(-1, 3)
+            faces = np.asarray(faces, np.int64).reshape(-1, 3)
+            if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
+                raise InputError(
+                    f"a triangle names a vertex outside 0…{len(points) - 1}",
+                    source=source,
+                    place=f"object '{name}'",
+                    mend="mend the index buffer",
+                )
+            vertices.append(points)
+            triangles.append((faces + base).astype(np.int32))
+            base += len(points)
+            offsets.append(offsets[-1] + len(faces))
+        return cls(
+            vertices=np.concatenate([*vertices, np.zeros((0, 3), np.float32)]),
+            triangles=np.concatenate([*triangles, np.zeros((0, 3), np.int32)]),
+            object_offsets=np.array(offsets, np.int64),
+            names=unique_names([name for name, _, _ in objects]),
+            source=source,
+        )
+
+    @property
+    def object_count(self) -> int:
+        return len(self.names)
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.triangles)
+
+    @cached_property
+    def object_of_triangle(self) -> Int32:
+        """(t,) int32, the object id of each triangle."""
+        ids = np.arange(self.object_count, dtype=np.int32)
+        return np.repeat(ids, np.diff(self.object_offsets))
+
+    @cached_property
+    def id_of_name(self) -> dict[str, int]:
+        return {name: index for index, name in enumerate(self.names)}
+
+    @cached_property
+    def has_blend(self) -> bool:
+        return bool((self.alpha == Alpha.BLEND).any())
+
+    @cached_property
+    def has_mask(self) -> bool:
+        return bool((self.alpha == Alpha.MASK).any())
+
+    @cached_property
+    def object_bounds(self) -> Float64:
+        """(n, 2, 3) float64, each object's least and greatest corner (exact: they are float32
+        values); an object without triangles has (+inf, -inf)."""
+        return self.bounds_of(self.object_units())
+
+    def bounds_of(self, units: Units) -> Float64:
+        """(u, 2, 3) float64, each unit's least and greatest corner, (+inf, -inf) if empty."""
+        result = np.empty((units.count, 2, 3))
+        result[:, 0], result[:, 1] = np.inf, -np.inf
+        filled = np.flatnonzero(np.diff(units.offsets) > 0)
+        if not len(filled):
+            return result
+        starts = units.offsets[filled]
+        corners = self.vertices[self.triangles[units.triangles]]
+        result[filled, 0] = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+        result[filled, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+        return result
+
+    @cached_property
+    def bounds(self) -> Float64:
+        """(2, 3) float64, the box of all triangles; zeros for an empty scene."""
+        if not self.triangle_count:
+            return np.zeros((2, 3))
+        boxes = self.object_bounds
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    @cached_property
+    def core_bounds(self) -> Float64:
+        """(2, 3) float64, the box of the objects that belong together.
+
+        For placing cameras and choosing an origin: one stray object far away must not set the
+        scale. Objects whose centre lies more than ten times the 90th percentile's distance
+        from the median centre, weighted by nothing, are left out.
+        """
+        boxes = self.object_bounds[np.diff(self.object_offsets) > 0]
+        if not len(boxes):
+            return np.zeros((2, 3))
+        centres = boxes.mean(axis=1)
+        reach = np.abs(boxes - np.median(centres, axis=0)[None, None]).max(axis=(1, 2))
+        limit = 10.0 * float(np.percentile(reach, 90.0, method="lower"))
+        core = boxes[reach <= max(limit, float(reach.min()))]
+        return np.stack([core[:, 0].min(axis=0), core[:, 1].max(axis=0)])
+
+    def object_units(self) -> Units:
+        """The default units: an object each."""
+        return Units(self.object_offsets, np.arange(self.triangle_count, dtype=np.int32))
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 (hexadecimal) of everything that a verdict depends on."""
+        state = hashlib.sha256(b"visref-scene-1")
+        for array in (
+            self.vertices,
+            self.triangles,
+            self.object_offsets,
+            self.one_sided,
+            self.alpha,
+        ):
+            state.update(str(array.shape).encode())
+            state.update(np.ascontiguousarray(array).view(np.uint8).data)
+        state.update("\0".join(self.names).encode())
+        return state.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """What a culler decides about: lists of triangles that may overlap.
+
+    `offsets`: (u + 1,) int64, `triangles`: int32 triangle ids; unit i has
+    `triangles[offsets[i]:offsets[i + 1]]`. `kind` names them in reports ("object", "octree
+    cell", "box").
+    """
+
+    offsets: Int64
+    triangles: Int32
+    kind: str = "object"
+
+    @property
+    def count(self) -> int:
+        return len(self.offsets) - 1
+
+    @cached_property
+    def sizes(self) -> Int64:
+        """(u,) int64, triangles in each unit."""
+        return np.diff(self.offsets)
+
+    def mask(self, unit_ids: Int32, triangle_count: int) -> NDArray[np.bool_]:
+        """(triangle_count,) bool, True for every triangle of the given units."""
+        result = np.zeros(triangle_count, np.bool_)
+        result[self.gather(unit_ids)] = True
+        return result
+
+    def gather(self, unit_ids: Int32) -> Int32:
+        """The triangles of the given units one after another, int32."""
+        unit_ids = np.asarray(unit_ids)
+        sizes = self.sizes[unit_ids]
+        ends = np.cumsum(sizes)
+        total = int(ends[-1]) if len(ends) else 0
+        shift = np.repeat(self.offsets[unit_ids] - (ends - sizes), sizes)
+        return self.triangles[np.arange(total) + shift]
+
+    def check(self, scene: Scene, *, source: str) -> None:
+        """Raise InputError unless these are valid units of `scene`."""
+        offsets, triangles = self.offsets, self.triangles
+        spans = len(offsets) >= 1 and offsets[0] == 0 and offsets[-1] == len(triangles)
+        if not spans or (np.diff(offsets) < 0).any():
+            raise InputError("the units' offsets do not span their triangles", source=source)
+        if len(triangles) and not 0 <= triangles.min() <= triangles.max() < scene.triangle_count:
+            raise InputError("a unit names a triangle that the scene lacks", source=source)
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names with repeats marked `#2`, `#3`, … in order, skipping marks already taken."""
+    taken = set(names)
+    given: set[str] = set()
+    next_mark: dict[str, int] = {}
+    result = []
+    for name in names:
+        unique = name
+        if name in given:
+            mark = next_mark.get(name, 2)
+            while f"{name}#{mark}" in taken or f"{name}#{mark}" in given:
+                mark += 1
+            unique = f"{name}#{mark}"
+            next_mark[name] = mark + 1
+        given.add(unique)
+        result.append(unique)
+    return tuple(result)
