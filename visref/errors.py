@@ -20,9 +20,7 @@ class InputError(ValueError):
     def at(self, *, place: str = "", source: str = "") -> InputError:
         """The same error, with what an outer layer knows about where it happened."""
         joined = ".".join(part for part in (place, self.place) if part).replace(".[", "[")
-        return InputError(
-            self.problem, mend=self.mend, place=joined, source=self.source or source
-        )
+        return InputError(self.problem, mend=self.mend, place=joined, source=self.source or source)
 
     def __str__(self) -> str:
         where = ": ".join(part for part in (self.source, self.place, self.problem) if part)

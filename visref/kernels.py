@@ -32,9 +32,7 @@ def gather_objects(
 
 
 @numba.njit(cache=True, nogil=True)
-def owned_triangles(
-    triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]
-) -> None:
+def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]) -> None:
     """Mark in `owns` every triangle that owns a decided sample."""
     for s in range(triangle.size):
         if triangle[s] >= 0 and decided[s]:

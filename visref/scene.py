@@ -72,10 +72,11 @@ class Scene:
             getattr(self, name).flags.writeable = False
 
     def _check(self) -> None:
-        offsets, count = self.object_offsets, len(self.triangles)
+        offsets: Int64 = self.object_offsets
+        count = len(self.triangles)
         if len(offsets) != len(self.names) + 1 or offsets[0] != 0 or offsets[-1] != count:
             raise InputError("object_offsets do not span the triangles", source=self.source)
-        if (np.diff(offsets) < 0).any():
+        if np.any(np.diff(offsets) < 0):
             raise InputError("object_offsets decrease", source=self.source)
         if len(self.one_sided) != count or len(self.alpha) != count:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
@@ -268,7 +269,8 @@ class Units:
         ends = np.cumsum(sizes)
         total = int(ends[-1]) if len(ends) else 0
         shift = np.repeat(self.offsets[unit_ids] - (ends - sizes), sizes)
-        return self.triangles[np.arange(total) + shift]
+        result: Int32 = self.triangles[np.arange(total) + shift]
+        return result
 
     def check(self, scene: Scene, *, source: str) -> None:
         """Raise InputError unless these are valid units of `scene`."""

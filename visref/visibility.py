@@ -183,7 +183,7 @@ def _add_ties(
     pairs = np.unique(np.stack([at[foreign], other[foreign]], axis=1), axis=0)
     if not len(pairs):
         return sample
-    shared, index = np.unique(pairs[:, 0], return_index=True)
+    shared = np.unique(pairs[:, 0])
     shared_owner = owners[triangle[shared]]
     np.add.at(pixels, pairs[:, 1], 1)
     np.subtract.at(alone, shared_owner, 1)
