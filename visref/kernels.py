@@ -55,3 +55,53 @@ def undrawn_samples(
             result[count] = s
             count += 1
     return result
+
+
+@numba.njit(cache=True, nogil=True)
+def judge_samples(
+    triangle: NDArray[Any],
+    decided: NDArray[Any],
+    tie_sample: NDArray[Any],
+    tie_triangle: NDArray[Any],
+    drawn: NDArray[Any],
+    object_of_triangle: NDArray[Any],
+    shows: NDArray[Any],
+    lost: NDArray[Any],
+    lost_sample: NDArray[Any],
+) -> int:
+    """One pass over a frame's samples; returns how many are missed.
+
+    `shows[o]` becomes True where a sample owned by object o has o's triangle drawn;
+    `lost[o]` counts o's samples at which nothing at the nearest depth was drawn, and
+    `lost_sample[o]` is the first of them. Ties are sorted by sample.
+    """
+    missed = 0
+    k = 0
+    for s in range(triangle.size):
+        start = k
+        while k < tie_sample.size and tie_sample[k] == s:
+            k += 1
+        t = triangle[s]
+        if t < 0 or not decided[s]:
+            continue
+        shown = drawn[t]
+        for j in range(start, k):
+            shown = shown or drawn[tie_triangle[j]]
+        if not shown:
+            missed += 1
+        for j in range(start - 1, k):
+            u = t if j < start else tie_triangle[j]
+            o = object_of_triangle[u]
+            if drawn[u]:
+                shows[o] = True
+            elif not shown:
+                if lost_sample[o] < 0:
+                    lost_sample[o] = s
+                # Samples arrive in order, so this counts each sample once an object.
+                repeated = False
+                for i in range(start - 1, j):
+                    earlier = t if i < start else tie_triangle[i]
+                    repeated = repeated or object_of_triangle[earlier] == o
+                if not repeated:
+                    lost[o] += 1
+    return missed

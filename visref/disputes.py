@@ -1,0 +1,252 @@
+"""Where a drawn set contradicts the truth, and what exact arithmetic says there.
+
+`find_disputes` lists the samples that a drawn set fails to show. `settle` decides each of
+them exactly, so that a float32 engine's slips convict nobody, and asks of every object that
+stays missed whether the culler's rasteriser could have lost it by itself. Only disputes pay:
+a frame in which every owner was drawn costs nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref import kernels
+from visref.culler import Raster
+from visref.exact import ExactScene, Owners, surviving, witness_margins
+from visref.scene import Alpha, Int64, Scene
+from visref.visibility import (
+    BACKGROUND,
+    BlendVisibility,
+    FrameTruth,
+    Ties,
+    VisibilityBuffer,
+)
+
+# How many of a missed object's samples are asked for their margins; the best one is reported.
+MARGIN_SAMPLES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Disputes:
+    """Samples whose known owners were all left out (flat, ascending), and blended objects
+    that are seen by the truth but not drawn."""
+
+    samples: Int64
+    blended: NDArray[np.int32]
+
+    def __bool__(self) -> bool:
+        return bool(len(self.samples) or len(self.blended))
+
+
+@dataclass(frozen=True, eq=False)
+class Rulings:
+    """Exact answers at the disputed samples.
+
+    `samples`: (k,) int64 flat, ascending; `owners`: all triangles at the nearest depth of
+    each. `blend`: the blended objects' exact visibility at their disputed witnesses, None if
+    none was disputed. `corrections`: how many samples the engine had given to a wrong owner.
+    `within_raster`: objects that the rasteriser may have lost by itself. `best_sample` and
+    `margins` (pixels, relative depth) belong to missed objects.
+    """
+
+    samples: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
+    owners: Owners | None = None
+    blend: BlendVisibility | None = None
+    corrections: int = 0
+    within_raster: frozenset[int] = frozenset()
+    best_sample: Mapping[int, int] = field(default_factory=dict)
+    margins: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+
+
+def find_disputes(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> Disputes:
+    """The samples and blended objects that `drawn` ((t,) bool) fails to show."""
+    samples = kernels.undrawn_samples(truth.buffer.triangle.reshape(-1), truth.decided, drawn)
+    ties = truth.ties
+    if len(ties.sample) and len(samples):
+        samples = np.setdiff1d(samples, ties.sample[drawn[ties.triangle]], assume_unique=False)
+    blended = [o for o in truth.blend.object if not drawn[_blended(scene, int(o))].any()]
+    return Disputes(samples, np.array(blended, np.int32))
+
+
+def settle(
+    exact: ExactScene,
+    truth: FrameTruth,
+    disputes: Disputes,
+    drawn: NDArray[np.bool_],
+    raster: Raster | None,
+) -> Rulings:
+    """Decide every dispute in exact arithmetic.
+
+    `raster` is the rasteriser behind the culler's depth buffer, None if it has none. Clears
+    misses, never finds new ones where the engine saw nothing amiss.
+    """
+    scene, camera = exact.scene, truth.camera
+    samples, owners, corrections = disputes.samples, None, 0
+    if len(samples) and not truth.ties_complete:
+        owners = exact.decide(camera, samples, include=scene.alpha == Alpha.OPAQUE)
+        corrections = _corrections(truth, samples, owners)
+    blend = _settle_blend(exact, truth, disputes.blended)
+    rulings = Rulings(samples if owners is not None else samples[:0], owners, blend, corrections)
+    return _with_margins(exact, corrected(truth, rulings), disputes, drawn, raster, rulings)
+
+
+def corrected(truth: FrameTruth, rulings: Rulings) -> FrameTruth:
+    """The truth with the rulings' owners in place of the engine's."""
+    blend = truth.blend if rulings.blend is None else rulings.blend
+    if rulings.owners is None:
+        return truth if blend is truth.blend else replace(truth, blend=blend)
+    owners = rulings.owners
+    counts = np.diff(owners.offsets)
+    first = np.full(len(counts), BACKGROUND, np.int32)
+    first[counts > 0] = owners.triangles[owners.offsets[:-1][counts > 0]]
+    shape = truth.buffer.triangle.shape
+    triangle, depth = (
+        truth.buffer.triangle.reshape(-1).copy(),
+        truth.buffer.depth.reshape(-1).copy(),
+    )
+    triangle[rulings.samples], depth[rulings.samples] = first, owners.depth
+    further = np.ones(len(owners.triangles), np.bool_)
+    further[owners.offsets[:-1][counts > 0]] = False
+    tie_sample = np.repeat(rulings.samples, counts)[further]
+    tie_triangle = owners.triangles[further]
+    kept = ~np.isin(truth.ties.sample, rulings.samples)
+    tie_sample = np.concatenate([truth.ties.sample[kept], tie_sample])
+    tie_triangle = np.concatenate([truth.ties.triangle[kept], tie_triangle])
+    order = np.lexsort((tie_triangle, tie_sample))
+    return replace(
+        truth,
+        buffer=VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape)),
+        ties=Ties(tie_sample[order], tie_triangle[order]),
+        blend=blend,
+    )
+
+
+def _blended(scene: Scene, object_id: int) -> NDArray[np.int64]:
+    """The object's BLEND triangles."""
+    low, high = scene.object_offsets[object_id : object_id + 2]
+    own = np.arange(low, high)
+    return own[scene.alpha[low:high] == Alpha.BLEND]
+
+
+def _corrections(truth: FrameTruth, samples: Int64, owners: Owners) -> int:
+    """Samples at which the engine's owner is not among the exact owners."""
+    engine = truth.buffer.triangle.reshape(-1)[samples]
+    counts = np.diff(owners.offsets)
+    right = np.zeros(len(samples), np.bool_)
+    index = np.repeat(np.arange(len(samples)), counts)
+    np.logical_or.at(right, index, owners.triangles == engine[index])
+    return int(np.count_nonzero(~right))
+
+
+def _settle_blend(
+    exact: ExactScene, truth: FrameTruth, blended: NDArray[np.int32]
+) -> BlendVisibility | None:
+    """Keep a disputed blended object only if it lies, exactly, before the opaque owner."""
+    if not len(blended) or truth.ties_complete:
+        return None
+    scene, camera, blend = exact.scene, truth.camera, truth.blend
+    keep = np.ones(len(blend.object), np.bool_)
+    opaque = scene.alpha == Alpha.OPAQUE
+    for at in np.flatnonzero(np.isin(blend.object, blended)):
+        own = np.zeros(scene.triangle_count, np.bool_)
+        own[_blended(scene, int(blend.object[at]))] = True
+        sample = blend.sample[at : at + 1]
+        front = exact.decide(camera, sample, include=own)
+        behind = exact.decide(camera, sample, include=opaque)
+        if not len(front.triangles):
+            keep[at] = False
+        elif len(behind.triangles):
+            order = exact.compare_depths(
+                camera, int(sample[0]), int(front.triangles[0]), int(behind.triangles[0])
+            )
+            keep[at] = order < 0
+    return BlendVisibility(
+        blend.object[keep],
+        blend.pixels[keep],
+        blend.sample[keep],
+        blend.triangle[keep],
+        blend.depth[keep],
+    )
+
+
+def _with_margins(
+    exact: ExactScene,
+    truth: FrameTruth,
+    disputes: Disputes,
+    drawn: NDArray[np.bool_],
+    raster: Raster | None,
+    rulings: Rulings,
+) -> Rulings:
+    """Add what is known of each object that stays missed in full."""
+    scene = exact.scene
+    shows = np.zeros(scene.object_count, np.bool_)
+    lost = np.zeros(scene.object_count, np.int64)
+    lost_sample = np.full(scene.object_count, -1, np.int64)
+    triangle = truth.buffer.triangle.reshape(-1)
+    kernels.judge_samples(
+        triangle,
+        truth.decided,
+        truth.ties.sample,
+        truth.ties.triangle,
+        drawn,
+        scene.object_of_triangle,
+        shows,
+        lost,
+        lost_sample,
+    )
+    missed = np.flatnonzero((lost > 0) & ~shows)
+    if not len(missed):
+        return rulings
+    samples, objects = _witness_samples(scene, truth, disputes, missed)
+    margin_px, margin_depth = witness_margins(exact, truth.camera, samples, objects)
+    within: set[int] = set()
+    if raster is not None:
+        survives = surviving(exact, truth.camera, samples, objects, raster.tolerance)
+        lost_all = np.setdiff1d(missed, objects[survives])
+        if len(lost_all):
+            # The tolerance speaks of every sample, so look at the ones left out above too.
+            more, their = _witness_samples(scene, truth, disputes, lost_all, limit=None)
+            again = surviving(exact, truth.camera, more, their, raster.tolerance)
+            lost_all = np.setdiff1d(lost_all, their[again])
+        if len(lost_all):
+            picture = raster.item_buffer(truth.camera).reshape(-1)
+            drawn_by_gl = np.unique(scene.object_of_triangle[picture[picture >= 0]])
+            within = {int(o) for o in np.setdiff1d(lost_all, drawn_by_gl)}
+    best: dict[int, int] = {}
+    margins: dict[int, tuple[float, float]] = {}
+    order = np.lexsort((samples, -margin_px, objects))
+    for at in order:
+        best.setdefault(int(objects[at]), int(samples[at]))
+        margins.setdefault(int(objects[at]), (float(margin_px[at]), float(margin_depth[at])))
+    return replace(rulings, within_raster=frozenset(within), best_sample=best, margins=margins)
+
+
+def _witness_samples(
+    scene: Scene,
+    truth: FrameTruth,
+    disputes: Disputes,
+    missed: NDArray[np.int64],
+    limit: int | None = MARGIN_SAMPLES,
+) -> tuple[Int64, NDArray[np.int64]]:
+    """(sample, object) pairs: samples of each missed object, evenly picked if too many."""
+    triangle = truth.buffer.triangle.reshape(-1)
+    owner = np.where(triangle >= 0, scene.object_of_triangle[triangle], -1)[disputes.samples]
+    pairs_sample = [disputes.samples]
+    pairs_object = [owner.astype(np.int64)]
+    at = np.isin(truth.ties.sample, disputes.samples)
+    pairs_sample.append(truth.ties.sample[at])
+    pairs_object.append(scene.object_of_triangle[truth.ties.triangle[at]].astype(np.int64))
+    sample, obj = np.concatenate(pairs_sample), np.concatenate(pairs_object)
+    wanted = np.isin(obj, missed)
+    pairs = np.unique(np.stack([obj[wanted], sample[wanted]], axis=1), axis=0)
+    if limit is not None:
+        starts = np.searchsorted(pairs[:, 0], pairs[:, 0])
+        counts = np.searchsorted(pairs[:, 0], pairs[:, 0], side="right") - starts
+        rank = np.arange(len(pairs)) - starts
+        step = np.maximum(1, -(-counts // limit))
+        pairs = pairs[rank % step == 0]
+    return pairs[:, 1].copy(), pairs[:, 0].copy()

@@ -1,0 +1,306 @@
+"""The run folder: what a run leaves on disk, and all that reports are made from.
+
+manifest.json      versions, hashes of the inputs, settings, samples' definition, machine
+verdict.json       statuses, sums, findings
+frames.parquet     a row a culler and frame: counts and costs
+timings.parquet    a row a culler, frame and phase: milliseconds (the one file that
+                   differs between two runs of the same inputs)
+objects.parquet    a row a culler, frame and object that was missed, undecided or drawn
+                   for nothing
+truth.parquet      the truth, as `visref truth` writes it
+witnesses/         a file a culler; a JSON line a miss: its ray and the triangles along it
+                   as hexadecimal floats, so that it replays without the scene
+pictures/          PNGs of a few frames, listed in manifest.json
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from visref.camera import CameraPath
+from visref.culler import QueryStats
+from visref.exact import ExactScene
+from visref.judge import FrameVerdict
+from visref.outcome import RunOutcome, verdict_json, witness_json
+from visref.pictures import PictureSet, draw_pictures
+from visref.run import Job, JudgedFrame
+from visref.scene import Scene
+from visref.truth_file import TruthTable, path_digest
+from visref.visibility import FrameTruth, ObjectVisibility
+
+MANIFEST = "manifest.json"
+VERDICT = "verdict.json"
+
+_PACKAGES = ("numpy", "numba", "embreex", "open3d-cpu", "moderngl", "trimesh", "pyarrow")
+
+_OBJECTS = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("frame", pa.int32()),
+        ("object", pa.int32()),
+        ("name", pa.string()),
+        ("kind", pa.string()),
+        ("pixels", pa.int64()),
+        ("owned", pa.int64()),
+        ("x", pa.int32()),
+        ("y", pa.int32()),
+        ("triangle", pa.int32()),
+        ("depth", pa.float64()),
+        ("margin_px", pa.float64()),
+        ("margin_depth", pa.float64()),
+        ("unit", pa.int32()),
+    ]
+)
+_COUNTERS = tuple(name for name in vars(QueryStats()) if name != "ms")
+
+
+def slug(spec: str) -> str:
+    """A culler's spec as part of a file name."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", spec)
+
+
+class Recorder:
+    """A run's listener that writes its folder. `folder` exists and is empty."""
+
+    def __init__(
+        self,
+        folder: Path,
+        scene: Scene,
+        path: CameraPath,
+        *,
+        engine: str,
+        settings: dict[str, Any],
+        picture_frames: Sequence[int] = (),
+    ) -> None:
+        self._folder = folder
+        self._scene = scene
+        self._path = path
+        self._engine = engine
+        self._settings = settings
+        self._picture_frames = frozenset(picture_frames)
+        self._truth = TruthTable(scene)
+        self._ties_complete = False
+        self._has_truth = False
+        self._frames: list[dict[str, Any]] = []
+        self._timings: list[dict[str, Any]] = []
+        self._objects: list[dict[str, Any]] = []
+        self._pictures: list[PictureSet] = []
+        self._extra_pictures: dict[str, int] = {}
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        self._has_truth = True
+        self._ties_complete = truth.ties_complete
+        self._truth.add(frame, truth.camera.width, seen)
+        self._timings.append(_timing("", frame, "truth", ms))
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        record, verdict = judged.record, judged.record.verdict
+        counters = {name: getattr(record.stats, name) for name in _COUNTERS}
+        if counters["triangles_drawn"] is None:
+            counters["triangles_drawn"] = record.triangles_drawn
+        if counters["units_drawn"] is None:
+            counters["units_drawn"] = len(judged.drawn_units)
+        self._frames.append(
+            {
+                "culler": job.spec,
+                "frame": record.frame,
+                **vars(verdict.counts),
+                **counters,
+                "corrections": record.corrections,
+                "image_pixels_differ": record.image_pixels_differ,
+            }
+        )
+        self._timings += [
+            _timing(job.spec, record.frame, phase, ms) for phase, ms in record.stats.ms.items()
+        ]
+        self._objects += self._object_rows(job, record.frame, verdict)
+        if judged.truth is not None and self._wants_picture(job.spec, record.frame, verdict):
+            self._pictures.append(
+                draw_pictures(
+                    self._folder / "pictures",
+                    slug(job.spec),
+                    self._scene,
+                    judged.truth,
+                    job.units,
+                    judged.drawn_units,
+                    verdict,
+                    culler=job.spec,
+                    frame=record.frame,
+                )
+            )
+
+    def on_frame_done(self, frame: int) -> None:
+        pass
+
+    def _wants_picture(self, spec: str, frame: int, verdict: FrameVerdict) -> bool:
+        """The planned frames, and as many more in which something was missed."""
+        if frame in self._picture_frames:
+            return True
+        taken = self._extra_pictures.get(spec, 0)
+        if not verdict.counts.confirmed or taken >= len(self._picture_frames):
+            return False
+        self._extra_pictures[spec] = taken + 1
+        return True
+
+    def _object_rows(self, job: Job, frame: int, verdict: FrameVerdict) -> list[dict[str, Any]]:
+        width = self._path.frames[frame].width
+        rows = []
+        for miss in verdict.misses:
+            witness = witness_json(self._scene, width, frame, miss)
+            witness["name"] = witness.pop("object_name")
+            rows.append({"culler": job.spec, **witness})
+        by_object = job.units.kind == "object"
+        for unit in verdict.superfluous_units:
+            rows.append(
+                {
+                    "culler": job.spec,
+                    "frame": frame,
+                    "object": int(unit) if by_object else -1,
+                    "name": self._scene.names[unit] if by_object else None,
+                    "kind": "superfluous",
+                    "unit": int(unit),
+                }
+            )
+        rows += [
+            {
+                "culler": job.spec,
+                "frame": frame,
+                "object": int(obj),
+                "name": self._scene.names[obj],
+                "kind": "undecided",
+            }
+            for obj in verdict.undecided_objects
+        ]
+        return rows
+
+    def finish(self, outcome: RunOutcome) -> None:
+        """Write everything that is left to write."""
+        folder = self._folder
+        pq.write_table(_table(self._frames), folder / "frames.parquet", compression="zstd")
+        pq.write_table(_table(self._timings), folder / "timings.parquet", compression="zstd")
+        objects = pa.Table.from_pylist(self._objects, schema=_OBJECTS)
+        pq.write_table(objects, folder / "objects.parquet", compression="zstd")
+        if self._has_truth:
+            self._truth.write(
+                folder / "truth.parquet",
+                engine=self._engine,
+                path=self._path,
+                ties_complete=self._ties_complete,
+            )
+        self._write_witnesses(outcome)
+        widths = {index: camera.width for index, camera in enumerate(self._path)}
+        write_json(folder / VERDICT, verdict_json(outcome, self._scene, widths))
+        write_json(folder / MANIFEST, self._manifest(outcome))
+
+    def _write_witnesses(self, outcome: RunOutcome) -> None:
+        exact: ExactScene | None = None
+        for culler in outcome.cullers:
+            rows = [(r.frame, m) for r in culler.frames for m in r.verdict.misses]
+            if not rows:
+                continue
+            exact = exact or ExactScene(self._scene)
+            (self._folder / "witnesses").mkdir(exist_ok=True)
+            with (self._folder / "witnesses" / f"{slug(culler.spec)}.jsonl").open("w") as file:
+                by_frame: dict[int, list[Any]] = {}
+                for frame, miss in rows:
+                    by_frame.setdefault(frame, []).append(miss)
+                for frame, misses in by_frame.items():
+                    camera = self._path.frames[frame]
+                    along = exact.along(camera, [miss.sample for miss in misses])
+                    for miss, triangles in zip(misses, along, strict=True):
+                        witness = witness_json(self._scene, camera.width, frame, miss)
+                        witness["culler"] = culler.spec
+                        witness["samples"] = camera.definition()
+                        witness["triangles"] = [self._triangle_json(int(t)) for t in triangles]
+                        file.write(json.dumps(witness, sort_keys=True) + "\n")
+
+    def _triangle_json(self, triangle: int) -> dict[str, Any]:
+        scene = self._scene
+        owner = int(scene.object_of_triangle[triangle])
+        return {
+            "triangle": triangle,
+            "object": owner,
+            "object_name": scene.names[owner],
+            "one_sided": bool(scene.one_sided[triangle]),
+            "alpha": int(scene.alpha[triangle]),
+            "vertices": [
+                [float(value).hex() for value in scene.vertices[v]]
+                for v in scene.triangles[triangle]
+            ],
+        }
+
+    def _manifest(self, outcome: RunOutcome) -> dict[str, Any]:
+        scene, path = self._scene, self._path
+        return {
+            "format": "visref-run",
+            "version": 1,
+            "scene": {
+                "source": scene.source,
+                "sha256": scene.digest,
+                "objects": scene.object_count,
+                "triangles": scene.triangle_count,
+            },
+            "path": {"source": path.source, "sha256": path_digest(path), "frames": len(path)},
+            "engine": self._engine,
+            "settings": self._settings,
+            "cullers": {
+                record.spec: {
+                    "promise": record.promise.value,
+                    "unit_kind": record.unit_kind,
+                    "units": record.unit_count,
+                    "slug": slug(record.spec),
+                }
+                for record in outcome.cullers
+            },
+            "pictures": [vars(pictures) for pictures in self._pictures],
+            "samples": [camera.definition() for camera in path],
+            "versions": versions(),
+            "machine": machine(),
+        }
+
+
+def _timing(culler: str, frame: int, phase: str, ms: float) -> dict[str, Any]:
+    return {"culler": culler, "frame": frame, "phase": phase, "ms": ms}
+
+
+def _table(rows: list[dict[str, Any]]) -> pa.Table:
+    return pa.Table.from_pylist(rows) if rows else pa.table({"culler": pa.array([], pa.string())})
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write JSON with sorted keys, two spaces and a final newline."""
+    path.write_text(json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """visref, Python, and the libraries that a verdict leans on."""
+    found = {"visref": version("visref"), "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def machine() -> dict[str, Any]:
+    """The machine, in words."""
+    model = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass
+    return {"cpu": model, "cores": os.cpu_count(), "system": platform.platform()}

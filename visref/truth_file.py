@@ -1,0 +1,138 @@
+"""Truth files: a row per frame and object that owns a sample, as Parquet.
+
+Columns `frame int32, object int32, name string, pixels int64, status string ("visible" or
+"tie"), x int32, y int32, depth float64`, where (x, y, depth) is one witness. The metadata
+names the engine and the hashes of scene and path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from visref.camera import CameraPath
+from visref.errors import InputError
+from visref.scene import Scene
+from visref.visibility import ObjectVisibility
+
+_SCHEMA = pa.schema(
+    [
+        ("frame", pa.int32()),
+        ("object", pa.int32()),
+        ("name", pa.string()),
+        ("pixels", pa.int64()),
+        ("status", pa.string()),
+        ("x", pa.int32()),
+        ("y", pa.int32()),
+        ("depth", pa.float64()),
+    ]
+)
+_KEY = b"visref"
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRows:
+    """One frame of a truth file: visible objects, ascending, and samples owned by each."""
+
+    objects: NDArray[np.int64]
+    pixels: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTruth:
+    """A truth file's content by frame, and which engine cast it."""
+
+    engine: str
+    ties_complete: bool
+    frames: dict[int, FrameRows]
+
+
+class TruthTable:
+    """Collects frames and makes the table."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._names = np.array(scene.names, dtype=object)
+        self._parts: list[pa.Table] = []
+        self._frames: list[int] = []
+
+    def add(self, frame: int, width: int, seen: ObjectVisibility) -> None:
+        """Add one frame, `width` samples wide."""
+        self._frames.append(frame)
+        objects = np.flatnonzero(seen.visible)
+        sample = seen.sample[objects]
+        status = np.where(seen.alone[objects] > 0, "visible", "tie")
+        columns = [
+            np.full(len(objects), frame, np.int32),
+            objects.astype(np.int32),
+            pa.array(self._names[objects], pa.string()),
+            seen.pixels[objects],
+            pa.array(status.tolist(), pa.string()),
+            (sample % width).astype(np.int32),
+            (sample // width).astype(np.int32),
+            seen.depth[objects],
+        ]
+        self._parts.append(pa.table(columns, schema=_SCHEMA))
+
+    def write(self, file: Path, *, engine: str, path: CameraPath, ties_complete: bool) -> None:
+        """Write the table; the caller has made the place safe."""
+        facts = {
+            "format": "visref-truth",
+            "version": 1,
+            "engine": engine,
+            "scene": self._scene.digest,
+            "path": path_digest(path),
+            "ties_complete": ties_complete,
+            "frames": self._frames,
+        }
+        table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
+        table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
+        pq.write_table(table, file, compression="zstd")
+
+
+def path_digest(path: CameraPath) -> str:
+    """SHA-256 (hexadecimal) of the samples' definition in every frame."""
+    definitions = [camera.definition() for camera in path]
+    return hashlib.sha256(json.dumps(definitions, sort_keys=True).encode()).hexdigest()
+
+
+def read_truth(
+    file: Path | str, scene: Scene, path: CameraPath, frames: Sequence[int]
+) -> RecordedTruth:
+    """Read a truth file for these frames of this scene and path.
+
+    Raises InputError if it is no truth file, or belongs to another scene or path, or lacks
+    one of the frames.
+    """
+    source = str(file)
+    try:
+        table = pq.read_table(file)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(
+            "cannot read it as a truth file", source=source, mend="write one with `visref truth`"
+        ) from error
+    facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
+    if facts.get("format") != "visref-truth":
+        raise InputError(
+            "this is not a truth file", source=source, mend="write one with `visref truth`"
+        )
+    for what, now in (("scene", scene.digest), ("path", path_digest(path))):
+        if facts[what] != now:
+            raise InputError(
+                f"it was cast for another {what}", source=source, mend="cast the truth again"
+            )
+    if not set(frames) <= set(facts["frames"]):
+        raise InputError("it lacks frames of this run", source=source, mend="cast them all")
+    frame = table["frame"].to_numpy()
+    objects = table["object"].to_numpy().astype(np.int64)
+    pixels = table["pixels"].to_numpy()
+    rows = {index: FrameRows(objects[frame == index], pixels[frame == index]) for index in frames}
+    return RecordedTruth(facts["engine"], bool(facts["ties_complete"]), rows)
