@@ -56,7 +56,8 @@ class QueryStats:
 
     `queries`: asked of the depth buffer; `queries_passed`: answered "visible";
     `batches`: times the method waited for answers (stalls); `query_fragments`: samples that
-    the query geometry covers in the viewport; `depth_tests`: depth comparisons, drawing and
+    the query geometry covers in the viewport, `query_fragments_passed`: those of queries
+    answered "visible"; `depth_tests`: depth comparisons, drawing and
     queries together; `triangles_drawn`, `units_drawn`, `draw_calls`: of the final image;
     `state_changes`: of masks, programs and targets; `bytes_read_back`: from the GPU;
     `iterations`: rounds of a method that has rounds; `tests_skipped`: queries that the method
@@ -68,6 +69,7 @@ class QueryStats:
     batches: int | None = None
     tests_skipped: int | None = None
     query_fragments: int | None = None
+    query_fragments_passed: int | None = None
     depth_tests: int | None = None
     triangles_drawn: int | None = None
     units_drawn: int | None = None
@@ -113,8 +115,11 @@ class Raster(ABC):
     tolerance: RasterTolerance
 
     @abstractmethod
-    def item_buffer(self, camera: Camera) -> Int32:
-        """(height, width) int32 triangle ids of the unculled scene, `BACKGROUND` for none."""
+    def item_buffer(self, camera: Camera) -> Int32 | None:
+        """(height, width) int32 triangle ids of the unculled scene, `BACKGROUND` for none.
+
+        None where the rasteriser is known by its declaration alone (a replayed engine's).
+        """
 
 
 @dataclass(frozen=True)

@@ -213,9 +213,11 @@ def _with_margins(
             again = surviving(exact, truth.camera, more, their, raster.tolerance)
             lost_all = np.setdiff1d(lost_all, their[again])
         if len(lost_all):
-            picture = raster.item_buffer(truth.camera).reshape(-1)
-            drawn_by_gl = np.unique(scene.object_of_triangle[picture[picture >= 0]])
-            within = {int(o) for o in np.setdiff1d(lost_all, drawn_by_gl)}
+            picture = raster.item_buffer(truth.camera)
+            if picture is not None:
+                shown = np.unique(scene.object_of_triangle[picture[picture >= 0]])
+                lost_all = np.setdiff1d(lost_all, shown)
+            within = {int(o) for o in lost_all}
     best: dict[int, int] = {}
     margins: dict[int, tuple[float, float]] = {}
     order = np.lexsort((samples, -margin_px, objects))

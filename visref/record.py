@@ -160,17 +160,17 @@ class Recorder:
             witness["name"] = witness.pop("object_name")
             rows.append({"culler": job.spec, **witness})
         by_object = job.units.kind == "object"
-        for unit in verdict.superfluous_units:
-            rows.append(
-                {
-                    "culler": job.spec,
-                    "frame": frame,
-                    "object": int(unit) if by_object else -1,
-                    "name": self._scene.names[unit] if by_object else None,
-                    "kind": "superfluous",
-                    "unit": int(unit),
-                }
-            )
+        rows += [
+            {
+                "culler": job.spec,
+                "frame": frame,
+                "object": int(unit) if by_object else -1,
+                "name": self._scene.names[unit] if by_object else None,
+                "kind": "superfluous",
+                "unit": int(unit),
+            }
+            for unit in verdict.superfluous_units
+        ]
         rows += [
             {
                 "culler": job.spec,

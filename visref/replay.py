@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from pathlib import Path
@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from visref.camera import Camera, CameraPath
-from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster
+from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster, RasterTolerance
 from visref.errors import InputError
 from visref.scene import Int32, Scene, Units
 
@@ -29,11 +29,20 @@ _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 
 @dataclass(frozen=True, eq=False)
 class VisibleSets:
-    """An engine's recorded output: per frame the object ids that it drew, sorted int32."""
+    """An engine's recorded output by frame: the object ids that it drew, sorted int32."""
 
-    frames: tuple[Int32, ...]
-    stats: tuple[QueryStats, ...]
-    source: str
+    frames: Mapping[int, Int32]
+    stats: Mapping[int, QueryStats]
+
+
+class DeclaredRaster(Raster):
+    """A rasteriser that we know only by its declared tolerance: it has no picture to show."""
+
+    def __init__(self, tolerance: RasterTolerance) -> None:
+        self.tolerance = tolerance
+
+    def item_buffer(self, camera: Camera) -> None:
+        return None
 
 
 class Replay(Culler):
@@ -47,10 +56,10 @@ class Replay(Culler):
         recorded: VisibleSets,
         path: CameraPath,
         promise: Promise = Promise.CONSERVATIVE,
-        raster: Raster | None = None,
+        raster: RasterTolerance | None = None,
     ) -> None:
         self.promise = promise
-        self.raster = raster
+        self.raster = raster and DeclaredRaster(raster)
         self._recorded = recorded
         self._frame_of = {id(camera): index for index, camera in enumerate(path)}
 
@@ -62,8 +71,10 @@ class Replay(Culler):
         return DrawnSet(self._recorded.frames[frame], self._recorded.stats[frame])
 
 
-def read_visible_sets(path: Path | str, scene: Scene, frame_count: int) -> VisibleSets:
-    """Read a recording for `frame_count` frames of `scene`.
+def read_visible_sets(
+    path: Path | str, scene: Scene, frames: Sequence[int], path_length: int
+) -> VisibleSets:
+    """Read a recording that has at least `frames` of a path of `path_length` frames.
 
     Raises InputError naming file and line for an unknown name or id, a missing, repeated or
     unexpected frame, or a file of another form.
@@ -83,7 +94,7 @@ def read_visible_sets(path: Path | str, scene: Scene, frame_count: int) -> Visib
         raise InputError(f"cannot read it: {error.strerror}", source=source) from error
     except UnicodeDecodeError as error:
         raise InputError("it is not UTF-8 text", source=source) from error
-    return _gather(rows, scene, frame_count, source)
+    return _gather(rows, scene, frames, path_length, source)
 
 
 @dataclass(frozen=True)
@@ -94,13 +105,14 @@ class _Row:
     stats: QueryStats
 
 
-def _gather(rows: Iterable[_Row], scene: Scene, frame_count: int, source: str) -> VisibleSets:
+def _gather(
+    rows: Iterable[_Row], scene: Scene, frames: Sequence[int], path_length: int, source: str
+) -> VisibleSets:
     by_frame: dict[int, _Row] = {}
-    drawn: dict[int, Int32] = {}
     for row in rows:
-        if not 0 <= row.frame < frame_count:
+        if not 0 <= row.frame < path_length:
             raise InputError(
-                f"frame {row.frame} is not on the path (0…{frame_count - 1})",
+                f"frame {row.frame} is not on the path (0…{path_length - 1})",
                 source=source,
                 place=row.place,
                 mend="record the frames of this path",
@@ -113,21 +125,21 @@ def _gather(rows: Iterable[_Row], scene: Scene, frame_count: int, source: str) -
                 mend="keep one",
             )
         by_frame[row.frame] = row
-        ids = [_object_id(entry, scene, source, row.place) for entry in row.objects]
-        drawn[row.frame] = np.unique(np.array(ids, np.int32))
-    missing = sorted(set(range(frame_count)) - set(by_frame))
+    missing = sorted(set(frames) - set(by_frame))
     if missing:
         shown = ", ".join(map(str, missing[:5])) + (", …" if len(missing) > 5 else "")
         raise InputError(
-            f"{len(missing)} of {frame_count} frames are missing: {shown}",
+            f"{len(missing)} of {len(frames)} frames are missing: {shown}",
             source=source,
             place="frame",
             mend='write a line for each frame, "visible": [] where nothing was drawn',
         )
-    frames = range(frame_count)
-    return VisibleSets(
-        tuple(drawn[f] for f in frames), tuple(by_frame[f].stats for f in frames), source
-    )
+    drawn = {}
+    for frame in frames:
+        row = by_frame[frame]
+        ids = [_object_id(entry, scene, source, row.place) for entry in row.objects]
+        drawn[frame] = np.unique(np.array(ids, np.int32))
+    return VisibleSets(drawn, {frame: by_frame[frame].stats for frame in frames})
 
 
 def _object_id(entry: int | str, scene: Scene, source: str, place: str) -> int:

@@ -29,5 +29,9 @@ class TruthEngine(ABC):
     def frame(self, camera: Camera) -> FrameTruth:
         """The truth of one camera's samples. Its arrays may be reused by the next call."""
 
+    def describe(self) -> str:
+        """What it runs on here (library version, renderer, limits), for `visref doctor`."""
+        return self.summary
+
     def close(self) -> None:
         """Free what the engine holds; it is not used afterwards."""

@@ -1,0 +1,7 @@
+"""python -m visref"""
+
+import sys
+
+from visref.cli import main
+
+sys.exit(main())

@@ -1,0 +1,323 @@
+"""The command line: parsing and printing only. What it calls lives in the other modules."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from visref import commands
+from visref.culler import Promise
+from visref.errors import InputError, NothingToJudge
+from visref.gate import Exit
+from visref.outcome import RunOutcome
+from visref.run import Job, JudgedFrame
+from visref.visibility import FrameTruth, ObjectVisibility
+
+_ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
+_OUT = Console(highlight=False, soft_wrap=True)
+
+
+class _Bar:
+    """Progress over frames, as a run's listener; silent when standard error is no terminal."""
+
+    def __init__(self, progress: Progress, frames: int) -> None:
+        self._progress = progress
+        self._task = progress.add_task("judging", total=frames)
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        pass
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        pass
+
+    def on_frame_done(self, frame: int) -> None:
+        self._progress.advance(self._task)
+
+
+@contextmanager
+def _progress(frames: int) -> Iterator[_Bar]:
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=_ERRORS,
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as progress:
+        yield _Bar(progress, frames)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit status (see `visref.gate.Exit`)."""
+    given = _parser().parse_args(arguments)
+    command: Callable[[argparse.Namespace], Exit] = given.command
+    try:
+        return int(command(given))
+    except InputError as error:
+        _ERRORS.print(f"error: {error}", markup=False)
+        return int(Exit.BAD_INPUT)
+    except NothingToJudge as error:
+        _ERRORS.print(f"nothing could be judged: {error}", markup=False)
+        return int(Exit.NOTHING_JUDGED)
+    except BrokenPipeError:
+        return int(Exit.BAD_INPUT)
+    except KeyboardInterrupt:
+        _ERRORS.print("interrupted; nothing was written", markup=False)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="visref",
+        description="Is your occlusion culler safe, and what does it cost?",
+        epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",
+    )
+    commands_ = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demo = commands_.add_parser("demo", help="judge four cullers on a generated city")
+    demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR")
+    demo.set_defaults(command=_demo)
+
+    truth = commands_.add_parser("truth", help="cast who owns which samples, to a Parquet file")
+    _scene_arguments(truth)
+    truth.add_argument("--out", type=Path, required=True, metavar="FILE.parquet")
+    truth.set_defaults(command=_truth)
+
+    run = commands_.add_parser("run", help="judge cullers on a scene and a camera path")
+    _scene_arguments(run)
+    _judging_arguments(run)
+    run.add_argument(
+        "--culler",
+        action="append",
+        required=True,
+        metavar="NAME[:option=value,…]",
+        help="repeat for several; `visref cullers` lists them; module:Class is your own",
+    )
+    run.add_argument(
+        "--image-check",
+        action="store_true",
+        help="redraw each drawn set by GL and compare it with the unculled picture",
+    )
+    run.set_defaults(command=_run)
+
+    check = commands_.add_parser("check", help="judge an engine's recorded visible sets")
+    _scene_arguments(check)
+    _judging_arguments(check)
+    check.add_argument(
+        "--visible", type=Path, required=True, metavar="FILE", help=".jsonl, .csv or .parquet"
+    )
+    check.add_argument(
+        "--promise", choices=[p.value for p in Promise], default=Promise.CONSERVATIVE.value
+    )
+    check.add_argument(
+        "--raster",
+        metavar="snap=PX,depth=BITS",
+        help="the engine's rasteriser: greatest vertex snap in pixels, depth buffer bits or float",
+    )
+    check.set_defaults(command=_check)
+
+    report = commands_.add_parser("report", help="make a page from run folders")
+    report.add_argument("runs", nargs="+", type=Path, metavar="RUN")
+    report.add_argument("--out", type=Path, required=True, metavar="DIR")
+    report.set_defaults(command=_report)
+
+    objects = commands_.add_parser("objects", help="list a scene's object ids and names")
+    objects.add_argument("scene", metavar="SCENE")
+    objects.add_argument("--json", action="store_true", help="for programs")
+    objects.set_defaults(command=_objects)
+
+    cullers = commands_.add_parser("cullers", help="list cullers, their options and promises")
+    cullers.add_argument("--json", action="store_true", help="for programs")
+    cullers.set_defaults(command=_cullers)
+
+    doctor = commands_.add_parser("doctor", help="say what works on this machine")
+    doctor.set_defaults(command=_doctor)
+    return parser
+
+
+def _scene_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "scene",
+        metavar="SCENE",
+        help="a file (GLB, glTF, OBJ, PLY, …) or a generated scene (city:scale=0.05)",
+    )
+    parser.add_argument(
+        "--path", metavar="PATH", help="a camera path (JSON), or a glTF file with cameras"
+    )
+    parser.add_argument("--frames", metavar="A:B:STEP", help="a part of the path, as a slice")
+    parser.add_argument("--engine", default="embree", metavar="NAME", help="embree, exact, …")
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--cull-backfaces",
+        action="store_true",
+        help="triangles whose material is not double-sided show their front only",
+    )
+    parser.add_argument(
+        "--lenient", action="store_true", help="drop triangles with a NaN or infinite vertex"
+    )
+
+
+def _judging_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the run folder")
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE", help="a truth file, instead of casting again"
+    )
+    parser.add_argument(
+        "--pictures", type=int, default=4, metavar="N", help="frames to draw (default 4)"
+    )
+
+
+def _inputs(given: argparse.Namespace) -> commands.Inputs:
+    return commands.open_inputs(
+        given.scene,
+        path=given.path,
+        frames=given.frames,
+        engine=given.engine,
+        threads=given.threads,
+        cull_backfaces=given.cull_backfaces,
+        lenient=given.lenient,
+    )
+
+
+def _demo(given: argparse.Namespace) -> Exit:
+    with _progress(commands.DEMO_FRAMES) as bar:
+        outcome, page = commands.demo(given.out, [bar])
+    _print_outcome(outcome)
+    _OUT.print(
+        "\nThe last culler is broken on purpose, so that you see what a violation looks like."
+        f"\nThe report: {page}",
+        markup=False,
+    )
+    return Exit.NO_VIOLATION
+
+
+def _truth(given: argparse.Namespace) -> Exit:
+    inputs = _inputs(given)
+    with _progress(len(inputs.frames)) as bar:
+        summary = commands.cast_truth(inputs, given.out, [bar])
+    _OUT.print(summary, markup=False)
+    return Exit.NO_VIOLATION
+
+
+def _run(given: argparse.Namespace) -> Exit:
+    cullers = commands.make_cullers(given.culler)
+    inputs = _inputs(given)
+    with _progress(len(inputs.frames)) as bar:
+        outcome = commands.run(
+            inputs,
+            cullers,
+            given.out,
+            truth=given.truth,
+            pictures=given.pictures,
+            image_check=given.image_check,
+            listeners=[bar],
+        )
+    _print_outcome(outcome)
+    _OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)
+    return outcome.exit
+
+
+def _check(given: argparse.Namespace) -> Exit:
+    inputs = _inputs(given)
+    replay = commands.replay_of(inputs, given.visible, Promise(given.promise), given.raster)
+    with _progress(len(inputs.frames)) as bar:
+        outcome = commands.run(
+            inputs,
+            [(given.visible.name, replay)],
+            given.out,
+            truth=given.truth,
+            pictures=given.pictures,
+            listeners=[bar],
+        )
+    _print_outcome(outcome)
+    _OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)
+    return outcome.exit
+
+
+def _report(given: argparse.Namespace) -> Exit:
+    page = commands.report(given.runs, given.out)
+    _OUT.print(f"The report: {page}", markup=False)
+    return Exit.NO_VIOLATION
+
+
+def _objects(given: argparse.Namespace) -> Exit:
+    rows = commands.list_objects(given.scene)
+    if given.json:
+        _OUT.print_json(json.dumps(rows))
+        return Exit.NO_VIOLATION
+    table = Table("id", "name", "triangles", box=None)
+    for row in rows:
+        table.add_row(str(row["id"]), str(row["name"]), str(row["triangles"]))
+    _OUT.print(table)
+    return Exit.NO_VIOLATION
+
+
+def _cullers(given: argparse.Namespace) -> Exit:
+    rows = commands.list_cullers()
+    if given.json:
+        _OUT.print_json(json.dumps(rows))
+        return Exit.NO_VIOLATION
+    for row in rows:
+        _OUT.print(f"{row['name']}  ({row['class']}: {row['promise']})", markup=False)
+        _OUT.print(f"    {row['summary']}", markup=False)
+        for name, option in row["options"].items():
+            choices = "|".join(map(str, option["choices"])) or type(option["default"]).__name__
+            line = f"    {name}={choices} (default {option['default']}): {option['help']}"
+            _OUT.print(line, markup=False)
+    return Exit.NO_VIOLATION
+
+
+def _doctor(given: argparse.Namespace) -> Exit:
+    works = False
+    for check in commands.doctor():
+        mark = "ok     " if check.works else "missing"
+        works = works or (check.works and check.is_engine)
+        _OUT.print(f"{mark} {check.name}: {check.detail}", markup=False)
+    return Exit.NO_VIOLATION if works else Exit.NOTHING_JUDGED
+
+
+def _print_outcome(outcome: RunOutcome) -> None:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("culler", overflow="fold")
+    for heading in ("frames", "visible", "drawn", "superfluous", "missed", "violations", "verdict"):
+        table.add_column(heading, justify="left" if heading == "verdict" else "right")
+    for record in outcome.cullers:
+        totals = record.totals
+        table.add_row(
+            record.spec,
+            str(len(record.frames)),
+            str(totals.visible),
+            str(totals.drawn),
+            str(totals.superfluous),
+            str(totals.missed),
+            str(totals.violations),
+            record.exit.status.replace("_", " "),
+        )
+    _OUT.print(table)
+    shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]
+    for finding in shown[:10]:
+        where = ", ".join(
+            str(part)
+            for part in (
+                finding.culler,
+                f"frame {finding.frame}" if finding.frame is not None else "",
+                finding.object,
+            )
+            if part
+        )
+        _OUT.print(f"{finding.code}: {where}: {finding.message}", markup=False)
+    if len(shown) > 10:
+        _OUT.print(f"… and {len(shown) - 10} more findings in verdict.json", markup=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

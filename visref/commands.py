@@ -1,0 +1,334 @@
+"""What each command does, from parsed arguments to files; the command line only prints."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from visref.camera import Camera, CameraPath, look_at
+from visref.culler import Culler, Promise, RasterTolerance
+from visref.engines import TruthEngine, engine_names, load_engine, make_engine
+from visref.errors import InputError, NothingToJudge
+from visref.files import replacing_file, replacing_folder
+from visref.loading import load_path, load_scene
+from visref.outcome import RunOutcome
+from visref.record import MANIFEST, Recorder
+from visref.registry import CULLERS, SCENES, available, load_entry, make_culler
+from visref.replay import Replay, read_visible_sets
+from visref.report import write_report
+from visref.rules import Finding
+from visref.run import ImageCheck, Listener, Referee
+from visref.scene import Scene
+from visref.truth_file import TruthTable, read_truth
+from visref.visibility import objects_seen
+
+DEMO_SCENE = "city:scale=0.04"
+DEMO_FRAMES = 24
+DEMO_SIZE = (960, 720)
+DEMO_CULLERS = ("none", "frustum", "occlusion-query", "culling.broken:HastyQueryCulling")
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """A scene, a path, the frames of it to judge, and who casts the truth."""
+
+    scene: Scene
+    path: CameraPath
+    frames: range
+    engine: str
+    threads: int | None
+    settings: dict[str, Any]
+    notes: tuple[Finding, ...] = ()
+
+    def make_engine(self) -> TruthEngine:
+        return make_engine(self.engine, self.scene, threads=self.threads)
+
+
+class _Generated(Protocol):
+    """What a scene generator returns (entry-point group `visref.scenes`)."""
+
+    def write(self, directory: Path) -> tuple[Path, Path]:
+        """Write the scene and its path; return the two files."""
+        ...
+
+
+def open_inputs(
+    scene: str,
+    *,
+    path: str | None,
+    frames: str | None,
+    engine: str,
+    threads: int | None = None,
+    cull_backfaces: bool = False,
+    lenient: bool = False,
+) -> Inputs:
+    """Read what a command works on. Raises InputError for anything wrong with it."""
+    if threads is not None and threads < 1:
+        raise InputError(f"--threads is {threads}", mend="give 1 or more")
+    load_engine(engine)  # an unknown engine is said before a large scene is read
+    loaded, own_path, notes = _open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
+    if path is not None:
+        cameras = load_path(path)
+    elif own_path is not None:
+        cameras = own_path
+    elif Path(scene).suffix.lower() in (".glb", ".gltf"):
+        cameras = load_path(scene)
+    else:
+        raise InputError("the scene has no camera path", source=scene, mend="give --path")
+    settings = {"cull_backfaces": cull_backfaces, "lenient": lenient}
+    return Inputs(loaded, cameras, _frames(frames, len(cameras)), engine, threads, settings, notes)
+
+
+def _open_scene(
+    spec: str, *, cull_backfaces: bool = False, lenient: bool = False
+) -> tuple[Scene, CameraPath | None, tuple[Finding, ...]]:
+    """Load a file, or generate a scene by name; with its own path if it is generated."""
+    name, _, options = spec.partition(":")
+    if Path(spec).exists() or name not in available(SCENES):
+        loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
+        return loaded.scene, None, tuple(Finding(code, text) for code, text in loaded.notes)
+    generator = cast(Any, load_entry(SCENES, name, kind="scene"))
+    generated: _Generated = generator(**_generator_options(spec, options))
+    with tempfile.TemporaryDirectory(prefix="visref-scene-") as folder:
+        scene_file, path_file = generated.write(Path(folder))
+        loaded = load_scene(scene_file, cull_backfaces=cull_backfaces, lenient=lenient)
+        path = load_path(path_file)
+    return loaded.scene, path, tuple(Finding(code, text) for code, text in loaded.notes)
+
+
+def _generator_options(spec: str, text: str) -> dict[str, int | float]:
+    kinds: dict[str, type[int] | type[float]] = {"seed": int, "scale": float, "frames": int}
+    values: dict[str, int | float] = {}
+    for part in filter(None, text.split(",")):
+        name, _, value = part.partition("=")
+        if name not in kinds:
+            raise InputError(
+                f"'{spec}' has no option '{name}'", mend=f"known are {', '.join(kinds)}"
+            )
+        try:
+            values[name] = kinds[name](value)
+        except ValueError as error:
+            raise InputError(f"'{part}' in '{spec}' is not a number", mend="give one") from error
+    return values
+
+
+def _frames(text: str | None, count: int) -> range:
+    """The frames that a slice A:B:STEP picks."""
+    if text is None:
+        return range(count)
+    parts = text.split(":")
+    try:
+        numbers = [int(part) if part else None for part in parts]
+        if len(numbers) == 1 and numbers[0] is not None:
+            picked = range(count)[numbers[0] : numbers[0] + 1 or None]
+        elif 2 <= len(numbers) <= 3:
+            picked = range(count)[slice(*numbers)]
+        else:
+            raise ValueError
+    except ValueError as error:
+        raise InputError(f"--frames {text} is no slice", mend="write A:B or A:B:STEP") from error
+    if not picked or picked.step < 0:
+        raise InputError(
+            f"--frames {text} picks none of the path's {count} frames", mend="give frames in order"
+        )
+    return picked
+
+
+def cast_truth(inputs: Inputs, out: Path, listeners: Sequence[Listener] = ()) -> str:
+    """`visref truth`: cast the frames and write the file; returns a line for the reader."""
+    table = TruthTable(inputs.scene)
+    ties_complete = False
+    owners = np.zeros(inputs.scene.object_count, np.bool_)
+    with replacing_file(out) as file:
+        engine = inputs.make_engine()
+        try:
+            for frame in inputs.frames:
+                truth = engine.frame(inputs.path.frames[frame])
+                seen = objects_seen(truth, inputs.scene)
+                table.add(frame, truth.camera.width, seen)
+                owners |= seen.visible
+                ties_complete = truth.ties_complete
+                for listener in listeners:
+                    listener.on_frame_done(frame)
+        finally:
+            engine.close()
+        table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=ties_complete)
+    return (
+        f"{out}: {len(inputs.frames)} frames, {np.count_nonzero(owners)} of "
+        f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})"
+    )
+
+
+def make_cullers(specs: Sequence[str]) -> list[tuple[str, Culler]]:
+    """Cullers by their specs. Raises InputError for an unknown name, option or value."""
+    return [(spec, make_culler(spec)) for spec in specs]
+
+
+def replay_of(inputs: Inputs, visible: Path, promise: Promise, raster: str | None) -> Replay:
+    """`visref check`'s culler: a recording."""
+    recorded = read_visible_sets(visible, inputs.scene, inputs.frames, len(inputs.path))
+    tolerance = _raster(raster) if raster is not None else None
+    return Replay(recorded, inputs.path, promise, tolerance)
+
+
+def _raster(text: str) -> RasterTolerance:
+    values = dict(part.partition("=")[::2] for part in text.split(","))
+    try:
+        if set(values) != {"snap", "depth"}:
+            raise ValueError
+        snap_px = float(values["snap"])
+        depth_bits = None if values["depth"] == "float" else int(values["depth"])
+        if not 0.0 <= snap_px < 1.0 or (depth_bits is not None and not 8 <= depth_bits <= 32):
+            raise ValueError
+    except ValueError as error:
+        raise InputError(
+            f"--raster {text} is not understood",
+            mend="write snap=0.004,depth=24 (pixels below 1; 8 to 32 bits, or float)",
+        ) from error
+    return RasterTolerance(snap_px, depth_bits)
+
+
+def run(
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    out: Path,
+    *,
+    truth: Path | None = None,
+    pictures: int = 4,
+    image_check: bool = False,
+    listeners: Sequence[Listener] = (),
+) -> RunOutcome:
+    """`visref run` and `visref check`: judge the cullers and write the run folder."""
+    if pictures < 0:
+        raise InputError(f"--pictures is {pictures}", mend="give 0 or more")
+    scene, frames = inputs.scene, inputs.frames
+    recorded = read_truth(truth, scene, inputs.path, frames) if truth is not None else None
+    picked = np.unique(np.linspace(0, len(frames) - 1, min(pictures, len(frames))).astype(int))
+    with replacing_folder(out, marker=MANIFEST) as folder:
+        recorder = Recorder(
+            folder,
+            scene,
+            inputs.path,
+            engine=recorded.engine if recorded else inputs.engine,
+            settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
+            picture_frames=[frames[i] for i in picked],
+        )
+        referee = Referee(
+            scene,
+            inputs.make_engine,
+            threads=inputs.threads,
+            recorded=recorded,
+            image_check=_image_check(scene) if image_check else None,
+        )
+        outcome = referee.run(inputs.path, frames, cullers, [recorder, *listeners])
+        outcome.findings[:0] = inputs.notes
+        recorder.finish(outcome)
+    return outcome
+
+
+def _image_check(scene: Scene) -> ImageCheck:
+    """The GL engine redraws; any engine that can compare pictures would do."""
+    return cast(ImageCheck, make_engine("gl", scene))
+
+
+def report(runs: Sequence[Path], out: Path) -> Path:
+    """`visref report`: a page from run folders."""
+    return write_report(runs, out)
+
+
+def demo(out: Path, listeners: Sequence[Listener] = ()) -> tuple[RunOutcome, Path]:
+    """`visref demo`: four cullers, one of them broken, on a generated city."""
+    inputs = open_inputs(
+        f"{DEMO_SCENE},frames={DEMO_FRAMES}", path=None, frames=None, engine="embree"
+    )
+    sized = Inputs(
+        inputs.scene,
+        inputs.path.resized(*DEMO_SIZE),
+        inputs.frames,
+        inputs.engine,
+        inputs.threads,
+        inputs.settings,
+    )
+    outcome = run(
+        sized, make_cullers(DEMO_CULLERS), out / "run", image_check=True, listeners=listeners
+    )
+    return outcome, write_report([out / "run"], out)
+
+
+def list_objects(scene: str) -> list[dict[str, Any]]:
+    """`visref objects`: ids, names and sizes."""
+    loaded, _, _ = _open_scene(scene)
+    sizes = np.diff(loaded.object_offsets)
+    return [
+        {"id": index, "name": name, "triangles": int(size)}
+        for index, (name, size) in enumerate(zip(loaded.names, sizes, strict=True))
+    ]
+
+
+def list_cullers() -> list[dict[str, Any]]:
+    """`visref cullers`: what each is, its options, its class and its promise."""
+    rows = []
+    for name in available(CULLERS):
+        culler = cast(type[Culler], load_entry(CULLERS, name, kind="culler"))
+        rows.append(
+            {
+                "name": name,
+                "summary": culler.summary,
+                "class": culler.promise.value,
+                "promise": culler.promise.statement,
+                "options": {
+                    option: {
+                        "default": value.default,
+                        "choices": list(value.choices),
+                        "help": value.help,
+                    }
+                    for option, value in culler.options.items()
+                },
+            }
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class DoctorCheck:
+    """One line of `visref doctor`."""
+
+    name: str
+    works: bool
+    detail: str
+    is_engine: bool = False
+
+
+def doctor() -> list[DoctorCheck]:
+    """What works on this machine. Each engine casts a frame whose answer is known."""
+    checks = [_check_engine(name) for name in engine_names()]
+    for name in available(CULLERS):
+        try:
+            load_entry(CULLERS, name, kind="culler")
+            checks.append(DoctorCheck(f"culler {name}", True, "found"))
+        except ImportError as error:
+            checks.append(DoctorCheck(f"culler {name}", False, str(error)))
+    return checks
+
+
+def _check_engine(name: str) -> DoctorCheck:
+    label = f"engine {name}"
+    # A square of half the view's height, centred: 6 of 12 columns and rows.
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
+    square = Scene.from_objects([("square", corners, np.array([[0, 1, 2], [0, 2, 3]]))])
+    camera = Camera(look_at((0, 0, 4), (0, 0, 0)), 12, 12, near=1.0, far=9.0, ymag=2.0)
+    try:
+        engine = make_engine(name, square)
+        owned = int(np.count_nonzero(engine.frame(camera).buffer.triangle >= 0))
+        detail = engine.describe()
+        engine.close()
+    except (ImportError, NothingToJudge, InputError) as error:
+        return DoctorCheck(label, False, str(error), is_engine=True)
+    if owned != 36:
+        return DoctorCheck(label, False, f"owned {owned} samples of 36; {detail}", is_engine=True)
+    return DoctorCheck(label, True, detail, is_engine=True)
