@@ -68,7 +68,7 @@ def test_replay_plays_the_frame_of_the_camera_it_is_given(tmp_path):
 
 
 BAD = {
-    "unknown name": ("v.jsonl", lines({"frame": 0, "visible": ["square9"]}), "square0"),
+    "unknown name": ("v.jsonl", lines({"frame": 0, "visible": ["square9"]}), "'square9'; did you mean"),
     "unknown id": ("v.jsonl", lines({"frame": 0, "visible": [3]}), "object id 3"),
     "negative id": ("v.jsonl", lines({"frame": 0, "visible": [-1]}), "object id -1"),
     "missing frame": ("v.jsonl", "", "1 of 1 frames are missing: 0"),
