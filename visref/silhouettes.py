@@ -1,0 +1,143 @@
+"""A small z-buffered rasteriser, for pictures only: no verdict rests on it.
+
+It draws the silhouettes of units that lie hidden behind others, so that a picture can show
+what was drawn for nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.scene import Int32, Scene, Units
+
+
+def silhouettes(
+    scene: Scene, camera: Camera, units: Units, unit_ids: Int32, shape: tuple[int, int]
+) -> Int32:
+    """The nearest of the given units at each pixel of an image of `shape` (height, width)
+    that spans the camera's view: int32 unit ids, -1 where there is none.
+
+    Triangles are clipped at the near plane. One that falls between the pixel centres still
+    marks the pixel that it lies in, so that a small unit does not vanish.
+    """
+    owner = np.full(shape, -1, np.int32)
+    nearness = np.full(shape, -np.inf, np.float32)
+    triangles = units.gather(unit_ids)
+    unit_of = np.repeat(np.asarray(unit_ids, np.int32), units.sizes[unit_ids])
+    # Half pixels of the image for one unit of camera space, at depth 1 if perspective.
+    per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
+        2.0 * float(np.linalg.norm(camera.right_step))
+    )
+    centre = np.array(
+        [
+            (camera.width / 2 - camera.shift_x_px) * shape[1] / camera.width,
+            (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
+        ]
+    )
+    _rasterise(
+        scene.vertices,
+        scene.triangles,
+        triangles,
+        unit_of,
+        camera.world_from_camera,
+        camera.is_perspective,
+        camera.near,
+        per_unit,
+        centre,
+        owner,
+        nearness,
+    )
+    return owner
+
+
+@numba.njit(cache=True, nogil=True)
+def _rasterise(
+    vertices: NDArray[Any],
+    corners: NDArray[Any],
+    triangles: NDArray[Any],
+    unit_of: NDArray[Any],
+    world_from_camera: NDArray[Any],
+    perspective: bool,
+    near: float,
+    per_unit: NDArray[Any],
+    centre: NDArray[Any],
+    owner: NDArray[Any],
+    nearness: NDArray[Any],
+) -> None:
+    height, width = owner.shape
+    local = np.empty((3, 3))  # x, y, depth of each corner in camera space
+    clipped = np.empty((4, 3))
+    # x, y in pixels (continuous, y down) and what falls linearly over the image: 1 / depth,
+    # or minus depth if orthographic.
+    screen = np.empty((4, 3))
+    for k in range(triangles.size):
+        for i in range(3):
+            v = corners[triangles[k], i]
+            dx = vertices[v, 0] - world_from_camera[0, 3]
+            dy = vertices[v, 1] - world_from_camera[1, 3]
+            dz = vertices[v, 2] - world_from_camera[2, 3]
+            for j in range(3):
+                sign = -1.0 if j == 2 else 1.0
+                local[i, j] = sign * (
+                    world_from_camera[0, j] * dx
+                    + world_from_camera[1, j] * dy
+                    + world_from_camera[2, j] * dz
+                )
+        count = 0
+        for i in range(3):
+            j = (i + 1) % 3
+            if local[i, 2] >= near:
+                clipped[count] = local[i]
+                count += 1
+            if (local[i, 2] >= near) != (local[j, 2] >= near):
+                t = (near - local[i, 2]) / (local[j, 2] - local[i, 2])
+                clipped[count] = local[i] + t * (local[j] - local[i])
+                clipped[count, 2] = near
+                count += 1
+        if count < 3:
+            continue
+        for i in range(count):
+            scale = 1.0 / clipped[i, 2] if perspective else 1.0
+            screen[i, 0] = centre[0] + clipped[i, 0] * per_unit[0] * scale
+            screen[i, 1] = centre[1] - clipped[i, 1] * per_unit[1] * scale
+            screen[i, 2] = scale if perspective else -clipped[i, 2]
+        for i in range(1, count - 1):
+            x0, y0, w0 = screen[0]
+            x1, y1, w1 = screen[i]
+            x2, y2, w2 = screen[i + 1]
+            low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
+            low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
+            if high_x < 0.0 or high_y < 0.0 or low_x >= width or low_y >= height:
+                continue
+            if high_x - low_x < 1.0 and high_y - low_y < 1.0:
+                px = int(min(max((x0 + x1 + x2) / 3.0, 0.0), width - 1.0))
+                py = int(min(max((y0 + y1 + y2) / 3.0, 0.0), height - 1.0))
+                near_here = (w0 + w1 + w2) / 3.0
+                if near_here > nearness[py, px]:
+                    nearness[py, px] = near_here
+                    owner[py, px] = unit_of[k]
+                continue
+            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+            if area == 0.0:
+                continue
+            first_x = int(max(low_x - 0.5, 0.0))
+            last_x = int(min(high_x + 0.5, width - 1.0))
+            first_y = int(max(low_y - 0.5, 0.0))
+            last_y = int(min(high_y + 0.5, height - 1.0))
+            for py in range(first_y, last_y + 1):
+                cy = py + 0.5
+                for px in range(first_x, last_x + 1):
+                    cx = px + 0.5
+                    b1 = ((cx - x0) * (y2 - y0) - (x2 - x0) * (cy - y0)) / area
+                    b2 = ((x1 - x0) * (cy - y0) - (cx - x0) * (y1 - y0)) / area
+                    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
+                        continue
+                    near_here = w0 + b1 * (w1 - w0) + b2 * (w2 - w0)
+                    if near_here > nearness[py, px]:
+                        nearness[py, px] = near_here
+                        owner[py, px] = unit_of[k]
