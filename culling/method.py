@@ -1,0 +1,256 @@
+"""What every culler on GL shares: the frame, its steps, and the conditions that keep it safe.
+
+Each condition is one overridable step of `GLCuller`, so that a test can break exactly one:
+
+| step | condition |
+|---|---|
+| `unit_bounds` | the box contains the geometry |
+| `occluders` | only opaque triangles fill the depth that queries see |
+| `view_of` | this frame's camera, for drawing and for queries |
+| `target_for`, `clear` | one image, emptied at the frame's start |
+| `in_frustum` | no unit that may meet the view is left out |
+| `needs_no_query` | eye in the box, or a box across the near plane: visible |
+| `order` | front to back |
+| `query_state` | no writes during a query; the draw after it sets its own state |
+| `passes` | one passing sample means draw |
+"""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from culling import geometry
+from culling.device import State, Target, device
+from culling.hierarchy import BoxTree, front_to_back
+from culling.item_buffer import GLRaster
+from culling.queries.occlusion_query import BoxQueries
+from culling.view import View, round_outward
+from visref.camera import Camera
+from visref.culler import Culler, DrawnSet, Option, QueryStats
+from visref.scene import Float32, Float64, Int64, Scene, Units
+
+# Called as observer(step, data) at "clear", "draw", "query" and a method's own steps. The
+# data are plain values; nothing that a method decides depends on it.
+Observer = Callable[[str, Mapping[str, Any]], None]
+
+GL_OPTIONS: dict[str, Option] = {
+    "depth": Option(24, "bits of the depth buffer; 32 is floating point", (24, 32)),
+    "fragments": Option(False, "count the fragments of queries and drawing, outside the timing"),
+}
+QUERY_OPTIONS: dict[str, Option] = {
+    "query": Option(
+        "sync",
+        "wait for each query, or a batch of them, or one instanced draw",
+        ("sync", "batch", "instanced"),
+    ),
+    "backfaces": Option(False, "rasterise the back faces of query boxes too"),
+}
+
+
+@dataclass(eq=False)
+class Frame:
+    """One camera's work. Arrays are over `ids`, the units in the view in the method's order.
+
+    `boxes`: (k, 2, 3) float64, inflated, relative to the eye; `nearest`: (k,) float64, least
+    view depth; `sure`: (k,) bool, visible without a query; `drawn`, `asked`, `answers`: what
+    was drawn and asked so far, in order, a part a call.
+    """
+
+    view: View
+    target: Target
+    stats: QueryStats
+    ids: Int64
+    boxes: Float64
+    nearest: Float64
+    sure: NDArray[np.bool_]
+    drawn: list[Int64] = field(default_factory=list)
+    asked: list[Float32] = field(default_factory=list)
+    answers: list[Int64] = field(default_factory=list)
+
+
+class GLCuller(Culler):
+    """A culler on GL; a method says in `decide` what to draw and what to ask."""
+
+    options: ClassVar[Mapping[str, Option]] = GL_OPTIONS
+    observer: Observer | None = None
+
+    # Values of QUERY_OPTIONS; a method that takes them as options sets them.
+    way = "sync"
+    query_back_faces = False
+
+    def __init__(self, *, depth: int = 24, fragments: bool = False) -> None:
+        self.depth_bits = depth
+        self.count_fragments = fragments
+        self.device = device()
+        self.queries = BoxQueries(self.device)
+        self.geometry: geometry.Geometry | None = None
+
+    def prepare(self, scene: Scene) -> Units:
+        self._release()
+        self.scene = scene
+        self.units = self.units_of(scene)
+        self.bounds = self.unit_bounds(scene, self.units)
+        self.tree = BoxTree(self.bounds)
+        self.geometry = geometry.Geometry(self.device, scene, self.units, self.occluders(scene))
+        self.raster: GLRaster = GLRaster(scene, self.depth_bits)
+        return self.units
+
+    def cull(self, camera: Camera) -> DrawnSet:
+        self.raster.see(camera)
+        self.device.context.finish()
+        started = time.perf_counter()
+        frame = self.begin(camera)
+        self.decide(frame)
+        self.device.context.finish()
+        frame.stats.ms["frame"] = (time.perf_counter() - started) * 1e3
+        drawn = np.concatenate([np.zeros(0, np.int64), *frame.drawn])
+        if self.count_fragments:
+            self._count(frame, drawn)
+        return DrawnSet(drawn.astype(np.int32), frame.stats)
+
+    @abstractmethod
+    def decide(self, frame: Frame) -> None:
+        """Draw what may be visible, each unit at most once."""
+
+    def close(self) -> None:
+        self._release()
+        self.queries.release()
+
+    def _release(self) -> None:
+        if self.geometry is not None:
+            self.geometry.release()
+            self.raster.close()
+            self.geometry = None
+
+    # The steps.
+
+    def units_of(self, scene: Scene) -> Units:
+        return scene.object_units()
+
+    def unit_bounds(self, scene: Scene, units: Units) -> Float64:
+        """(u, 2, 3) float64 world boxes."""
+        return scene.bounds_of(units)
+
+    def occluders(self, scene: Scene) -> NDArray[np.bool_]:
+        """(t,) bool, the triangles that write depth."""
+        return geometry.occluders(scene)
+
+    def view_of(self, camera: Camera) -> View:
+        return View.of(camera, self.scene, self.device.subpixel_bits)
+
+    def target_for(self, camera: Camera) -> Target:
+        return self.device.target(camera.width, camera.height, self.depth_bits)
+
+    def clear(self, target: Target, stats: QueryStats) -> None:
+        assert self.geometry is not None
+        state = State(target.framebuffer, self.geometry.program)
+        stats.state_changes = (stats.state_changes or 0) + self.device.clear(state)
+
+    def in_frustum(self, view: View) -> Int64:
+        """Unit ids, ascending."""
+        return self.tree.in_frustum(view)
+
+    def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
+        return view.needs_no_query(boxes)
+
+    def order(self, ids: Int64, nearest: Float64) -> Int64:
+        """Indices into `ids`."""
+        return front_to_back(ids, nearest)
+
+    def query_state(self, state: State) -> State:
+        return state
+
+    def passes(self, samples: Int64) -> NDArray[np.bool_]:
+        """Which of a call's queries mean visible, from their passing samples."""
+        return samples > 0
+
+    # What a method calls.
+
+    def begin(self, camera: Camera) -> Frame:
+        """Clear, cull against the frustum, and sort."""
+        stats = QueryStats(
+            queries=0,
+            queries_passed=0,
+            batches=0,
+            triangles_drawn=0,
+            units_drawn=0,
+            draw_calls=0,
+            state_changes=0,
+            bytes_read_back=0,
+        )
+        view, target = self.view_of(camera), self.target_for(camera)
+        self.clear(target, stats)
+        self.observe("clear")
+        with phase(stats, "sort"):
+            ids = self.in_frustum(view)
+            boxes = view.inflated(self.bounds[ids])
+            nearest = view.nearest_depth(boxes)
+            order = self.order(ids, nearest)
+            ids, boxes, nearest = ids[order], boxes[order], nearest[order]
+            sure = self.needs_no_query(view, boxes)
+        return Frame(view, target, stats, ids, boxes, nearest, sure)
+
+    def draw(self, frame: Frame, places: Int64) -> None:
+        """Draw the units `frame.ids[places]`."""
+        assert self.geometry is not None
+        if not len(places):
+            return
+        ids = frame.ids[places]
+        with phase(frame.stats, "draw"):
+            self.geometry.draw(frame.view, frame.target, ids, frame.stats)
+        frame.drawn.append(ids)
+        self.observe("draw", units=ids)
+
+    def query(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
+        """Whether the boxes of the units `frame.ids[places]` would show, asked together."""
+        boxes = round_outward(frame.boxes[places])
+        with phase(frame.stats, "query"):
+            samples = self.queries.ask(
+                frame.view,
+                frame.target,
+                boxes,
+                frame.stats,
+                way=self.way,
+                cull_back_faces=not self.query_back_faces,
+                state_hook=self.query_state,
+            )
+        visible = self.passes(samples)
+        frame.asked.append(boxes)
+        frame.answers.append(samples)
+        self.observe("query", units=frame.ids[places], samples=samples, visible=visible)
+        return visible
+
+    def observe(self, step: str, **data: Any) -> None:
+        if self.observer is not None:
+            self.observer(step, data)
+
+    def _count(self, frame: Frame, drawn: Int64) -> None:
+        assert self.geometry is not None
+        fragments = self.geometry.fragments(frame.view, frame.target, drawn)
+        frame.stats.query_fragments = frame.stats.query_fragments_passed = 0
+        if frame.asked:
+            boxes, answers = np.concatenate(frame.asked), np.concatenate(frame.answers)
+            of_box = self.queries.fragments(
+                frame.view, frame.target, boxes, cull_back_faces=not self.query_back_faces
+            )
+            frame.stats.query_fragments = int(of_box.sum())
+            frame.stats.query_fragments_passed = int(of_box[answers > 0].sum())
+        frame.stats.depth_tests = fragments + frame.stats.query_fragments
+
+
+@contextmanager
+def phase(stats: QueryStats, name: str) -> Iterator[None]:
+    """Add the wall time of a block to a phase, in milliseconds."""
+    started = time.perf_counter()
+    try:
+        yield
+    finally:
+        stats.ms[name] = stats.ms.get(name, 0.0) + (time.perf_counter() - started) * 1e3

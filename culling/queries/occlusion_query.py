@@ -1,0 +1,162 @@
+"""Ask the depth buffer whether boxes would show: the hardware occlusion query.
+
+Three ways, one answer:
+
+- "sync": a query, wait for it, the next. What a method pays that decides box by box.
+- "batch": all queries out, then all answers in.
+- "instanced": all boxes in one draw; a shader with early fragment tests counts each box's
+  passing samples with an atomic. The depth and image are read only in all three.
+
+Boxes come inflated and in float32 (see `culling.view`), wholly beyond the near plane; depth is
+clamped behind the far plane, so a box that reaches across it is not cut open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import moderngl
+import numpy as np
+
+from culling.device import Device, State, Target, set_uniform
+from culling.view import View
+from visref.culler import QueryStats
+from visref.scene import Float32, Int64
+
+STRIP_VERTICES = 14
+STRIP_STRIDE = 16  # of vertex ids from a box to the next
+
+StateHook = Callable[[State], State]
+
+
+class BoxQueries:
+    """Occlusion queries of boxes against a target's depth, with the buffers they need."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        context = device.context
+        self.plain = device.program("box.vert", "plain.frag")
+        self.counting = device.program("box.vert", "box_count.frag")
+        self.plain_array = context.vertex_array(self.plain, [], mode=moderngl.TRIANGLE_STRIP)
+        self.counting_array = context.vertex_array(self.counting, [], mode=moderngl.TRIANGLE_STRIP)
+        self.boxes = context.buffer(reserve=24, dynamic=True)
+        self.counts = context.buffer(reserve=4, dynamic=True)
+
+    def ask(
+        self,
+        view: View,
+        target: Target,
+        boxes: Float32,
+        stats: QueryStats,
+        *,
+        way: str,
+        cull_back_faces: bool,
+        state_hook: StateHook = lambda state: state,
+    ) -> Int64:
+        """Samples of each box, (k,) int64, that are not behind the target's depth.
+
+        `boxes`: (k, 2, 3) float32, relative to the eye. `way` is "sync", "batch" or
+        "instanced". `state_hook` sees the GL state before it is set.
+        """
+        if not len(boxes):
+            return np.zeros(0, np.int64)
+        if way == "instanced":
+            samples, stalls, changes = self._instanced(
+                view, target, boxes, cull_back_faces, state_hook
+            )
+            stats.bytes_read_back = (stats.bytes_read_back or 0) + 4 * len(boxes)
+        else:
+            samples, stalls, changes = self._hardware(
+                view, target, boxes, cull_back_faces, state_hook, wait_for_each=way == "sync"
+            )
+        stats.queries = (stats.queries or 0) + len(boxes)
+        stats.queries_passed = (stats.queries_passed or 0) + int(np.count_nonzero(samples))
+        stats.batches = (stats.batches or 0) + stalls
+        stats.state_changes = (stats.state_changes or 0) + changes
+        return samples
+
+    def _upload(self, program: moderngl.Program, view: View, boxes: Float32) -> None:
+        set_uniform(program, "clip_from_relative", view.clip_from_relative_bytes)
+        set_uniform(program, "depth_shift_ndc", np.float32(view.depth_shift_ndc).tobytes())
+        self.boxes.orphan(max(self.boxes.size, boxes.nbytes))
+        self.boxes.write(np.ascontiguousarray(boxes, np.float32).tobytes())
+        self.boxes.bind_to_storage_buffer(1)
+
+    def _hardware(
+        self,
+        view: View,
+        target: Target,
+        boxes: Float32,
+        cull_back_faces: bool,
+        state_hook: StateHook,
+        *,
+        wait_for_each: bool,
+    ) -> tuple[Int64, int, int]:
+        self._upload(self.plain, view, boxes)
+        state = State(
+            target.framebuffer,
+            self.plain,
+            depth_write=False,
+            colour_write=False,
+            cull_back_faces=cull_back_faces,
+            clamp_depth=True,
+        )
+        changes = self.device.apply(state_hook(state))
+        in_flight = 1 if wait_for_each else len(boxes)
+        pool = self.device.queries(in_flight)
+        samples = np.zeros(len(boxes), np.int64)
+        for start in range(0, len(boxes), in_flight):
+            for place in range(in_flight):
+                with pool[place]:
+                    self.plain_array.render(
+                        vertices=STRIP_VERTICES, first=STRIP_STRIDE * (start + place)
+                    )
+            for place in range(in_flight):
+                # Reading the result waits until the query has finished.
+                samples[start + place] = pool[place].samples
+        return samples, len(boxes) // in_flight, changes
+
+    def _instanced(
+        self,
+        view: View,
+        target: Target,
+        boxes: Float32,
+        cull_back_faces: bool,
+        state_hook: StateHook,
+        *,
+        depth_func: str = "<=",
+    ) -> tuple[Int64, int, int]:
+        self._upload(self.counting, view, boxes)
+        self.counts.orphan(max(self.counts.size, 4 * len(boxes)))
+        self.counts.clear()
+        self.counts.bind_to_storage_buffer(2)
+        state = State(
+            target.scratch,
+            self.counting,
+            depth_func=depth_func,
+            depth_write=False,
+            cull_back_faces=cull_back_faces,
+            clamp_depth=True,
+        )
+        changes = self.device.apply(state_hook(state))
+        self.counting_array.render(vertices=STRIP_VERTICES, instances=len(boxes))
+        self.device.context.memory_barrier(moderngl.BUFFER_UPDATE_BARRIER_BIT)
+        raw = self.counts.read(4 * len(boxes))
+        return np.frombuffer(raw, np.uint32).astype(np.int64), 1, changes
+
+    def fragments(
+        self, view: View, target: Target, boxes: Float32, *, cull_back_faces: bool
+    ) -> Int64:
+        """Samples that each box covers in the viewport, (k,) int64, hidden ones included.
+        An instrumented pass without a depth test: beside a frame, not in it."""
+        if not len(boxes):
+            return np.zeros(0, np.int64)
+        return self._instanced(
+            view, target, boxes, cull_back_faces, lambda state: state, depth_func=""
+        )[0]
+
+    def release(self) -> None:
+        self.plain_array.release()
+        self.counting_array.release()
+        self.boxes.release()
+        self.counts.release()

@@ -1,0 +1,6 @@
+#version 450
+layout(location = 0) out float colour;
+
+void main() {
+    colour = 1.0;
+}
