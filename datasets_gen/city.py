@@ -1,0 +1,466 @@
+"""A city of any size, walked through at street level.
+
+Blocks of buildings in a grid of streets, with cars, people, trees, lamps, street furniture and
+roof plant. Everything repeats from a small stock of meshes, so a city of tens of millions of
+triangles is stored as instances.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_gen import street
+from datasets_gen.buildings import KINDS
+from datasets_gen.dataset import Dataset
+from datasets_gen.graph import Material, Mesh, Node, Primitive
+from datasets_gen.shapes import Soup, box, boxes, lathe, merge, quarter_turn, snap
+from datasets_gen.walk import walk
+from visref.errors import InputError
+
+BLOCKS_AT_SCALE_1 = 36
+BLOCK_M = (72.0, 56.0)
+STREET_M = 14.0
+PAVEMENT_M = 4.0
+PAVEMENT_HEIGHT_M = 0.15
+PITCH_M = (BLOCK_M[0] + STREET_M, BLOCK_M[1] + STREET_M)
+LOT_WIDTHS_M = (10, 12, 14, 16, 20, 24)
+VARIANTS = 3
+
+Colour = tuple[float, float, float]
+_COLOURS: dict[str, Colour] = {
+    "base": (0.30, 0.28, 0.27),
+    "glass": (0.10, 0.16, 0.22),
+    "trim": (0.72, 0.69, 0.63),
+    "roof": (0.20, 0.18, 0.18),
+    "brick": (0.36, 0.17, 0.12),
+    "door": (0.13, 0.20, 0.17),
+    "metal": (0.16, 0.17, 0.18),
+    "rubber": (0.03, 0.03, 0.03),
+    "light": (0.95, 0.91, 0.75),
+    "brake": (0.62, 0.06, 0.05),
+    "bark": (0.25, 0.17, 0.10),
+    "skin": (0.55, 0.36, 0.26),
+    "trousers": (0.10, 0.12, 0.20),
+    "asphalt": (0.09, 0.09, 0.10),
+    "marking": (0.80, 0.80, 0.76),
+    "pavement": (0.42, 0.41, 0.39),
+    "lawn": (0.16, 0.28, 0.09),
+    "earth": (0.24, 0.23, 0.20),
+}
+_TINTS: dict[str, tuple[Colour, ...]] = {
+    "wall": (
+        (0.44, 0.20, 0.14),
+        (0.55, 0.42, 0.29),
+        (0.62, 0.58, 0.52),
+        (0.35, 0.36, 0.39),
+        (0.48, 0.30, 0.20),
+    ),
+    "awning": ((0.45, 0.08, 0.08), (0.08, 0.25, 0.16), (0.10, 0.18, 0.40)),
+    "paint": (
+        (0.60, 0.05, 0.05),
+        (0.05, 0.12, 0.34),
+        (0.72, 0.72, 0.72),
+        (0.05, 0.05, 0.06),
+        (0.80, 0.62, 0.08),
+        (0.12, 0.30, 0.22),
+    ),
+    "leaf": ((0.13, 0.28, 0.07), (0.20, 0.32, 0.08), (0.09, 0.22, 0.08)),
+    "cloth": ((0.50, 0.12, 0.10), (0.12, 0.22, 0.42), (0.62, 0.56, 0.42), (0.10, 0.10, 0.11)),
+}
+
+
+def city(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
+    """About 768,000 triangles in 4,000 objects at scale 1, and in proportion to `scale`, down
+    to a single block. The path (1280 by 960) walks round one corner, jumps (a cut) and walks
+    round another. Raises InputError for a scale or a number of frames that makes no city."""
+    if not 0.0 < scale <= 1000.0:
+        raise InputError(
+            f"the city's scale is {scale}", place="scale", mend="give more than 0, at most 1000"
+        )
+    count = max(1, round(BLOCKS_AT_SCALE_1 * scale))
+    columns = math.ceil(math.sqrt(count))
+    rows = math.ceil(count / columns)
+    maker = _Maker(seed, columns, rows)
+    blocks = [maker.block(index) for index in range(count)]
+    nodes = (maker.ground(), *maker.streets(), *blocks)
+    return Dataset("city", nodes, walk(columns, rows, PITCH_M, STREET_M, frames))
+
+
+Part = tuple[NDArray[np.float32], NDArray[np.uint32]]
+
+# Parts of buildings, cars and streets that are objects of their own.
+_SEPARATE = {"glass": "glazing", "marking": "markings"}
+
+
+def _placed(
+    name: str, meshes: tuple[Mesh, ...], at: tuple[float, float, float], turns: int = 0
+) -> Node:
+    """A node of the first mesh, with a child node for each further one."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = quarter_turn(turns)
+    matrix[:3, 3] = snap(at)
+    children = tuple(Node(f"{name}/{mesh.name.split('/')[-1]}", mesh) for mesh in meshes[1:])
+    return Node(name, meshes[0], matrix, children)
+
+
+@dataclass
+class _Stock:
+    """Meshes by name and tint, made when first asked for; tints share their geometry."""
+
+    seed: int
+    _shapes: dict[str, dict[str, Part]] = field(default_factory=dict)
+    _roofs: dict[str, tuple[float, float, float] | None] = field(default_factory=dict)
+    _meshes: dict[tuple[str, int], tuple[Mesh, ...]] = field(default_factory=dict)
+
+    def _rng(self, name: str) -> np.random.Generator:
+        # Seeded by name, so that a mesh is the same in a city of any size.
+        return np.random.Generator(np.random.PCG64([self.seed, *name.encode()]))
+
+    def building(
+        self, kind: str, width: int, variant: int, tint: int
+    ) -> tuple[tuple[Mesh, ...], float, tuple[float, float, float] | None]:
+        """The meshes, the depth in metres, and the flat roof."""
+        name = f"{kind}-{width}-{variant}"
+        rng = self._rng(name)
+        depth = float(rng.integers(14, 18)) if width < 30 else 26.0
+        if name not in self._shapes:
+            made = KINDS[kind](rng, width - 0.25, depth)
+            self._roofs[name] = made.roof
+            self._shapes[name] = _parts(made.soups())
+        return self._tinted(name, tint, separate=True), depth, self._roofs[name]
+
+    def prop(self, name: str, tint: int = 0) -> tuple[Mesh, ...]:
+        """Meshes of `datasets_gen.street`, by name there; `NAME-K` is the K-th of a kind."""
+        kind = name.split("-")[0]
+        if name not in self._shapes:
+            if kind in street.CARS:
+                made = street.car(kind)
+            elif kind in street.VARIED:
+                made = street.VARIED[kind](self._rng(name))
+            else:
+                made = street.PROPS[kind]()
+            self._shapes[name] = _parts(made)
+        return self._tinted(name, tint, separate=kind in street.CARS)
+
+    def _tinted(self, name: str, tint: int, *, separate: bool) -> tuple[Mesh, ...]:
+        shape = self._shapes[name]
+        tints = max((len(_TINTS[material]) for material in shape if material in _TINTS), default=1)
+        key = (name, tint % tints)
+        if key not in self._meshes:
+            self._meshes[key] = _meshes(f"{name}.{key[1]}", shape, key[1], separate=separate)
+        return self._meshes[key]
+
+
+def _parts(soups: dict[str, Soup]) -> dict[str, Part]:
+    """The soups on the grid, in the file's types."""
+    return {
+        material: (snap(vertices).astype(np.float32), faces.astype(np.uint32))
+        for material, (vertices, faces) in soups.items()
+    }
+
+
+def _meshes(
+    name: str, shape: dict[str, Part], tint: int = 0, *, separate: bool = True
+) -> tuple[Mesh, ...]:
+    """A mesh of all parts but the separate ones, then a mesh for each of those."""
+    made = {
+        material: Primitive(vertices, faces, _material(material, tint))
+        for material, (vertices, faces) in shape.items()
+    }
+    apart = [material for material in made if separate and material in _SEPARATE]
+    body = tuple(primitive for material, primitive in made.items() if material not in apart)
+    return (
+        Mesh(name, body),
+        *(Mesh(f"{name}/{_SEPARATE[material]}", (made[material],)) for material in apart),
+    )
+
+
+def _material(name: str, tint: int = 0) -> Material:
+    if name in _TINTS:
+        number = tint % len(_TINTS[name])
+        colour, label = _TINTS[name][number], f"{name}-{number}"
+    else:
+        colour, label = _COLOURS[name], name
+    # An awning is a sheet seen from both sides; everything else is a solid.
+    return Material(label, (*colour, 1.0), double_sided=name == "awning")
+
+
+def _plain(name: str, parts: dict[str, Soup]) -> tuple[Mesh, ...]:
+    return _meshes(name, _parts(parts))
+
+
+class _Maker:
+    """Lays out one city."""
+
+    def __init__(self, seed: int, columns: int, rows: int) -> None:
+        self.seed = seed
+        self.columns = columns
+        self.rows = rows
+        self.stock = _Stock(seed)
+
+    # -- ground and streets -------------------------------------------------------------
+
+    def ground(self) -> Node:
+        """The land around, a little below the streets."""
+        low = [-400.0, -0.06, -400.0]
+        high = [self.columns * PITCH_M[0] + 400.0, -0.06, self.rows * PITCH_M[1] + 400.0]
+        return _placed("ground", _plain("ground", {"earth": box(low, high, "Y")}), (0.0, 0.0, 0.0))
+
+    def streets(self) -> list[Node]:
+        """A node each for crossings, and for streets along x and along z."""
+        half = STREET_M / 2
+        nodes = []
+        for j in range(self.rows + 1):
+            for i in range(self.columns + 1):
+                x, z = i * PITCH_M[0] - half, j * PITCH_M[1] - half
+                nodes.append(_placed(f"crossing-{i}-{j}", self._crossing, (x, 0.0, z)))
+                for k, (turns, side) in enumerate(((0, (-1.0, -1.0)), (2, (1.0, 1.0)))):
+                    at = (x + side[0] * (half + 0.7), PAVEMENT_HEIGHT_M, z + side[1] * (half + 0.7))
+                    if self._is_block(i - (side[0] < 0), j - (side[1] < 0)):
+                        mesh = self.stock.prop("traffic_light")
+                        nodes.append(_placed(f"signal-{i}-{j}-{k}", mesh, at, turns))
+                if i < self.columns:
+                    at = (x + PITCH_M[0] / 2, 0.0, z)
+                    nodes.append(_placed(f"street-x-{i}-{j}", self._along_x, at))
+                if j < self.rows:
+                    at = (x, 0.0, z + PITCH_M[1] / 2)
+                    nodes.append(_placed(f"street-z-{i}-{j}", self._along_z, at, 1))
+        return nodes
+
+    def _is_block(self, i: int, j: int) -> bool:
+        return 0 <= i < self.columns and 0 <= j < self.rows
+
+    @cached_property
+    def _crossing(self) -> tuple[Mesh, ...]:
+        half = STREET_M / 2
+        return _plain("crossing", {"asphalt": box([-half, 0, -half], [half, 0, half], "Y")})
+
+    @cached_property
+    def _along_x(self) -> tuple[Mesh, ...]:
+        return _street_mesh("street-x", BLOCK_M[0])
+
+    @cached_property
+    def _along_z(self) -> tuple[Mesh, ...]:
+        return _street_mesh("street-z", BLOCK_M[1])
+
+    # -- blocks -------------------------------------------------------------------------
+
+    def block(self, index: int) -> Node:
+        """One block with all that stands on and around it."""
+        i, j = index % self.columns, index // self.columns
+        rng = np.random.Generator(np.random.PCG64([self.seed, index]))
+        site = _Site(f"block{index:03d}", rng, self.stock)
+        downtown = self._downtown(i, j)
+        use = rng.random()
+        if index and use < 0.08:
+            site.park()
+        elif index and use < 0.08 + 0.14 * downtown:
+            site.plaza()
+        else:
+            site.buildings(downtown)
+        site.pavement()
+        site.kerbside()
+        site.traffic()
+        centre = (i * PITCH_M[0] + BLOCK_M[0] / 2, 0.0, j * PITCH_M[1] + BLOCK_M[1] / 2)
+        matrix = np.eye(4)
+        matrix[:3, 3] = centre
+        return Node(site.name, None, matrix, tuple(site.nodes))
+
+    def _downtown(self, i: int, j: int) -> float:
+        """1 at the city's centre, 0 at its rim."""
+        x = (i + 0.5) / self.columns * 2.0 - 1.0
+        z = (j + 0.5) / self.rows * 2.0 - 1.0
+        return max(0.0, 1.0 - math.hypot(x, z))
+
+
+def _street_mesh(name: str, length: float) -> tuple[Mesh, ...]:
+    """A street along x: asphalt, a dashed middle line, zebra crossings at both ends."""
+    half, line = STREET_M / 2, 0.012
+    dashes = np.arange(-length / 2 + 8.0, length / 2 - 8.0, 6.0)
+    low = np.stack([dashes, np.full_like(dashes, line), np.full_like(dashes, -0.08)], axis=1)
+    middle = boxes(low, np.add(low, (3.0, 0.0, 0.16)), "Y")
+    stripes = np.arange(-half + 0.7, half - 0.7, 1.0)
+    zebra = []
+    for x in (-length / 2 + 1.2, length / 2 - 4.0):
+        low = np.stack([np.full_like(stripes, x), np.full_like(stripes, line), stripes], axis=1)
+        zebra.append(boxes(low, np.add(low, (2.8, 0.0, 0.5)), "Y"))
+    stops = boxes(
+        [[-length / 2 + 4.8, line, -half + 0.3], [length / 2 - 5.2, line, 0.2]],
+        [[-length / 2 + 5.2, line, -0.2], [length / 2 - 4.8, line, half - 0.3]],
+        "Y",
+    )
+    asphalt = box([-length / 2, 0.0, -half], [length / 2, 0.0, half], "Y")
+    return _plain(name, {"asphalt": asphalt, "marking": merge([middle, *zebra, stops])})
+
+
+class _Site:
+    """One block under construction, around its own centre."""
+
+    def __init__(self, name: str, rng: np.random.Generator, stock: _Stock) -> None:
+        self.name = name
+        self.rng = rng
+        self.stock = stock
+        self.nodes: list[Node] = []
+        self._counts: dict[str, int] = {}
+
+    def put(
+        self, kind: str, meshes: tuple[Mesh, ...], at: tuple[float, float, float], turns: int = 0
+    ) -> None:
+        number = self._counts[kind] = self._counts.get(kind, -1) + 1
+        self.nodes.append(_placed(f"{self.name}/{kind}-{number}", meshes, at, turns))
+
+    def _tint(self) -> int:
+        # A common multiple of the tints' numbers, so that each is as likely as another.
+        return int(self.rng.integers(60))
+
+    def buildings(self, downtown: float) -> None:
+        """Two rows of buildings back to back, a yard between them."""
+        length = int(BLOCK_M[0] - 2 * PAVEMENT_M)
+        front = BLOCK_M[1] / 2 - PAVEMENT_M
+        for turns in (0, 2):
+            x = -length / 2
+            for width in _lots(self.rng, length):
+                kind = self._kind(width, downtown)
+                variant = int(self.rng.integers(VARIANTS))
+                mesh, depth, roof = self.stock.building(kind, width, variant, self._tint())
+                spot = quarter_turn(turns) @ [x + width / 2, 0.0, front - depth / 2]
+                self.put(kind, mesh, (spot[0], PAVEMENT_HEIGHT_M, spot[2]), turns)
+                if roof is not None:
+                    self._roof_plant(spot, roof, turns)
+                x += width
+        for _ in range(4):
+            at = (self.rng.uniform(-28, 28), PAVEMENT_HEIGHT_M + 0.02, self.rng.uniform(-4, 4))
+            self._tree(at)
+        yard = box([-31.0, 0.17, -5.5], [31.0, 0.17, 5.5], "Y")
+        self.put("yard", _plain("yard", {"lawn": yard}), (0.0, 0.0, 0.0))
+
+    def _kind(self, width: int, downtown: float) -> str:
+        weights = {"walkup": 0.45}
+        if width <= 14:
+            weights["house"] = 0.5 * (1.0 - downtown) ** 2
+        if width >= 14:
+            weights["office"] = 0.25 + 0.5 * downtown
+        if width >= 20:
+            weights["tower"] = 0.1 + 1.2 * downtown
+        share = np.array(list(weights.values()))
+        return str(self.rng.choice(list(weights), p=share / share.sum()))
+
+    def _roof_plant(
+        self, spot: NDArray[np.float64], roof: tuple[float, float, float], turns: int
+    ) -> None:
+        half_x, half_z, height = roof
+        # A grid of places wide enough for the largest unit, some of them taken.
+        columns, rows = int(2 * half_x // 4.0), int(2 * half_z // 4.5)
+        for place in range(columns * rows):
+            if self.rng.random() > 0.5:
+                continue
+            x = ((place % columns) + 0.5) * 2 * half_x / columns - half_x
+            z = ((place // columns) + 0.5) * 2 * half_z / rows - half_z
+            kinds = ("air_conditioner", "water_tank", "stair_head", "skylight")
+            kind = str(self.rng.choice(kinds, p=(0.5, 0.15, 0.1, 0.25)))
+            shift = quarter_turn(turns) @ [x, 0.0, z]
+            at = (spot[0] + shift[0], PAVEMENT_HEIGHT_M + height, spot[2] + shift[2])
+            self.put(kind, self.stock.prop(kind), at, turns)
+
+    def plaza(self) -> None:
+        """One large tower among trees."""
+        mesh, _, _ = self.stock.building(
+            "tower", 36, int(self.rng.integers(VARIANTS)), self._tint()
+        )
+        self.put("tower", mesh, (0.0, PAVEMENT_HEIGHT_M, 0.0), 2 * int(self.rng.integers(2)))
+        for x in (-29.0, -23.5, 23.5, 29.0):
+            for z in np.linspace(-20.0, 20.0, 6):
+                self._tree((x, PAVEMENT_HEIGHT_M, float(z)))
+        for x in (-26.0, 26.0):
+            for z in (-12.0, 0.0, 12.0):
+                bench = self.stock.prop("bench")
+                self.put("bench", bench, (x, PAVEMENT_HEIGHT_M, z), 1 if x > 0 else 3)
+
+    def park(self) -> None:
+        """A lawn with a basin, paths and trees."""
+        lawns = boxes(
+            [[x, 0.17, z] for x in (-31.0, 3.0) for z in (-23.0, 3.0)],
+            [[x + 28.0, 0.17, z + 20.0] for x in (-31.0, 3.0) for z in (-23.0, 3.0)],
+            "Y",
+        )
+        self.put("lawn", _plain("lawn", {"lawn": lawns}), (0.0, 0.0, 0.0))
+        basin = lathe([(2.6, 0.0), (2.6, 0.5), (2.2, 0.5), (2.2, 0.3), (0.3, 0.3), (0.2, 1.6)], 16)
+        water = lathe([(0.2, 1.6), (0.9, 1.5), (0.2, 1.7)], 12, caps="")
+        fountain = _plain("fountain", {"trim": basin, "metal": water})
+        self.put("fountain", fountain, (0.0, PAVEMENT_HEIGHT_M, 0.0))
+        for x in np.linspace(-28.0, 28.0, 9):
+            for z in (-20.0, -13.0, -6.0, 6.0, 13.0, 20.0):
+                if self.rng.random() < 0.7 and abs(x) > 3.5:
+                    jitter = self.rng.uniform(-1.2, 1.2, 2)
+                    self._tree((float(x + jitter[0]), 0.17, float(z + jitter[1])))
+        for turns in range(4):
+            spot = quarter_turn(turns) @ [0.0, PAVEMENT_HEIGHT_M, -5.0]
+            self.put("bench", self.stock.prop("bench"), (spot[0], spot[1], spot[2]), turns)
+
+    def _tree(self, at: tuple[float, float, float]) -> None:
+        kind = "tree" if self.rng.random() < 0.8 else "conifer"
+        mesh = self.stock.prop(f"{kind}-{int(self.rng.integers(4))}", self._tint())
+        self.put(kind, mesh, at, int(self.rng.integers(4)))
+
+    def pavement(self) -> None:
+        x, z = BLOCK_M[0] / 2, BLOCK_M[1] / 2
+        slab = box([-x, 0.0, -z], [x, PAVEMENT_HEIGHT_M, z], "xXYzZ")
+        self.put("pavement", _plain("pavement", {"pavement": slab}), (0.0, 0.0, 0.0))
+
+    def kerbside(self) -> None:
+        """Lamps, trees, furniture and people along the four sides."""
+        for side in range(4):
+            span, reach = BLOCK_M[side % 2], BLOCK_M[1 - side % 2] / 2
+            for k, t in enumerate(np.arange(-span / 2 + 6.0, span / 2 - 5.0, 7.5).tolist()):
+                if k % 4 == 1:
+                    self._at_side(side, "lamp", t, reach - 0.6, side)
+                elif self.rng.random() < 0.55:
+                    x, _, z = quarter_turn(side) @ [t, 0.0, reach - 1.0]
+                    self._tree((float(x), PAVEMENT_HEIGHT_M, float(z)))
+                elif self.rng.random() < 0.75:
+                    kind = str(self.rng.choice(("hydrant", "bin", "bench", "shelter")))
+                    self._at_side(side, kind, t, reach - 0.9, side)
+            for _ in range(2):
+                t = self.rng.uniform(-span / 2 + 2.0, span / 2 - 2.0)
+                out = reach - self.rng.uniform(1.9, 2.6)
+                kind = f"person-{int(self.rng.integers(6))}"
+                turns = side + int(self.rng.choice((1, 3)))
+                self._at_side(side, kind, t, out, turns, self._tint())
+
+    def _at_side(
+        self, side: int, kind: str, along: float, out: float, turns: int, tint: int = 0
+    ) -> None:
+        x, _, z = quarter_turn(side) @ [along, 0.0, out]
+        at = (float(x), PAVEMENT_HEIGHT_M, float(z))
+        self.put(kind.split("-")[0], self.stock.prop(kind, tint), at, turns)
+
+    def traffic(self) -> None:
+        """Cars parked at the four kerbs, and a few on the lane beside them."""
+        for side in range(4):
+            span, reach = BLOCK_M[side % 2], BLOCK_M[1 - side % 2] / 2
+            for t in np.arange(-span / 2 + 10.0, span / 2 - 9.0, 6.25).tolist():
+                for out, share in ((1.15, 0.36), (4.3, 0.08)):
+                    if self.rng.random() >= share:
+                        continue
+                    kind = str(self.rng.choice(street.CARS, p=(0.45, 0.4, 0.15)))
+                    jitter = self.rng.uniform(-0.12, 0.12, 2)
+                    along, across = t + 4 * jitter[0], reach + out + jitter[1]
+                    x, _, z = quarter_turn(side) @ [along, 0.0, across]
+                    # Traffic keeps right: the kerb is on the car's right hand.
+                    mesh = self.stock.prop(kind, self._tint())
+                    self.put("car", mesh, (float(x), 0.0, float(z)), side + 3)
+
+
+def _lots(rng: np.random.Generator, length: int) -> list[int]:
+    """Lot widths that add up to `length`."""
+    while True:
+        widths: list[int] = []
+        while sum(widths) < length:
+            widths.append(int(rng.choice(LOT_WIDTHS_M)))
+        if sum(widths) == length:
+            return widths
