@@ -45,6 +45,7 @@ class Scene:
     `names`: n unique names.
     `one_sided`: (t,) bool, True where a triangle seen from behind covers nothing.
     `alpha`: (t,) uint8, an `Alpha` each.
+    `notes`: what the reader of a file left out or decided, as (code, message) pairs.
 
     Raises InputError where a value breaks these rules. The arrays become read-only.
     """
@@ -56,6 +57,7 @@ class Scene:
     one_sided: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
     source: str = "scene"
+    notes: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -92,8 +94,8 @@ class Scene:
                 mend="mend the index buffer",
             )
         if not np.isfinite(self.vertices).all():
-            finite = np.isfinite(self.vertices).all(axis=1)
-            bad_triangles = ~finite[self.triangles].all(axis=1)
+            finite: NDArray[np.bool_] = np.all(np.isfinite(self.vertices), axis=1)
+            bad_triangles = ~np.all(finite[self.triangles], axis=1)
             if bad_triangles.any():
                 bad = int(np.argmax(bad_triangles))
                 place = f"object '{self.names[self._object_at(bad)]}'"

@@ -1,0 +1,235 @@
+"""Meshes placed in a world become one Scene: what every file format's reader ends in.
+
+A reader hands over its meshes, once each, and its objects in order: a name, a mesh and a
+transform. Everything here is vectorised over triangles, and over the instances of a mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.errors import InputError
+from visref.scene import Alpha, Float64, Int64, Scene, unique_names
+
+# How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.
+_BLOCK_VERTICES = 1 << 20
+_MAX_INT32 = 2**31 - 1
+
+NO_MESH = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A mesh in its own space.
+
+    `positions`: (v, 3) float32 or float64. `triangles`: (t, 3) integers below v.
+    `one_sided`: (t,) bool, the material is not double-sided. `alpha`: (t,) uint8, `Alpha`.
+    """
+
+    positions: NDArray[Any]
+    triangles: NDArray[Any]
+    one_sided: NDArray[np.bool_]
+    alpha: NDArray[np.uint8]
+
+    @classmethod
+    def plain(
+        cls,
+        positions: NDArray[Any],
+        triangles: NDArray[Any],
+        *,
+        one_sided: bool = True,
+        alpha: Alpha = Alpha.OPAQUE,
+    ) -> Mesh:
+        """A mesh of one material, without the vertices that no triangle uses."""
+        positions, triangles = _without_unused(positions, triangles)
+        count = len(triangles)
+        return cls(
+            positions,
+            triangles,
+            np.full(count, one_sided, np.bool_),
+            np.full(count, int(alpha), np.uint8),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Mesh]) -> Mesh:
+        """Several primitives as one mesh, in order."""
+        if len(parts) == 1:
+            return parts[0]
+        starts = np.cumsum([0, *(len(part.positions) for part in parts)])
+        triangles = [
+            part.triangles.astype(np.int64) + start
+            for part, start in zip(parts, starts, strict=False)
+        ]
+        empty = (np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64))
+        return cls(
+            np.concatenate([empty[0], *(part.positions for part in parts)]),
+            np.concatenate([empty[1], *triangles]),
+            np.concatenate([np.zeros(0, np.bool_), *(part.one_sided for part in parts)]),
+            np.concatenate([np.zeros(0, np.uint8), *(part.alpha for part in parts)]),
+        )
+
+
+@dataclass
+class Placed:
+    """The objects of a file, in order: a name, a mesh (`NO_MESH` for none) and
+    `world_from_object` (4, 4) float64 of each; `notes` as in `Scene.notes`."""
+
+    meshes: list[Mesh] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    mesh_of_object: list[int] = field(default_factory=list)
+    world_from_object: list[Float64] = field(default_factory=list)
+    notes: list[tuple[str, str]] = field(default_factory=list)
+
+    def add(self, name: str, mesh: int, world_from_object: Float64) -> None:
+        """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4)."""
+        matrices = world_from_object.reshape(-1, 4, 4)
+        self.names.extend([name or "object"] * len(matrices))
+        self.mesh_of_object.extend([mesh] * len(matrices))
+        self.world_from_object.append(matrices)
+
+
+def compose(a: Float64, b: Float64) -> Float64:
+    """Matrix products `a @ b` of (…, 4, 4) stacks, every sum in the same order.
+
+    Not `@`: a BLAS may sum in another order, or fuse, on another machine, and a vertex that
+    rounds the other way is another scene.
+    """
+    result: Float64 = a[..., :, 0, None] * b[..., None, 0, :]
+    for k in range(1, 4):
+        result = result + a[..., :, k, None] * b[..., None, k, :]
+    return result
+
+
+def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool) -> Scene:
+    """The Scene of all objects, every vertex transformed in float64 and rounded once.
+
+    A transform with negative determinant flips its triangles' winding. `cull_backfaces`:
+    whether `one_sided` takes effect. `lenient`: triangles with a vertex that is not finite
+    are dropped and counted in a note, instead of an error.
+
+    Raises InputError where there is no triangle, or a vertex is NaN or infinite.
+    """
+    mesh_of_object = np.array(placed.mesh_of_object, np.int64)
+    worlds = np.concatenate([np.zeros((0, 4, 4)), *placed.world_from_object])
+    vertex_starts = _starts([len(mesh.positions) for mesh in placed.meshes], mesh_of_object)
+    starts = _starts([len(mesh.triangles) for mesh in placed.meshes], mesh_of_object)
+    if max(vertex_starts[-1], starts[-1]) > _MAX_INT32:
+        raise InputError(
+            f"the scene has {starts[-1]} triangles with {vertex_starts[-1]} vertices",
+            source=source,
+            mend=f"at most {_MAX_INT32} of each can be held",
+        )
+    vertices = np.empty((int(vertex_starts[-1]), 3), np.float32)
+    triangles = np.empty((int(starts[-1]), 3), np.int32)
+    one_sided = np.zeros(len(triangles), np.bool_)
+    alpha = np.empty(len(triangles), np.uint8)
+    mirrored = _determinants(worlds) < 0.0
+    order = np.argsort(mesh_of_object, kind="stable")
+    groups = np.searchsorted(mesh_of_object[order], np.arange(len(placed.meshes) + 1))
+    for index, mesh in enumerate(placed.meshes):
+        users = order[groups[index] : groups[index + 1]]
+        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions)))
+        for at in range(0, len(users), block):
+            chosen = users[at : at + block]
+            rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))
+            vertices[rows] = _transformed(worlds[chosen], mesh.positions)
+            rows = starts[chosen, None] + np.arange(len(mesh.triangles))
+            faces = mesh.triangles + vertex_starts[chosen, None, None]
+            flip = mirrored[chosen]
+            faces[flip] = faces[flip][:, :, ::-1]
+            triangles[rows] = faces
+            alpha[rows] = mesh.alpha
+            if cull_backfaces:
+                one_sided[rows] = mesh.one_sided
+    names = unique_names(placed.names)
+    notes = list(placed.notes)
+    if not np.isfinite(vertices).all():
+        if not lenient:
+            _refuse_not_finite(vertices, vertex_starts, names, source)
+        vertices, triangles, kept = _without_not_finite(vertices, triangles)
+        one_sided, alpha = one_sided[kept], alpha[kept]
+        starts = np.concatenate([[0], np.cumsum(kept)])[starts]
+        dropped = int((~kept).sum())
+        notes.append(
+            ("NON_FINITE_DROPPED", f"{dropped} triangles with a NaN or infinite vertex dropped")
+        )
+    if not len(triangles):
+        raise InputError(
+            "there is no triangle in it", source=source, mend="give a file with a mesh"
+        )
+    return Scene(vertices, triangles, starts, names, one_sided, alpha, source, tuple(notes))
+
+
+def _starts(sizes: Sequence[int], mesh_of_object: Int64) -> Int64:
+    """(n + 1,) int64: where each object's elements start, from the meshes' sizes."""
+    by_mesh = np.array([*sizes, 0], np.int64)  # NO_MESH is -1, the last
+    return np.concatenate([np.zeros(1, np.int64), np.cumsum(by_mesh[mesh_of_object])])
+
+
+def _transformed(worlds: Float64, positions: NDArray[Any]) -> NDArray[np.float32]:
+    """(k, v, 3) float32: `positions` under each of (k, 4, 4), float64 until the last step."""
+    result = np.empty((len(worlds), len(positions), 3), np.float32)
+    x, y, z = (positions[:, axis].astype(np.float64) for axis in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis in range(3):
+            row = worlds[:, axis, :, None]
+            result[:, :, axis] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]
+    return result
+
+
+def _determinants(worlds: Float64) -> Float64:
+    """Determinants of the linear parts, scaled to survive tiny and huge units."""
+    linear = worlds[:, :3, :3]
+    scale = np.abs(linear).max(axis=(1, 2), initial=0.0, keepdims=True)
+    linear = linear / np.where(scale > 0.0, scale, 1.0)
+    cross = np.cross(linear[:, :, 1], linear[:, :, 2])
+    result: Float64 = (linear[:, :, 0] * cross).sum(axis=1)
+    return result
+
+
+def _without_unused(
+    positions: NDArray[Any], triangles: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The same triangles over the vertices that they use.
+
+    Files share one vertex buffer among many primitives: without this each would copy it all.
+    """
+    if not len(triangles):
+        return positions[:0], triangles
+    low, high = int(triangles.min()), int(triangles.max())
+    used = np.zeros(high - low + 1, np.bool_)
+    triangles = triangles.astype(np.int64) - low
+    used[triangles] = True
+    positions = positions[low : high + 1]
+    if used.all():
+        return positions, triangles
+    return positions[used], (np.cumsum(used) - 1)[triangles]
+
+
+def _refuse_not_finite(
+    vertices: NDArray[np.float32], vertex_starts: Int64, names: Sequence[str], source: str
+) -> None:
+    bad = int(np.argmin(np.all(np.isfinite(vertices), axis=1)))
+    owner = int(np.searchsorted(vertex_starts, bad, side="right")) - 1
+    where = ", ".join(f"{value:g}" for value in vertices[bad])
+    raise InputError(
+        f"a vertex is NaN or infinite ({where})",
+        source=source,
+        place=f"object '{names[owner]}'",
+        mend="mend the mesh, or drop such triangles with --lenient",
+    )
+
+
+def _without_not_finite(
+    vertices: NDArray[np.float32], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+    """The finite vertices, the triangles over them, and which triangles those are."""
+    finite: NDArray[np.bool_] = np.all(np.isfinite(vertices), axis=1)
+    kept: NDArray[np.bool_] = np.all(finite[triangles], axis=1)
+    renumbered = (np.cumsum(finite) - 1).astype(np.int32)
+    return vertices[finite], renumbered[triangles[kept]], kept
