@@ -16,7 +16,7 @@ from datasets_gen.glb import glb_bytes
 from datasets_gen.graph import Node
 from visref.camera import CameraPath
 from visref.errors import InputError
-from visref.scene import Alpha, Scene, unique_names
+from visref.scene import Float64, Scene, unique_names
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +54,16 @@ class Dataset:
         return scene_file, path_file
 
 
-def scene_of(dataset: Dataset) -> Scene:
+def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
     """The scene that loading the data set's GLB gives, without the file.
 
-    Raises InputError as loading does (a vertex that is not finite).
+    `cull_backfaces`: triangles whose material is not double-sided become one-sided. Raises
+    InputError as loading does (a vertex that is not finite).
     """
-    vertices: list[NDArray[np.float32]] = []
-    triangles: list[NDArray[np.int64]] = []
-    one_sided: list[NDArray[np.bool_]] = []
-    alpha: list[NDArray[np.uint8]] = []
+    vertices = [np.zeros((0, 3), np.float32)]
+    triangles = [np.zeros((0, 3), np.int64)]
+    one_sided = [np.zeros(0, np.bool_)]
+    alpha = [np.zeros(0, np.uint8)]
     names: list[str] = []
     offsets = [0]
     base = 0
@@ -73,34 +74,51 @@ def scene_of(dataset: Dataset) -> Scene:
         mirrored = np.linalg.det(world_from_mesh[:3, :3]) < 0.0
         count = 0
         for primitive in node.mesh.primitives:
-            local = primitive.vertices.astype(np.float64)
-            world = local @ world_from_mesh[:3, :3].T + world_from_mesh[:3, 3]
-            corners = primitive.triangles.astype(np.int64) + base
-            vertices.append(world.astype(np.float32))
-            triangles.append(corners[:, [0, 2, 1]] if mirrored else corners)
-            one_sided.append(np.full(len(corners), not primitive.material.double_sided))
-            alpha.append(np.full(len(corners), int(primitive.material.alpha), np.uint8))
-            base += len(world)
-            count += len(corners)
+            faces = primitive.triangles.astype(np.int64) + base
+            if not len(faces):
+                continue
+            vertices.append(_transformed(world_from_mesh, primitive.vertices))
+            triangles.append(faces[:, ::-1] if mirrored else faces)
+            one_sided.append(
+                np.full(len(faces), cull_backfaces and not primitive.material.double_sided)
+            )
+            alpha.append(np.full(len(faces), int(primitive.material.alpha), np.uint8))
+            base += len(primitive.vertices)
+            count += len(faces)
         offsets.append(offsets[-1] + count)
     return Scene(
-        vertices=np.concatenate([np.zeros((0, 3), np.float32), *vertices]),
-        triangles=np.concatenate([np.zeros((0, 3), np.int64), *triangles]).astype(np.int32),
+        vertices=np.concatenate(vertices),
+        triangles=np.concatenate(triangles).astype(np.int32),
         object_offsets=np.array(offsets, np.int64),
         names=unique_names(names),
-        one_sided=np.concatenate([np.zeros(0, np.bool_), *one_sided]),
-        alpha=np.concatenate([np.full(0, Alpha.OPAQUE, np.uint8), *alpha]),
+        one_sided=np.concatenate(one_sided),
+        alpha=np.concatenate(alpha),
         source=f"{dataset.name}.glb",
     )
 
 
+def _transformed(matrix: Float64, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Points under an affine matrix, in float64 and in this order, rounded once."""
+    x, y, z = points.astype(np.float64).T
+    rows = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
+    return np.stack(rows, axis=1).astype(np.float32)
+
+
 def _depth_first(
-    nodes: tuple[Node, ...], world_from_parent: NDArray[np.float64]
-) -> Iterator[tuple[Node, NDArray[np.float64]]]:
+    nodes: tuple[Node, ...], world_from_parent: Float64
+) -> Iterator[tuple[Node, Float64]]:
     for node in nodes:
-        world_from_node = world_from_parent @ node.parent_from_node
+        world_from_node = _product(world_from_parent, node.parent_from_node)
         yield node, world_from_node
         yield from _depth_first(node.children, world_from_node)
+
+
+def _product(a: Float64, b: Float64) -> Float64:
+    """`a @ b`, with every sum in the same order on every machine."""
+    result = a[:, 0, None] * b[0]
+    for k in range(1, 4):
+        result = result + a[:, k, None] * b[k]
+    return result
 
 
 def _json_bytes(value: Any) -> bytes:

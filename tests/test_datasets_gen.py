@@ -18,6 +18,7 @@ from datasets_gen.glb import glb_bytes
 from datasets_gen.graph import Material, Mesh, Node, Primitive
 from visref.camera import Camera, CameraPath, look_at
 from visref.errors import InputError
+from visref.loading import load_scene
 from visref.scene import Scene
 
 PLAIN = Material("plain", (0.5, 0.5, 0.5, 1.0))
@@ -163,6 +164,21 @@ def test_names_take_the_node_then_the_mesh_then_object() -> None:
     mesh, unnamed = Mesh("mesh", (ONE_TRIANGLE,)), Mesh("", (ONE_TRIANGLE,))
     nodes = (Node("node", mesh), Node("", mesh), Node("", unnamed), Node("node", mesh))
     assert scene_of(Dataset("d", nodes, PATH)).names == ("node", "mesh", "object", "node#2")
+
+
+def assert_same_scene(ours: Scene, theirs: Scene) -> None:
+    assert ours.names == theirs.names
+    for field in ("vertices", "triangles", "object_offsets", "one_sided", "alpha"):
+        np.testing.assert_array_equal(getattr(ours, field), getattr(theirs, field), err_msg=field)
+
+
+@pytest.mark.parametrize("cull_backfaces", [False, True])
+def test_scene_in_memory_equals_the_file_loaded(cull_backfaces: bool, tmp_path: Path) -> None:
+    dataset = city(scale=0.06)
+    scene_file, _ = dataset.write(tmp_path)
+    ours = scene_of(dataset, cull_backfaces=cull_backfaces)
+    assert ours.one_sided.any() == cull_backfaces
+    assert_same_scene(ours, load_scene(scene_file, cull_backfaces=cull_backfaces))
 
 
 def test_mirroring_transform_flips_the_winding() -> None:
