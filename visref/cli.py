@@ -22,7 +22,8 @@ from visref.run import Job, JudgedFrame
 from visref.visibility import FrameTruth, ObjectVisibility
 
 _ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
-_OUT = Console(highlight=False, soft_wrap=True)
+# A table in a log or a pipe is not folded to a terminal that is not there.
+_OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 200)
 
 
 class _Bar:
@@ -289,7 +290,7 @@ def _print_outcome(outcome: RunOutcome) -> None:
     table = Table(box=None, pad_edge=False)
     table.add_column("culler", overflow="fold")
     for heading in ("frames", "visible", "drawn", "superfluous", "missed", "violations", "verdict"):
-        table.add_column(heading, justify="left" if heading == "verdict" else "right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for record in outcome.cullers:
         totals = record.totals
         table.add_row(
@@ -300,7 +301,7 @@ def _print_outcome(outcome: RunOutcome) -> None:
             str(totals.superfluous),
             str(totals.missed),
             str(totals.violations),
-            record.exit.status.replace("_", " "),
+            "FAILED" if record.failed else record.exit.status.replace("_", " "),
         )
     _OUT.print(table)
     shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from visref.camera import Camera, CameraPath, look_at
 from visref.culler import Culler, Promise, RasterTolerance
-from visref.engines import TruthEngine, engine_names, load_engine, make_engine
+from visref.engines import ENGINES, TruthEngine, engine_names, make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.files import replacing_file, replacing_folder
 from visref.loading import load_path, load_scene
@@ -70,7 +70,8 @@ def open_inputs(
     """Read what a command works on. Raises InputError for anything wrong with it."""
     if threads is not None and threads < 1:
         raise InputError(f"--threads is {threads}", mend="give 1 or more")
-    load_engine(engine)  # an unknown engine is said before a large scene is read
+    # An unknown engine is said before a large scene is read.
+    load_entry(ENGINES, engine, kind="engine")
     loaded, own_path, notes = _open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
     if path is not None:
         cameras = load_path(path)
@@ -91,14 +92,19 @@ def _open_scene(
     name, _, options = spec.partition(":")
     if Path(spec).exists() or name not in available(SCENES):
         loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
-        return loaded.scene, None, tuple(Finding(code, text) for code, text in loaded.notes)
+        return loaded, None, _findings(loaded)
     generator = cast(Any, load_entry(SCENES, name, kind="scene"))
     generated: _Generated = generator(**_generator_options(spec, options))
     with tempfile.TemporaryDirectory(prefix="visref-scene-") as folder:
         scene_file, path_file = generated.write(Path(folder))
         loaded = load_scene(scene_file, cull_backfaces=cull_backfaces, lenient=lenient)
         path = load_path(path_file)
-    return loaded.scene, path, tuple(Finding(code, text) for code, text in loaded.notes)
+    # Records name what was asked for, not the temporary file that it went through.
+    return replace(loaded, source=spec), replace(path, source=spec), _findings(loaded)
+
+
+def _findings(scene: Scene) -> tuple[Finding, ...]:
+    return tuple(Finding(code, text) for code, text in scene.notes)
 
 
 def _generator_options(spec: str, text: str) -> dict[str, int | float]:
@@ -246,14 +252,7 @@ def demo(out: Path, listeners: Sequence[Listener] = ()) -> tuple[RunOutcome, Pat
     inputs = open_inputs(
         f"{DEMO_SCENE},frames={DEMO_FRAMES}", path=None, frames=None, engine="embree"
     )
-    sized = Inputs(
-        inputs.scene,
-        inputs.path.resized(*DEMO_SIZE),
-        inputs.frames,
-        inputs.engine,
-        inputs.threads,
-        inputs.settings,
-    )
+    sized = replace(inputs, path=inputs.path.resized(*DEMO_SIZE))
     outcome = run(
         sized, make_cullers(DEMO_CULLERS), out / "run", image_check=True, listeners=listeners
     )

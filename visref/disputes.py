@@ -47,8 +47,8 @@ class Rulings:
     """Exact answers at the disputed samples.
 
     `samples`: (k,) int64 flat, ascending; `owners`: all triangles at the nearest depth of
-    each. `blend`: the blended objects' exact visibility at their disputed witnesses, None if
-    none was disputed. `corrections`: how many samples the engine had given to a wrong owner.
+    each. `blend`: all blended objects' exact visibility, None if none was disputed.
+    `corrections`: how many samples the engine had given to a wrong owner.
     `within_raster`: objects that the rasteriser may have lost by itself. `best_sample` and
     `margins` (pixels, relative depth) belong to missed objects.
     """
@@ -145,32 +145,10 @@ def _corrections(truth: FrameTruth, samples: Int64, owners: Owners) -> int:
 def _settle_blend(
     exact: ExactScene, truth: FrameTruth, blended: NDArray[np.int32]
 ) -> BlendVisibility | None:
-    """Keep a disputed blended object only if it lies, exactly, before the opaque owner."""
+    """The frame's blended objects, exactly; rare enough that a whole frame may be certified."""
     if not len(blended) or truth.ties_complete:
         return None
-    scene, camera, blend = exact.scene, truth.camera, truth.blend
-    keep = np.ones(len(blend.object), np.bool_)
-    opaque = scene.alpha == Alpha.OPAQUE
-    for at in np.flatnonzero(np.isin(blend.object, blended)):
-        own = np.zeros(scene.triangle_count, np.bool_)
-        own[_blended(scene, int(blend.object[at]))] = True
-        sample = blend.sample[at : at + 1]
-        front = exact.decide(camera, sample, include=own)
-        behind = exact.decide(camera, sample, include=opaque)
-        if not len(front.triangles):
-            keep[at] = False
-        elif len(behind.triangles):
-            order = exact.compare_depths(
-                camera, int(sample[0]), int(front.triangles[0]), int(behind.triangles[0])
-            )
-            keep[at] = order < 0
-    return BlendVisibility(
-        blend.object[keep],
-        blend.pixels[keep],
-        blend.sample[keep],
-        blend.triangle[keep],
-        blend.depth[keep],
-    )
+    return exact.certify(truth.camera).blend
 
 
 def _with_margins(

@@ -29,7 +29,6 @@ import pyarrow.parquet as pq
 
 from visref.camera import CameraPath
 from visref.culler import QueryStats
-from visref.exact import ExactScene
 from visref.judge import FrameVerdict
 from visref.outcome import RunOutcome, verdict_json, witness_json
 from visref.pictures import PictureSet, draw_pictures
@@ -37,6 +36,7 @@ from visref.run import Job, JudgedFrame
 from visref.scene import Scene
 from visref.truth_file import TruthTable, path_digest
 from visref.visibility import FrameTruth, ObjectVisibility
+from visref.witness import write_witnesses
 
 MANIFEST = "manifest.json"
 VERDICT = "verdict.json"
@@ -203,41 +203,12 @@ class Recorder:
         write_json(folder / MANIFEST, self._manifest(outcome))
 
     def _write_witnesses(self, outcome: RunOutcome) -> None:
-        exact: ExactScene | None = None
-        for culler in outcome.cullers:
-            rows = [(r.frame, m) for r in culler.frames for m in r.verdict.misses]
-            if not rows:
-                continue
-            exact = exact or ExactScene(self._scene)
-            (self._folder / "witnesses").mkdir(exist_ok=True)
-            with (self._folder / "witnesses" / f"{slug(culler.spec)}.jsonl").open("w") as file:
-                by_frame: dict[int, list[Any]] = {}
-                for frame, miss in rows:
-                    by_frame.setdefault(frame, []).append(miss)
-                for frame, misses in by_frame.items():
-                    camera = self._path.frames[frame]
-                    along = exact.along(camera, [miss.sample for miss in misses])
-                    for miss, triangles in zip(misses, along, strict=True):
-                        witness = witness_json(self._scene, camera.width, frame, miss)
-                        witness["culler"] = culler.spec
-                        witness["samples"] = camera.definition()
-                        witness["triangles"] = [self._triangle_json(int(t)) for t in triangles]
-                        file.write(json.dumps(witness, sort_keys=True) + "\n")
-
-    def _triangle_json(self, triangle: int) -> dict[str, Any]:
-        scene = self._scene
-        owner = int(scene.object_of_triangle[triangle])
-        return {
-            "triangle": triangle,
-            "object": owner,
-            "object_name": scene.names[owner],
-            "one_sided": bool(scene.one_sided[triangle]),
-            "alpha": int(scene.alpha[triangle]),
-            "vertices": [
-                [float(value).hex() for value in scene.vertices[v]]
-                for v in scene.triangles[triangle]
-            ],
-        }
+        folder = self._folder / "witnesses"
+        for record in outcome.cullers:
+            if record.totals.missed:
+                folder.mkdir(exist_ok=True)
+                file = folder / f"{slug(record.spec)}.jsonl"
+                write_witnesses(file, self._scene, self._path, record)
 
     def _manifest(self, outcome: RunOutcome) -> dict[str, Any]:
         scene, path = self._scene, self._path

@@ -1,0 +1,147 @@
+"""Witness files: a claim's ray and the triangles along it, so that it replays by itself."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera, CameraPath
+from visref.judge import Miss
+from visref.outcome import CullerRecord, witness_json
+from visref.scene import Int32, Int64, Scene
+
+# A culler that draws nothing misses thousands of objects. Its worst misses, by samples lost,
+# get all the triangles along their rays; every miss has a row in objects.parquet.
+WITNESSES_PER_CULLER = 200
+
+UNIT_ROUNDOFF = 2.0**-53
+# d . (w_i x w_j) in float64, with w = v - o and d, o each a sum of three terms. Roundings on
+# the longest way to a term: w 1, product 1, difference 1, d 4, product 1, sums 2: 10 in all,
+# and (1 + u)^10 - 1 < 16 u. There are six terms, each at most |d| |w_i| |w_j|.
+_EDGE_ERROR = 16.0 * 6.0 * UNIT_ROUNDOFF
+# F . w: three terms, w 1, product 1, sums 2.
+_DEPTH_ERROR = 8.0 * 3.0 * UNIT_ROUNDOFF
+# An orthographic origin e + a R + b U has 4 roundings of its own.
+_ORIGIN_ERROR = 4.0 * UNIT_ROUNDOFF
+
+
+@numba.njit(cache=True, nogil=True)
+def _along(
+    corners: NDArray[Any],
+    origin: NDArray[Any],
+    origin_error: float,
+    direction: NDArray[Any],
+    direction_size: float,
+    forward: NDArray[Any],
+    near: float,
+) -> NDArray[np.int64]:
+    """Triangles that the ray may meet at or behind `near`. Outward: none that it meets is
+    left out."""
+    found = np.empty(64, np.int64)
+    count = 0
+    w = np.empty((3, 3))
+    size = np.empty(3)
+    side = np.empty(3)
+    for t in range(len(corners)):
+        deepest = -np.inf
+        for i in range(3):
+            size[i] = 0.0
+            depth = 0.0
+            for k in range(3):
+                w[i, k] = np.float64(corners[t, i, k]) - origin[k]
+                size[i] = max(size[i], abs(w[i, k]))
+                depth += forward[k] * w[i, k]
+            size[i] += origin_error
+            deepest = max(deepest, depth + _DEPTH_ERROR * size[i] + 3.0 * origin_error)
+        # Outward: a camera's axes are orthonormal only to 1e-6, so F . w is not quite t.
+        if deepest < near - 0.5 * abs(near):
+            continue
+        positive = False
+        negative = False
+        for i in range(3):
+            j = (i + 1) % 3
+            side[i] = (
+                direction[0] * (w[i, 1] * w[j, 2] - w[i, 2] * w[j, 1])
+                + direction[1] * (w[i, 2] * w[j, 0] - w[i, 0] * w[j, 2])
+                + direction[2] * (w[i, 0] * w[j, 1] - w[i, 1] * w[j, 0])
+            )
+            bound = direction_size * (
+                _EDGE_ERROR * size[i] * size[j] + 12.0 * origin_error * (size[i] + size[j])
+            )
+            positive = positive or side[i] > bound
+            negative = negative or side[i] < -bound
+        if positive and negative:
+            continue
+        if count == len(found):
+            grown = np.empty(2 * count, np.int64)
+            grown[:count] = found
+            found = grown
+        found[count] = t
+        count += 1
+    return found[:count].copy()
+
+
+def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> list[Int64]:
+    """For each sample (flat index) the triangles that its ray may meet, ascending ids.
+
+    Outward: a triangle that the ray meets in the camera's range is never left out, one that
+    it passes closely may be listed too.
+    """
+    corners = scene.vertices[scene.triangles]
+    forward = camera.forward
+    result = []
+    for sample in samples:
+        x, y = sample % camera.width, sample // camera.width
+        origin, direction = camera.ray(x, y)
+        a, b = abs(camera.column_a[x]), abs(camera.row_b[y])
+        spread = np.abs(camera.right_step).max() * a + np.abs(camera.up_step).max() * b
+        if camera.is_perspective:
+            origin_error = 0.0
+            direction_size = float(np.abs(forward).max() + spread)
+        else:
+            origin_error = float(_ORIGIN_ERROR * (np.abs(camera.eye).max() + spread))
+            direction_size = float(np.abs(forward).max())
+        result.append(
+            _along(corners, origin, origin_error, direction, direction_size, forward, camera.near)
+        )
+    return result
+
+
+def write_witnesses(file: Path, scene: Scene, path: CameraPath, record: CullerRecord) -> None:
+    """A JSON line for each of the culler's worst misses, by frame and object."""
+    misses = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
+    misses.sort(key=lambda pair: (-pair[1].pixels, pair[0], pair[1].object))
+    by_frame: dict[int, list[Miss]] = defaultdict(list)
+    for frame, miss in misses[:WITNESSES_PER_CULLER]:
+        by_frame[frame].append(miss)
+    with file.open("w", encoding="utf-8") as lines:
+        for frame in sorted(by_frame):
+            camera = path.frames[frame]
+            chosen = sorted(by_frame[frame], key=lambda miss: miss.object)
+            along = triangles_along(scene, camera, [miss.sample for miss in chosen])
+            for miss, triangles in zip(chosen, along, strict=True):
+                witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
+                witness["culler"] = record.spec
+                witness["samples"] = camera.definition()
+                witness["triangles"] = [_triangle_json(scene, int(t)) for t in triangles]
+                lines.write(json.dumps(witness, sort_keys=True) + "\n")
+
+
+def _triangle_json(scene: Scene, triangle: int) -> dict[str, Any]:
+    owner = int(scene.object_of_triangle[triangle])
+    corners: Int32 = scene.triangles[triangle]
+    return {
+        "triangle": triangle,
+        "object": owner,
+        "object_name": scene.names[owner],
+        "one_sided": bool(scene.one_sided[triangle]),
+        "alpha": int(scene.alpha[triangle]),
+        "vertices": [[float(value).hex() for value in scene.vertices[v]] for v in corners],
+    }
