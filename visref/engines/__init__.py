@@ -1,0 +1,34 @@
+"""Truth engines, found by name through the entry-point group `visref.engines`."""
+
+from __future__ import annotations
+
+from visref.engines.base import TruthEngine
+from visref.errors import InputError
+from visref.registry import available, load_entry
+from visref.scene import Scene
+
+__all__ = ["ENGINES", "TruthEngine", "engine_names", "make_engine"]
+
+ENGINES = "visref.engines"
+
+
+def engine_names() -> list[str]:
+    """The installed engines' names, sorted."""
+    return list(available(ENGINES))
+
+
+def make_engine(name: str, scene: Scene, *, threads: int | None = None) -> TruthEngine:
+    """The engine of that name over a scene; `threads` None means all cores.
+
+    Raises InputError for an unknown name, for a number of threads below one, and where the
+    engine's library is not installed.
+    """
+    if threads is not None and threads < 1:
+        raise InputError(f"threads is {threads}", place="threads", mend="give 1 or more")
+    found = load_entry(ENGINES, name, kind="engine")
+    if not (isinstance(found, type) and issubclass(found, TruthEngine)):
+        raise InputError(
+            f"engine '{name}' is not a subclass of visref.engines.base.TruthEngine",
+            mend="derive it",
+        )
+    return found(scene, threads=threads)

@@ -1,0 +1,37 @@
+"""Run the benchmarks named on the command line, or all, and print their tables."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+
+from tests import bench
+
+ROWS = list[dict[str, str]]
+
+
+def table(rows: ROWS) -> str:
+    """The rows as a Markdown table; columns in the first row's order."""
+    heads = list(rows[0])
+    lines = [heads, *([row[head] for head in heads] for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(heads))]
+    text = ["| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |"
+            for line in lines]  # fmt: skip
+    text.insert(1, "|" + "|".join("-" * (w + 2) for w in widths) + "|")
+    return "\n".join(text)
+
+
+def main(names: list[str]) -> int:
+    known = sorted(m.name for m in pkgutil.iter_modules(bench.__path__) if m.name[0] != "_")
+    for name in names or known:
+        if name not in known:
+            print(f"no benchmark is named '{name}'; known are {', '.join(known)}", file=sys.stderr)
+            return 2
+        module = importlib.import_module(f"tests.bench.{name}")
+        print(f"## {module.TITLE}\n\n{table(module.run())}\n", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,389 @@
+"""Compiled loops of the ray engines: rays, what a hit means, and samples decided in float64.
+
+Samples are flat indices y * width + x. Along a sample's ray a triangle's plane lies at view
+depth t = numerator / denominator, where n = (v1 - v0) x (v2 - v0), p = v0 - e and
+
+    perspective    t = n . p / n . (F + a R + b U)
+    orthographic   t = n . (p - a R - b U) / n . F
+
+A denominator below zero is a front face (counter-clockwise seen from the eye); zero is a
+triangle edge-on or degenerate, which covers nothing.
+
+A float32 ray library names the nearest triangle and no more. What it cannot filter (near and
+far on float64 depth, one-sided triangles from behind, all blended layers) `splat` decides by
+testing each triangle against the samples under it: the same rays and the same closed
+triangles, in float64, so that no layer hides another.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.visibility import BACKGROUND
+
+# In a visibility buffer between `resolve` and `splat`: the library's hit does not count.
+PENDING = -2
+
+# Rounding of numerator and denominator, as a multiple of the sums of absolute products that
+# `_plane` returns beside them, u = 2^-53. Edges and p are one rounding a component; a
+# component of n is two products of two edges and a difference: 2 + 1 + 1 = 4 u. Numerator:
+# p (1; orthographic: a R, its sum with b U, the difference: 4), the product 1, two sums 2:
+# 4 + 4 + 3 = 11 u. Denominator: d (a R, the sum, F's sum: 3), likewise 4 + 3 + 3 = 10 u.
+# 16 u also holds the second-order terms.
+PLANE_ROUNDING = 16.0 * 2.0**-53
+
+# A vertex's pixel is computed with a relative error of some 2^-49 |p| / depth, in pixels
+# times the image's side: below one pixel unless |p| / depth exceeds 2^28 on the widest image.
+# Outward: too large a rectangle only costs time.
+RECTANGLE_MARGIN_PX = 1.0
+
+# What `splat` does with a sample that a triangle covers.
+OWN, MASK, BLEND = 0, 1, 2
+
+
+class Mesh(NamedTuple):
+    """What the loops read of a `Scene`, world space."""
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    one_sided: NDArray[np.bool_]
+    object_of_triangle: NDArray[np.int32]
+
+
+class Grid(NamedTuple):
+    """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
+    with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth."""
+
+    axes: NDArray[np.float64]
+    perspective: bool
+    near: float
+    far: float
+    column_a: NDArray[np.float64]
+    row_b: NDArray[np.float64]
+
+
+class Layers(NamedTuple):
+    """What `splat` writes. Flat arrays over samples: the buffer; `mark` (bool: the samples to
+    decide for OWN, the undecided ones for MASK and BLEND); `stamp` (int32, the last object
+    counted at a sample). Arrays over objects, for BLEND: samples seen, and the nearest."""
+
+    triangle: NDArray[np.int32]
+    depth: NDArray[np.float64]
+    mark: NDArray[np.bool_]
+    stamp: NDArray[np.int32]
+    pixels: NDArray[np.int64]
+    nearest_sample: NDArray[np.int64]
+    nearest_triangle: NDArray[np.int32]
+    nearest_depth: NDArray[np.float64]
+
+
+@numba.njit(inline="always")
+def _dot(x, y):  # type: ignore[no-untyped-def]
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@numba.njit(inline="always")
+def _cross(x, y):  # type: ignore[no-untyped-def]
+    return (
+        x[1] * y[2] - x[2] * y[1],
+        x[2] * y[0] - x[0] * y[2],
+        x[0] * y[1] - x[1] * y[0],
+    )
+
+
+@numba.njit(inline="always")
+def _minus(x, y):  # type: ignore[no-untyped-def]
+    return x[0] - y[0], x[1] - y[1], x[2] - y[2]
+
+
+@numba.njit(inline="always")
+def _magnitude(x, y):  # type: ignore[no-untyped-def]
+    return abs(x[0] * y[0]) + abs(x[1] * y[1]) + abs(x[2] * y[2])
+
+
+@numba.njit(inline="always")
+def _corner(mesh, t, k):  # type: ignore[no-untyped-def]
+    v = mesh.triangles[t, k]
+    return (
+        np.float64(mesh.vertices[v, 0]),
+        np.float64(mesh.vertices[v, 1]),
+        np.float64(mesh.vertices[v, 2]),
+    )
+
+
+@numba.njit(inline="always")
+def _offset(grid, a, b):  # type: ignore[no-untyped-def]
+    """a R + b U."""
+    m = grid.axes
+    return (
+        a * m[2, 0] + b * m[3, 0],
+        a * m[2, 1] + b * m[3, 1],
+        a * m[2, 2] + b * m[3, 2],
+    )
+
+
+@numba.njit(inline="always")
+def _plane(mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
+    """Numerator and denominator of the plane's view depth, and the sums of absolute products
+    to which their rounding is relative (`PLANE_ROUNDING`)."""
+    m = grid.axes
+    v0 = _corner(mesh, t, 0)
+    u, v = _minus(_corner(mesh, t, 1), v0), _minus(_corner(mesh, t, 2), v0)
+    n = _cross(u, v)
+    size = (
+        abs(u[1] * v[2]) + abs(u[2] * v[1]),
+        abs(u[2] * v[0]) + abs(u[0] * v[2]),
+        abs(u[0] * v[1]) + abs(u[1] * v[0]),
+    )
+    p = _minus(v0, m[0])
+    side = _offset(grid, a, b)
+    side_size = (
+        abs(a * m[2, 0]) + abs(b * m[3, 0]),
+        abs(a * m[2, 1]) + abs(b * m[3, 1]),
+        abs(a * m[2, 2]) + abs(b * m[3, 2]),
+    )
+    if grid.perspective:
+        d = (m[1, 0] + side[0], m[1, 1] + side[1], m[1, 2] + side[2])
+        d_size = (
+            abs(m[1, 0]) + side_size[0],
+            abs(m[1, 1]) + side_size[1],
+            abs(m[1, 2]) + side_size[2],
+        )
+        return _dot(n, p), _dot(n, d), _magnitude(size, p), _dot(size, d_size)
+    q = _minus(p, side)
+    q_size = (abs(p[0]) + side_size[0], abs(p[1]) + side_size[1], abs(p[2]) + side_size[2])
+    return _dot(n, q), _dot(n, m[1]), _dot(size, q_size), _magnitude(size, m[1])
+
+
+@numba.njit(inline="always")
+def _depth_interval(mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
+    """View depth of a triangle's plane and a bound of its rounding error."""
+    numerator, denominator, numerator_size, denominator_size = _plane(mesh, grid, t, a, b)
+    depth = numerator / denominator
+    room = abs(denominator) - PLANE_ROUNDING * denominator_size
+    if not room > 0.0:
+        return depth, np.inf
+    return depth, PLANE_ROUNDING * (numerator_size + abs(depth) * denominator_size) / room
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_rays(
+    rays: NDArray[Any],
+    start: int,
+    count: int,
+    grid: Grid,
+    origin: NDArray[Any],
+    start_depth: float,
+) -> None:
+    """Origins and directions of `count` samples from `start` on, into `rays` (n, 6) float32.
+
+    Computed in float64 and rounded once. Origins are relative to the scene's own `origin`
+    and lie on the rays at view depth `start_depth`.
+    """
+    m = grid.axes
+    width = len(grid.column_a)
+    y, x = start // width, start % width
+    eye = (m[0, 0] - origin[0], m[0, 1] - origin[1], m[0, 2] - origin[2])
+    for k in range(count):
+        side = _offset(grid, grid.column_a[x], grid.row_b[y])
+        for i in range(3):
+            if grid.perspective:
+                d = m[1, i] + side[i]
+                o = eye[i] + start_depth * d
+            else:
+                d = m[1, i]
+                o = eye[i] + (side[i] + start_depth * d)
+            rays[k, i] = np.float32(o)
+            rays[k, 3 + i] = np.float32(d)
+        x += 1
+        if x == width:
+            x = 0
+            y += 1
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def resolve(
+    primitives: NDArray[Any],
+    start: int,
+    count: int,
+    grid: Grid,
+    mesh: Mesh,
+    triangle_of_primitive: NDArray[Any],
+    depth_slack: float,
+    triangle: NDArray[Any],
+    depth: NDArray[Any],
+) -> int:
+    """Turn the library's nearest primitives (-1 for none) into owners and view depths.
+
+    `triangle` and `depth` are the frame's flat buffers. A hit that does not count (before
+    near, a one-sided triangle from behind, edge-on) may hide one that does, and one whose
+    plane is met off the triangle by more than the library's error `depth_slack` is a false
+    hit on a grazing triangle: they become `PENDING`. A hit beyond far hides nothing, unless
+    by less than `depth_slack`. Returns how many are pending.
+    """
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    forward_dual = (m[4, 0], m[4, 1], m[4, 2])
+    width = len(grid.column_a)
+    y, x = start // width, start % width
+    pending = 0
+    for k in range(count):
+        s = start + k
+        triangle[s] = BACKGROUND
+        depth[s] = np.inf
+        if primitives[k] >= 0:
+            t = triangle_of_primitive[primitives[k]]
+            plane = _plane(mesh, grid, t, grid.column_a[x], grid.row_b[y])
+            z = plane[0] / plane[1]
+            z0 = _dot(_minus(_corner(mesh, t, 0), eye), forward_dual)
+            z1 = _dot(_minus(_corner(mesh, t, 1), eye), forward_dual)
+            z2 = _dot(_minus(_corner(mesh, t, 2), eye), forward_dual)
+            true_hit = (
+                z >= min(z0, z1, z2) - depth_slack
+                and z <= max(z0, z1, z2) + depth_slack
+                and plane[1] != 0.0
+                and not (mesh.one_sided[t] and plane[1] > 0.0)
+            )
+            if true_hit and z >= grid.near and z <= grid.far:
+                triangle[s] = t
+                depth[s] = z
+            elif not (true_hit and z > grid.far + depth_slack):
+                triangle[s] = PENDING
+                pending += 1
+        x += 1
+        if x == width:
+            x = 0
+            y += 1
+    return pending
+
+
+@numba.njit(inline="always")
+def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
+    """The edge's function of (a, b): (constant, a's, b's). Its sign says on which side of the
+    edge a ray passes. Exactly antisymmetric in pi and pj, so that no sample slips between
+    two triangles that share an edge."""
+    m = grid.axes
+    if grid.perspective:
+        q = _cross(pi, pj)
+        return _dot(q, m[1]), _dot(q, m[2]), _dot(q, m[3])
+    q = _cross(m[1], _minus(pj, pi))
+    return _dot(_cross(pi, pj), m[1]), _dot(q, m[2]), _dot(q, m[3])
+
+
+@numba.njit(inline="always")
+def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
+    """Pixel bounds x0, x1, y0, y1 (x1 and y1 excluded) of what a triangle may cover."""
+    m = grid.axes
+    # Half of near: far from any rounding of a depth that counts.
+    clip = 0.5 * grid.near
+    low_a, high_a, low_b, high_b = np.inf, -np.inf, np.inf, -np.inf
+    for k in range(3):
+        p, q = corners[k], corners[(k + 1) % 3]
+        if not grid.perspective:
+            a, b = _dot(p, m[5]), _dot(p, m[6])
+            low_a, high_a = min(low_a, a), max(high_a, a)
+            low_b, high_b = min(low_b, b), max(high_b, b)
+            continue
+        z, z_next = _dot(p, m[4]), _dot(q, m[4])
+        if z >= clip:
+            a, b = _dot(p, m[5]) / z, _dot(p, m[6]) / z
+            low_a, high_a = min(low_a, a), max(high_a, a)
+            low_b, high_b = min(low_b, b), max(high_b, b)
+        if (z >= clip) != (z_next >= clip):
+            w = (clip - z) / (z_next - z)
+            a = ((1.0 - w) * _dot(p, m[5]) + w * _dot(q, m[5])) / clip
+            b = ((1.0 - w) * _dot(p, m[6]) + w * _dot(q, m[6])) / clip
+            low_a, high_a = min(low_a, a), max(high_a, a)
+            low_b, high_b = min(low_b, b), max(high_b, b)
+    width, height = len(grid.column_a), len(grid.row_b)
+    x0 = (low_a - grid.column_a[0]) / 2.0 - RECTANGLE_MARGIN_PX
+    x1 = (high_a - grid.column_a[0]) / 2.0 + RECTANGLE_MARGIN_PX
+    y0 = (grid.row_b[0] - high_b) / 2.0 - RECTANGLE_MARGIN_PX
+    y1 = (grid.row_b[0] - low_b) / 2.0 + RECTANGLE_MARGIN_PX
+    return (
+        int(min(max(x0, 0.0), np.float64(width))),
+        int(min(max(x1 + 1.0, 0.0), np.float64(width))),
+        int(min(max(y0, 0.0), np.float64(height))),
+        int(min(max(y1 + 1.0, 0.0), np.float64(height))),
+    )
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def splat(
+    mode: int,
+    which: NDArray[Any],
+    mesh: Mesh,
+    grid: Grid,
+    window: tuple[int, int, int, int],
+    layers: Layers,
+) -> None:
+    """Test the triangles `which` (ascending ids) against the samples of `window` (x0, x1, y0,
+    y1; x1, y1 excluded). Closed triangles, closed range; one-sided ones from behind do not count.
+
+    OWN: at marked samples the nearest triangle becomes the owner.
+    MASK: mark samples where a triangle lies at or before the owner. Errs to undecided: depths
+    whose error bounds overlap count.
+    BLEND: count for each object the samples at which it lies before the owner, unless they are
+    marked or the owner is its own. Errs to unseen: depths whose error bounds overlap do not
+    count.
+    """
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    width = len(grid.column_a)
+    for t in which:
+        p0 = _minus(_corner(mesh, t, 0), eye)
+        p1 = _minus(_corner(mesh, t, 1), eye)
+        p2 = _minus(_corner(mesh, t, 2), eye)
+        x0, x1, y0, y1 = _rectangle(grid, (p0, p1, p2))
+        x0, x1 = max(x0, window[0]), min(x1, window[1])
+        y0, y1 = max(y0, window[2]), min(y1, window[3])
+        if x0 >= x1 or y0 >= y1:
+            continue
+        e0, e1, e2 = _edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0)
+        o = mesh.object_of_triangle[t]
+        for y in range(y0, y1):
+            b = grid.row_b[y]
+            for x in range(x0, x1):
+                s = y * width + x
+                if layers.mark[s] != (mode == OWN):
+                    continue
+                a = grid.column_a[x]
+                s0 = e0[0] + (a * e0[1] + b * e0[2])
+                s1 = e1[0] + (a * e1[1] + b * e1[2])
+                s2 = e2[0] + (a * e2[1] + b * e2[2])
+                if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
+                    continue
+                denominator = _plane(mesh, grid, t, a, b)[1]
+                if denominator == 0.0 or (mesh.one_sided[t] and denominator > 0.0):
+                    continue
+                z, error = _depth_interval(mesh, grid, t, a, b)
+                if not (z >= grid.near and z <= grid.far):
+                    continue
+                owner = layers.triangle[s]
+                if mode == OWN:
+                    if z < layers.depth[s]:
+                        layers.triangle[s] = t
+                        layers.depth[s] = z
+                    continue
+                owner_z, owner_error = np.inf, 0.0
+                if owner >= 0:
+                    owner_z, owner_error = _depth_interval(mesh, grid, owner, a, b)
+                if mode == MASK:
+                    if z - error <= owner_z + owner_error:
+                        layers.mark[s] = True
+                    continue
+                if not z + error < owner_z - owner_error:
+                    continue
+                if owner >= 0 and mesh.object_of_triangle[owner] == o:
+                    continue
+                if layers.stamp[s] != o:
+                    layers.stamp[s] = o
+                    layers.pixels[o] += 1
+                if z < layers.nearest_depth[o]:
+                    layers.nearest_depth[o] = z
+                    layers.nearest_sample[o] = s
+                    layers.nearest_triangle[o] = t
