@@ -1,0 +1,5 @@
+"""Exact visibility: the sample rule decided by proven bounds, and by integers where they fail."""
+
+from visref.exact.scene import ExactScene, Owners, compare_depths
+
+__all__ = ["ExactScene", "Owners", "compare_depths"]

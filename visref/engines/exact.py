@@ -1,0 +1,23 @@
+"""The exact engine: certifies whole frames."""
+
+from __future__ import annotations
+
+from visref.camera import Camera
+from visref.engines.base import TruthEngine
+from visref.exact import ExactScene
+from visref.scene import Scene
+from visref.visibility import FrameTruth
+
+
+class ExactEngine(TruthEngine):
+    """Every sample's owner in exact arithmetic, every tie listed."""
+
+    name = "exact"
+    summary = "exact arithmetic on every close call; lists every tie"
+
+    def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
+        super().__init__(scene, threads=threads)
+        self._exact = ExactScene(scene, threads=threads)
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        return self._exact.certify(camera)

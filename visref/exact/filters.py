@@ -1,0 +1,307 @@
+"""The float64 filters of exact visibility: what they compute, and why they may be believed.
+
+A sample's ray is e + t (F + aR + bU) (perspective) or e + aR + bU + t F (orthographic), all
+of e, F, R, U, a, b exact float64 numbers, the vertices v0, v1, v2 exact float32 numbers. With
+w = v - e, n = (v1 - v0) x (v2 - v0) and d = F + aR + bU:
+
+    perspective   E_i = d . (w_j x (v_k - v_j))                 N = w0 . n    D = d . n
+    orthographic  E_i = ((v_j - v_k) x F) . (aR + bU - w_k)     N = (w0 - aR - bU) . n   D = F . n
+
+for (i, j, k) = (0, 1, 2), (1, 2, 0), (2, 0, 1). The ray meets the triangle's plane at
+t = N / D and the closed triangle where D != 0 and no E_i has the sign opposite to D's.
+Everything is affine in (a, b). Perspective hits have t > 0, so N and D share their sign:
+all that is left is s E_i >= 0 with s = sign(N), and 1/t = D / N is affine. Orthographic:
+s = sign(D), and t = N / D is affine. The *key* q, larger is nearer, is 1/t or -t.
+
+Rounding. u = 2^-53 bounds the relative error of one operation, wherever a sum or difference
+(never inexact when subnormal) or a product, quotient that does not underflow; an underflowing
+product errs by at most 2^-1075 besides. (A fused multiply-add would only round less.) Writing
+g for the difference of two vertices, m for the max-norm of w and h for that of g, as computed:
+
+* w, g: one rounding a component. Cross products w x g: 2 (operands) + 1 (product) + 1
+  (difference) = 4 roundings on two products of size <= m h. A dot product of that with an exact
+  vector: 1 + 2 more = 7. Evaluated at (a, b) as (c + b cb) + a ca: at most 3 more = 10. So
+      |error E| <= ((1+u)^10 - 1) 2 m h (|F|_1 + |a| |R|_1 + |b| |U|_1) = 20.0..1 u m h reach
+  Orthographic: g x F costs 3, the dot product with w_k 1 + 1 + 2, the evaluation 3: 10 again,
+  on 2 h |F|_inf (3 m + |a| |R|_1 + |b| |U|_1). `EDGE` = 24 u; the fifth to spare pays for the
+  roundings of the bound itself (fewer than 30 u of it).
+* N perspective, w0 . n: 4 for n, 1 for w0, 1 + 2 for the dot product = 8, on 3 m0 2 h1 h2:
+  48.0..1 u m0 h1 h2. `PERSPECTIVE_SIGN` = 56 u. D orthographic, F . n: 7 on 2 h1 h2 |F|_1:
+  14.0..1 u. `ORTHOGRAPHIC_SIGN` = 18 u.
+* q = D / N: the terms of D cost 7, the reciprocal r = 1/N and the product with it 2, the
+  evaluation 3: 12, orthographic 8 + 2 + 3 = 13, on X = 2 h1 h2 reach |r|, so 13.0..1 u X; the
+  denominator's own error B (accepted only where |N| > 4 B) turns into at most
+  X B / (|N| - B) <= 1.34 X B |r|. The filter uses 1.25 X (16 u + 2 B |r|): what is left over
+  pays for the rounding of q -+ error (|q| <= X).
+* Underflow: a handful of 2^-1075, each amplified by no more than 1 + reach + |a| + |b|, and for
+  q by |r|: `tiny` = 2^-1000 (1 + reach + |a| + |b|) is far above their sum.
+
+Overflow and NaN make every comparison below false, which means *undecided*: the exact path
+then decides. All filters are written so that doubt falls that way.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.errors import InputError
+from visref.scene import Float64
+
+U = 2.0**-53
+EDGE = 24.0 * U
+PERSPECTIVE_SIGN = 56.0 * U
+ORTHOGRAPHIC_SIGN = 18.0 * U
+KEY = 16.0 * U
+TINY = 2.0**-1000
+# The dual vectors are rounded once from exact rationals; X . w then has 1 (X) + 1 (w) + 1
+# (product) + 2 (sums) = 5 roundings on |X|_1 |w|_inf.
+PROJECT = 6.0 * U
+# The bound on a clipped edge's point: the roundings above, and 8 u (|x_i| + |x_j|) for the
+# interpolation, each |x| <= |X|_1 |w|_inf.
+PROJECT_CLIPPED = 24.0 * U
+# (a, b) to pixels costs four roundings of numbers below 2^26 (image sides are at most 2^20;
+# greater shifts turn the screen boxes off): 2^-25 px, and the columns' own a as much again.
+PIXEL_SLACK = 2.0**-20
+GREATEST_SHIFT_PX = 2.0**24
+# Sums and products of three of vertex - eye must not overflow; float32 vertices cannot.
+GREATEST_EYE = 2.0**300
+
+# What `set_up` says of a triangle.
+NOTHING, CERTAIN, DOUBTFUL = 0, 1, 2
+
+# The layout of what `set_up` computes: 0-8 three edges of (c, ca, cb), 9-11 the key's (c, ca, cb),
+# 12-14 the edges' bounds, then as named. A doubtful triangle's "key" is D itself (perspective).
+KEY_BOUND, SIGN, SIGN_BOUND = 15, 16, 17
+SET_UP_SIZE = 18
+
+
+class View(NamedTuple):
+    """One camera in the form that the compiled filters read. Vectors are (3,) float64."""
+
+    perspective: bool
+    e: Float64
+    f: Float64
+    r: Float64
+    u: Float64
+    x_dual: Float64  # a = x_dual . w / t, b = y_dual . w / t, t = z_dual . w
+    y_dual: Float64
+    z_dual: Float64
+    x_norm: float  # |x_dual|_1, and so on
+    y_norm: float
+    z_norm: float
+    reach: float  # |F|_1 + max|a| |R|_1 + max|b| |U|_1, orthographic without |F|_1
+    f_norm: float  # |F|_1
+    tiny: float
+    near: float
+    far: float
+    # A key above `too_near` or below `too_far` is certainly out of range, one at most
+    # `near_enough` and at least `far_enough` certainly inside.
+    too_near: float
+    near_enough: float
+    far_enough: float
+    too_far: float
+    boxes: bool  # whether screen boxes may be used
+    width: int
+    height: int
+    shift_x_px: float
+    shift_y_px: float
+    a_least: float
+    a_greatest: float
+    b_least: float
+    b_greatest: float
+
+
+def view_of(camera: Camera) -> View:
+    """Everything about a camera that the filters need, with its own roundings accounted for."""
+    e, f, r, u = camera.eye, camera.forward, camera.right_step, camera.up_step
+    if np.abs(e).max() > GREATEST_EYE:
+        raise InputError(
+            f"the camera stands at {e.tolist()}",
+            place="world_from_camera",
+            mend="bring it within 2^300 units of the origin",
+        )
+    a, b = camera.column_a, camera.row_b
+    a_size, b_size = float(np.abs(a).max()), float(np.abs(b).max())
+    norm = [float(np.abs(v).sum()) for v in (f, r, u)]
+    offset = a_size * norm[1] + b_size * norm[2]
+    reach = offset + norm[0] if camera.is_perspective else offset
+    duals = _dual_basis(r, u, f)
+    shifts = max(abs(camera.shift_x_px), abs(camera.shift_y_px))
+    too_near, near_enough, far_enough, too_far = _key_range(camera)
+    return View(
+        perspective=camera.is_perspective,
+        e=e,
+        f=f,
+        r=r,
+        u=u,
+        x_dual=duals[0],
+        y_dual=duals[1],
+        z_dual=duals[2],
+        x_norm=float(np.abs(duals[0]).sum()),
+        y_norm=float(np.abs(duals[1]).sum()),
+        z_norm=float(np.abs(duals[2]).sum()),
+        reach=reach,
+        f_norm=norm[0],
+        tiny=TINY * (1.0 + reach + norm[0] + a_size + b_size),
+        near=float(camera.near),
+        far=float(camera.far),
+        too_near=too_near,
+        near_enough=near_enough,
+        far_enough=far_enough,
+        too_far=too_far,
+        boxes=bool(shifts <= GREATEST_SHIFT_PX and np.isfinite(duals).all()),
+        width=camera.width,
+        height=camera.height,
+        shift_x_px=float(camera.shift_x_px),
+        shift_y_px=float(camera.shift_y_px),
+        a_least=float(a.min()),
+        a_greatest=float(a.max()),
+        b_least=float(b.min()),
+        b_greatest=float(b.max()),
+    )
+
+
+def _dual_basis(r: Float64, u: Float64, f: Float64) -> Float64:
+    """(3, 3) float64: the rows that give (a, b, t) of a vector w, each entry rounded once from
+    the exact inverse of the matrix with columns R, U, F."""
+    columns = [[Fraction(float(x)) for x in v] for v in (r, u, f)]
+
+    def cross(p: list[Fraction], q: list[Fraction]) -> list[Fraction]:
+        return [p[i - 2] * q[i - 1] - p[i - 1] * q[i - 2] for i in range(3)]
+
+    rows = [cross(columns[i - 2], columns[i - 1]) for i in range(3)]
+    determinant = sum((x * y for x, y in zip(columns[0], rows[0], strict=True)), Fraction(0))
+    if determinant == 0:
+        return np.full((3, 3), np.nan)
+    try:
+        return np.array([[float(x / determinant) for x in row] for row in rows])
+    except OverflowError:
+        return np.full((3, 3), np.nan)
+
+
+def _key_range(camera: Camera) -> tuple[float, float, float, float]:
+    near, far = float(camera.near), float(camera.far)
+    if not camera.is_perspective:
+        return -near, -near, -far, -far
+    # 1/near and 1/far are rounded once; four units either way are more than enough, and beyond
+    # 2^+-1000, where reciprocals leave the normal range, the outermost values stand.
+    if near < TINY:
+        too_near, near_enough = math.inf, 1.0 / TINY
+    else:
+        too_near, near_enough = (1.0 / near) * (1.0 + 4.0 * U), (1.0 / near) * (1.0 - 4.0 * U)
+    if far > 1.0 / TINY:
+        # Also the infinite range: t > 0 alone is asked.
+        return too_near, near_enough, TINY, 0.0
+    return too_near, near_enough, (1.0 / far) * (1.0 + 4.0 * U), (1.0 / far) * (1.0 - 4.0 * U)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _largest(x: float, y: float, z: float) -> float:
+    return max(abs(x), max(abs(y), abs(z)))
+
+
+@numba.njit(cache=True, nogil=True)
+def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> int:
+    """Compute a triangle's affine functions and their bounds into `out` (see the layout above).
+
+    `p`: (9,) float32, its corners. Returns NOTHING where it certainly covers no sample, CERTAIN
+    with edges oriented so that inside is >= 0, or DOUBTFUL where the orientation is not certain.
+    """
+    ax, ay, az = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])
+    bx, by, bz = np.float64(p[3]), np.float64(p[4]), np.float64(p[5])
+    cx, cy, cz = np.float64(p[6]), np.float64(p[7]), np.float64(p[8])
+    # Edges a->b, b->c, c->a.
+    abx, aby, abz = bx - ax, by - ay, bz - az
+    bcx, bcy, bcz = cx - bx, cy - by, cz - bz
+    cax, cay, caz = ax - cx, ay - cy, az - cz
+    h_ab, h_bc, h_ca = (
+        _largest(abx, aby, abz),
+        _largest(bcx, bcy, bcz),
+        _largest(cax, cay, caz),
+    )
+    e, f, r, u = view.e, view.f, view.r, view.u
+    ax, ay, az = ax - e[0], ay - e[1], az - e[2]
+    bx, by, bz = bx - e[0], by - e[1], bz - e[2]
+    cx, cy, cz = cx - e[0], cy - e[1], cz - e[2]
+    m_a, m_b, m_c = _largest(ax, ay, az), _largest(bx, by, bz), _largest(cx, cy, cz)
+    # (b - a) x (c - a), with c - a = -(a - c), exactly.
+    nx = abz * cay - aby * caz
+    ny = abx * caz - abz * cax
+    nz = aby * cax - abx * cay
+    h2 = h_ab * h_ca
+    if view.perspective:
+        denominator = ax * nx + ay * ny + az * nz
+        bound = PERSPECTIVE_SIGN * m_a * h2 + view.tiny
+    else:
+        denominator = f[0] * nx + f[1] * ny + f[2] * nz
+        bound = ORTHOGRAPHIC_SIGN * h2 * view.f_norm + view.tiny
+    out[SIGN], out[SIGN_BOUND] = denominator, bound
+    certain = abs(denominator) > 4.0 * bound
+    if certain and one_sided and denominator > 0.0:
+        return NOTHING
+    sign = -1.0 if certain and denominator < 0.0 else 1.0
+    if view.perspective:
+        x, y, z = by * bcz - bz * bcy, bz * bcx - bx * bcz, bx * bcy - by * bcx
+        out[0] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        x, y, z = cy * caz - cz * cay, cz * cax - cx * caz, cx * cay - cy * cax
+        out[3] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[4] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[5] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        x, y, z = ay * abz - az * aby, az * abx - ax * abz, ax * aby - ay * abx
+        out[6] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        reach = EDGE * view.reach
+        out[12] = reach * m_b * h_bc + view.tiny
+        out[13] = reach * m_c * h_ca + view.tiny
+        out[14] = reach * m_a * h_ab + view.tiny
+        q, qa, qb = (
+            f[0] * nx + f[1] * ny + f[2] * nz,
+            r[0] * nx + r[1] * ny + r[2] * nz,
+            u[0] * nx + u[1] * ny + u[2] * nz,
+        )
+        size = h2 * view.reach
+    else:
+        # (v_j - v_k) x F = F x (v_k - v_j).
+        x, y, z = f[1] * bcz - f[2] * bcy, f[2] * bcx - f[0] * bcz, f[0] * bcy - f[1] * bcx
+        out[0] = -sign * (x * cx + y * cy + z * cz)
+        out[1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        x, y, z = f[1] * caz - f[2] * cay, f[2] * cax - f[0] * caz, f[0] * cay - f[1] * cax
+        out[3] = -sign * (x * ax + y * ay + z * az)
+        out[4] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[5] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        x, y, z = f[1] * abz - f[2] * aby, f[2] * abx - f[0] * abz, f[0] * aby - f[1] * abx
+        out[6] = -sign * (x * bx + y * by + z * bz)
+        out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        scale = EDGE * view.f_norm
+        out[12] = scale * h_bc * (3.0 * m_c + view.reach) + view.tiny
+        out[13] = scale * h_ca * (3.0 * m_a + view.reach) + view.tiny
+        out[14] = scale * h_ab * (3.0 * m_b + view.reach) + view.tiny
+        q, qa, qb = (
+            -(ax * nx + ay * ny + az * nz),
+            r[0] * nx + r[1] * ny + r[2] * nz,
+            u[0] * nx + u[1] * ny + u[2] * nz,
+        )
+        size = h2 * (3.0 * m_a + view.reach)
+    if not certain:
+        out[9], out[10], out[11] = q, qa, qb
+        out[KEY_BOUND] = EDGE * size + view.tiny
+        return DOUBTFUL
+    inverse = 1.0 / denominator
+    out[9], out[10], out[11] = q * inverse, qa * inverse, qb * inverse
+    inverse = abs(inverse)
+    out[KEY_BOUND] = (
+        2.5 * size * inverse * (KEY + 2.0 * bound * inverse) + view.tiny * inverse + view.tiny
+    )
+    return CERTAIN

@@ -1,0 +1,476 @@
+"""A tiled homogeneous rasteriser that never decides what it cannot prove.
+
+After Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates" (1997), with
+the hierarchical depth rejection of Greene, Kass and Miller (1993). Departures: nothing is
+clipped or snapped (screen boxes alone use a clip at the near plane, rounded outward), every
+comparison carries the bound of `visref.exact.filters`, and where a bound cannot decide the
+triangle is put on a list of contenders instead of being drawn or dropped.
+
+`project` finds the triangles whose screen box holds a sample, `bin_boxes` sorts them into
+tiles, `rasterise` fills tiles. What comes out: per sample the certainly covering triangle with
+the greatest lower bound of its key, and every other triangle that may still be as near.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.exact.filters import (
+    CERTAIN,
+    KEY_BOUND,
+    NOTHING,
+    PIXEL_SLACK,
+    PROJECT,
+    PROJECT_CLIPPED,
+    SET_UP_SIZE,
+    SIGN,
+    SIGN_BOUND,
+    U,
+    View,
+    set_up,
+)
+
+TILE = 64
+BLOCK = 8
+# The clip for screen boxes lies this much before the near plane, so that an error of a vertex's
+# depth up to `near` times this cannot cut off a point that a sample might hit.
+CLIP_SLACK = 2.0**-10
+
+NOT_WANTED = -2
+
+# What is known of a contender.
+POSSIBLE, COVERING, NEARER = 0, 1, 2
+
+
+@numba.njit(cache=True, nogil=True)
+def cluster_depths(bounds: NDArray[Any], view: View, nearest: NDArray[Any]) -> None:
+    """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
+
+    `bounds`: (c, 2, 3) float32. Outward: a cluster is left out only where every point of its
+    box is beyond one plane of the frustum by more than the rounding.
+    """
+    # One unit of a and b (half a pixel) to spare; the error term covers the rest.
+    planes = np.zeros((4, 3))
+    norms = np.zeros(4)
+    offsets = np.zeros(4)
+    limits = (view.a_least, view.a_greatest, view.b_least, view.b_greatest)
+    for i in range(4):
+        dual = view.x_dual if i < 2 else view.y_dual
+        toward = 1.0 if i % 2 == 0 else -1.0
+        limit = limits[i] - toward
+        for k in range(3):
+            if view.perspective:
+                planes[i, k] = toward * (dual[k] - limit * view.z_dual[k])
+                norms[i] += abs(dual[k]) + abs(limit * view.z_dual[k])
+            else:
+                planes[i, k] = toward * dual[k]
+                norms[i] += abs(dual[k])
+        if not view.perspective:
+            offsets[i] = toward * limit
+    low = np.empty(3)
+    high = np.empty(3)
+    for c in range(len(bounds)):
+        size = 0.0
+        least, greatest = 0.0, 0.0
+        for k in range(3):
+            low[k] = np.float64(bounds[c, 0, k]) - view.e[k]
+            high[k] = np.float64(bounds[c, 1, k]) - view.e[k]
+            size = max(size, max(abs(low[k]), abs(high[k])))
+            z = view.z_dual[k]
+            least += z * low[k] if z > 0.0 else z * high[k]
+            greatest += z * high[k] if z > 0.0 else z * low[k]
+        error = PROJECT * view.z_norm * size
+        nearest[c] = least - error
+        outside = greatest + error < view.near or least - error > view.far
+        if view.boxes:
+            for i in range(4):
+                value = 0.0
+                for k in range(3):
+                    p = planes[i, k]
+                    value += p * high[k] if p > 0.0 else p * low[k]
+                # 16 u: the plane's own roundings (3) and the offset's come on top of PROJECT's.
+                if value - offsets[i] < -16.0 * U * (norms[i] * size + abs(offsets[i])):
+                    outside = True
+        if outside:
+            nearest[c] = np.inf
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _pixel_range(low: float, high: float, count: int) -> tuple[int, int]:
+    """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
+    low -= PIXEL_SLACK
+    high += PIXEL_SLACK
+    first = 0
+    if low > 0.0:
+        first = count if low > count else math.ceil(low)
+    last = count - 1
+    if high < count - 1:
+        last = -1 if high < 0.0 else math.floor(high)
+    return first, last
+
+
+@numba.njit(cache=True, nogil=True)
+def project(
+    clusters: NDArray[Any],
+    cluster_offsets: NDArray[Any],
+    corners: NDArray[Any],
+    usable: NDArray[Any],
+    view: View,
+    found: NDArray[Any],
+    boxes: NDArray[Any],
+    keys: NDArray[Any],
+) -> int:
+    """Find the triangles whose screen box holds a sample.
+
+    Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
+    bool. Writes to `found` the triangle's place in cluster order, to `boxes` its first and last
+    pixel column and row, to `keys` (upper bound of the key, 1.0 if its depth range must be
+    checked at each sample). Returns how many were found. All bounds are outward.
+    """
+    count = 0
+    z = np.empty(3)
+    x = np.empty(3)
+    y = np.empty(3)
+    for index in range(len(clusters)):
+        cluster = clusters[index]
+        for t in range(cluster_offsets[cluster], cluster_offsets[cluster + 1]):
+            if not usable[t]:
+                continue
+            size = 0.0
+            for i in range(3):
+                wx = np.float64(corners[t, 3 * i]) - view.e[0]
+                wy = np.float64(corners[t, 3 * i + 1]) - view.e[1]
+                wz = np.float64(corners[t, 3 * i + 2]) - view.e[2]
+                size = max(size, max(abs(wx), max(abs(wy), abs(wz))))
+                x[i] = view.x_dual[0] * wx + view.x_dual[1] * wy + view.x_dual[2] * wz
+                y[i] = view.y_dual[0] * wx + view.y_dual[1] * wy + view.y_dual[2] * wz
+                z[i] = view.z_dual[0] * wx + view.z_dual[1] * wy + view.z_dual[2] * wz
+            z_error = PROJECT * view.z_norm * size
+            z_least = min(z[0], min(z[1], z[2])) - z_error
+            z_greatest = max(z[0], max(z[1], z[2])) + z_error
+            if z_greatest < view.near or z_least > view.far:
+                continue
+            check = not (z_least > view.near and z_greatest < view.far)
+            x0, x1, y0, y1 = 0, view.width - 1, 0, view.height - 1
+            if view.boxes:
+                x_error = PROJECT_CLIPPED * view.x_norm * size
+                y_error = PROJECT_CLIPPED * view.y_norm * size
+                a0, a1, b0, b1 = np.inf, -np.inf, np.inf, -np.inf
+                bounded = True
+                if view.perspective:
+                    clip = view.near * (1.0 - CLIP_SLACK)
+                    bounded = z_error < view.near * (0.5 * CLIP_SLACK)
+                    for i in range(3):
+                        if z[i] >= clip:
+                            inverse = 1.0 / z[i]
+                            a, b = x[i] * inverse, y[i] * inverse
+                            a_error = 2.0 * (x_error + abs(a) * z_error) * inverse
+                            b_error = 2.0 * (y_error + abs(b) * z_error) * inverse
+                            a0, a1 = min(a0, a - a_error), max(a1, a + a_error)
+                            b0, b1 = min(b0, b - b_error), max(b1, b + b_error)
+                        j = i + 1 if i < 2 else 0
+                        if (z[i] >= clip) != (z[j] >= clip):
+                            part = (clip - z[i]) / (z[j] - z[i])
+                            inverse = 1.0 / clip
+                            a = (x[i] + part * (x[j] - x[i])) * inverse
+                            b = (y[i] + part * (y[j] - y[i])) * inverse
+                            a_error = 2.0 * (x_error + abs(a) * z_error) * inverse
+                            b_error = 2.0 * (y_error + abs(b) * z_error) * inverse
+                            a0, a1 = min(a0, a - a_error), max(a1, a + a_error)
+                            b0, b1 = min(b0, b - b_error), max(b1, b + b_error)
+                else:
+                    a0 = min(x[0], min(x[1], x[2])) - x_error
+                    a1 = max(x[0], max(x[1], x[2])) + x_error
+                    b0 = min(y[0], min(y[1], y[2])) - y_error
+                    b1 = max(y[0], max(y[1], y[2])) + y_error
+                if bounded:
+                    middle = 0.5 * (view.width - 1) - view.shift_x_px
+                    x0, x1 = _pixel_range(0.5 * a0 + middle, 0.5 * a1 + middle, view.width)
+                    middle = 0.5 * (view.height - 1) - view.shift_y_px
+                    y0, y1 = _pixel_range(middle - 0.5 * b1, middle - 0.5 * b0, view.height)
+                    if x0 > x1 or y0 > y1:
+                        continue
+            found[count] = t
+            boxes[count, 0] = x0
+            boxes[count, 1] = x1
+            boxes[count, 2] = y0
+            boxes[count, 3] = y1
+            if view.perspective:
+                # A hit has t >= near too. Two roundings of normal numbers; 4 u is upward.
+                keys[count, 0] = (1.0 / max(z_least, view.near)) * (1.0 + 4.0 * U)
+            else:
+                keys[count, 0] = -z_least
+            keys[count, 1] = 1.0 if check else 0.0
+            count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def bin_boxes(
+    boxes: NDArray[Any], tile_wanted: NDArray[Any], tile_columns: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """For each wanted tile the boxes that meet it, in order: (offsets, box indices)."""
+    tiles = len(tile_wanted)
+    offsets = np.zeros(tiles + 1, np.int64)
+    for k in range(len(boxes)):
+        for row in range(boxes[k, 2] // TILE, boxes[k, 3] // TILE + 1):
+            for column in range(boxes[k, 0] // TILE, boxes[k, 1] // TILE + 1):
+                tile = row * tile_columns + column
+                if tile_wanted[tile]:
+                    offsets[tile + 1] += 1
+    for tile in range(tiles):
+        offsets[tile + 1] += offsets[tile]
+    entries = np.empty(offsets[tiles], np.int32)
+    place = offsets[:-1].copy()
+    for k in range(len(boxes)):
+        for row in range(boxes[k, 2] // TILE, boxes[k, 3] // TILE + 1):
+            for column in range(boxes[k, 0] // TILE, boxes[k, 1] // TILE + 1):
+                tile = row * tile_columns + column
+                if tile_wanted[tile]:
+                    entries[place[tile]] = k
+                    place[tile] += 1
+    return offsets, entries
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
+    """The greatest computed value of an affine function over a rectangle's corners."""
+    b = b1 if c[k + 2] > 0.0 else b0
+    a = a1 if c[k + 1] > 0.0 else a0
+    value: float = (c[k] + b * c[k + 2]) + a * c[k + 1]
+    return value
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _least(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
+    b = b0 if c[k + 2] > 0.0 else b1
+    a = a0 if c[k + 1] > 0.0 else a1
+    value: float = (c[k] + b * c[k + 2]) + a * c[k + 1]
+    return value
+
+
+@numba.njit(cache=True, nogil=True)
+def rasterise(
+    tiles: NDArray[Any],
+    tile_columns: int,
+    view: View,
+    column_a: NDArray[Any],
+    row_b: NDArray[Any],
+    corners: NDArray[Any],
+    one_sided: NDArray[Any],
+    found: NDArray[Any],
+    boxes: NDArray[Any],
+    keys: NDArray[Any],
+    bin_offsets: NDArray[Any],
+    bin_entries: NDArray[Any],
+    wanted: NDArray[Any],
+    collect: bool,
+    owner: NDArray[Any],
+    floor: NDArray[Any],
+    ceiling: NDArray[Any],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
+    """Fill some tiles.
+
+    `owner`: (height, width) int32, the certain owner (place in cluster order, -1 for none) is
+    written. `floor`, `ceiling`: (height, width) float64, bounds of that owner's key (-inf for
+    none), written unless their shape is (0, 0). With `collect` they are read instead, nothing is
+    drawn, and every triangle that may reach the floor comes back.
+    `wanted`: (height, width) bool, or (0, 0) for all samples.
+    Returns contenders: flat sample, place in cluster order, and POSSIBLE, COVERING, or (only
+    with `collect`) NEARER: certainly covering, and certainly above the ceiling.
+    """
+    width, height = view.width, view.height
+    low = np.empty((TILE, TILE))
+    high = np.empty((TILE, TILE))
+    own = np.empty((TILE, TILE), np.int32)
+    blocks = TILE // BLOCK
+    block_low = np.empty((blocks, blocks))
+    c = np.empty(SET_UP_SIZE)
+    capacity = 1024
+    out_sample = np.empty(capacity, np.int64)
+    out_triangle = np.empty(capacity, np.int64)
+    out_state = np.empty(capacity, np.uint8)
+    out_high = np.empty(capacity)
+    count = 0
+    for tile in tiles:
+        left, top = (tile % tile_columns) * TILE, (tile // tile_columns) * TILE
+        right, bottom = min(left + TILE, width), min(top + TILE, height)
+        tile_start = count
+        for y in range(TILE):
+            for x in range(TILE):
+                low[y, x] = np.inf
+                own[y, x] = NOT_WANTED
+        for y in range(top, bottom):
+            for x in range(left, right):
+                if wanted.size == 0 or wanted[y, x]:
+                    low[y - top, x - left] = floor[y, x] if collect else -np.inf
+                    high[y - top, x - left] = -np.inf
+                    own[y - top, x - left] = -1
+        for j in range(blocks):
+            for i in range(blocks):
+                least = np.inf
+                for y in range(j * BLOCK, (j + 1) * BLOCK):
+                    for x in range(i * BLOCK, (i + 1) * BLOCK):
+                        least = min(least, low[y, x])
+                block_low[j, i] = least
+        for entry in range(bin_offsets[tile], bin_offsets[tile + 1]):
+            k = bin_entries[entry]
+            x0, x1 = max(boxes[k, 0], left), min(boxes[k, 1], right - 1)
+            y0, y1 = max(boxes[k, 2], top), min(boxes[k, 3], bottom - 1)
+            j0, j1 = (y0 - top) // BLOCK, (y1 - top) // BLOCK
+            i0, i1 = (x0 - left) // BLOCK, (x1 - left) // BLOCK
+            greatest = keys[k, 0]
+            hidden = True
+            for j in range(j0, j1 + 1):
+                for i in range(i0, i1 + 1):
+                    if not greatest < block_low[j, i]:
+                        hidden = False
+                        break
+                if not hidden:
+                    break
+            if hidden:
+                continue
+            t = found[k]
+            state = set_up(corners[t], one_sided[t], view, c)
+            if state == NOTHING:
+                continue
+            check = keys[k, 1] != 0.0
+            c0, ca0, cb0, c1, ca1, cb1, c2, ca2, cb2 = (
+                c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8],
+            )  # fmt: skip
+            q0, qa, qb, bound0, bound1, bound2, error = (
+                c[9], c[10], c[11], c[12], c[13], c[14], c[KEY_BOUND],
+            )  # fmt: skip
+            for j in range(j0, j1 + 1):
+                for i in range(i0, i1 + 1):
+                    if greatest < block_low[j, i]:
+                        continue
+                    bx0, bx1 = max(x0, left + i * BLOCK), min(x1, left + i * BLOCK + BLOCK - 1)
+                    by0, by1 = max(y0, top + j * BLOCK), min(y1, top + j * BLOCK + BLOCK - 1)
+                    inside = False
+                    if (bx1 - bx0 + 1) * (by1 - by0 + 1) > 4:
+                        a0, a1 = column_a[bx0], column_a[bx1]
+                        b0, b1 = row_b[by1], row_b[by0]
+                        greatest0 = _greatest(c, 0, a0, a1, b0, b1)
+                        greatest1 = _greatest(c, 3, a0, a1, b0, b1)
+                        greatest2 = _greatest(c, 6, a0, a1, b0, b1)
+                        below = greatest0 < -bound0 or greatest1 < -bound1 or greatest2 < -bound2
+                        least0 = _least(c, 0, a0, a1, b0, b1)
+                        least1 = _least(c, 3, a0, a1, b0, b1)
+                        least2 = _least(c, 6, a0, a1, b0, b1)
+                        if state == CERTAIN:
+                            if below:
+                                continue
+                            if _greatest(c, 9, a0, a1, b0, b1) + error < block_low[j, i]:
+                                continue
+                            inside = least0 >= bound0 and least1 >= bound1 and least2 >= bound2
+                        elif below and (least0 > bound0 or least1 > bound1 or least2 > bound2):
+                            continue
+                    if count + BLOCK * BLOCK > capacity:
+                        capacity *= 2
+                        grown_sample = np.empty(capacity, np.int64)
+                        grown_sample[:count] = out_sample[:count]
+                        out_sample = grown_sample
+                        grown_triangle = np.empty(capacity, np.int64)
+                        grown_triangle[:count] = out_triangle[:count]
+                        out_triangle = grown_triangle
+                        grown_state = np.empty(capacity, np.uint8)
+                        grown_state[:count] = out_state[:count]
+                        out_state = grown_state
+                        grown_high = np.empty(capacity)
+                        grown_high[:count] = out_high[:count]
+                        out_high = grown_high
+                    changed = False
+                    for y in range(by0, by1 + 1):
+                        b = row_b[y]
+                        row0, row1, row2 = c0 + b * cb0, c1 + b * cb1, c2 + b * cb2
+                        row_q = q0 + b * qb
+                        ty = y - top
+                        for x in range(bx0, bx1 + 1):
+                            a = column_a[x]
+                            tx = x - left
+                            if state == CERTAIN:
+                                q = row_q + a * qa
+                                upper = q + error
+                                if upper < low[ty, tx]:
+                                    continue
+                                certain = True
+                                if not inside:
+                                    e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
+                                    if e0 < -bound0 or e1 < -bound1 or e2 < -bound2:
+                                        continue
+                                    certain = e0 >= bound0 and e1 >= bound1 and e2 >= bound2
+                                if check:
+                                    if q - error > view.too_near or upper < view.too_far:
+                                        continue
+                                    if not (
+                                        upper <= view.near_enough and q - error >= view.far_enough
+                                    ):
+                                        certain = False
+                                if own[ty, tx] == NOT_WANTED:
+                                    continue
+                                lower = q - error
+                                if certain and not collect and lower > low[ty, tx]:
+                                    if own[ty, tx] >= 0 and high[ty, tx] >= lower:
+                                        out_sample[count] = y * width + x
+                                        out_triangle[count] = own[ty, tx]
+                                        out_state[count] = COVERING
+                                        out_high[count] = high[ty, tx]
+                                        count += 1
+                                    own[ty, tx] = t
+                                    low[ty, tx] = lower
+                                    high[ty, tx] = upper
+                                    changed = True
+                                    continue
+                            else:
+                                if own[ty, tx] == NOT_WANTED:
+                                    continue
+                                e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
+                                if (e0 > bound0 or e1 > bound1 or e2 > bound2) and (
+                                    e0 < -bound0 or e1 < -bound1 or e2 < -bound2
+                                ):
+                                    continue
+                                if view.perspective:
+                                    # t = |N| / |D| below near for certain; 4 u for the roundings.
+                                    least = abs(row_q + a * qa) - error
+                                    if abs(c[SIGN]) + c[SIGN_BOUND] < view.near * least * (
+                                        1.0 - 4.0 * U
+                                    ):
+                                        continue
+                                certain, lower, upper = False, -np.inf, np.inf
+                            out_sample[count] = y * width + x
+                            out_triangle[count] = t
+                            out_state[count] = COVERING if certain else POSSIBLE
+                            if collect and certain and lower > ceiling[y, x]:
+                                out_state[count] = NEARER
+                            out_high[count] = upper
+                            count += 1
+                    if changed:
+                        least = np.inf
+                        for y in range(j * BLOCK, (j + 1) * BLOCK):
+                            for x in range(i * BLOCK, (i + 1) * BLOCK):
+                                least = min(least, low[y, x])
+                        block_low[j, i] = least
+        kept = tile_start
+        for index in range(tile_start, count):
+            y, x = out_sample[index] // width, out_sample[index] % width
+            if not out_high[index] < low[y - top, x - left]:
+                out_sample[kept] = out_sample[index]
+                out_triangle[kept] = out_triangle[index]
+                out_state[kept] = out_state[index]
+                out_high[kept] = out_high[index]
+                kept += 1
+        count = kept
+        if not collect:
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    owner[y, x] = max(own[y - top, x - left], -1)
+                    if floor.size:
+                        floor[y, x] = low[y - top, x - left]
+                        ceiling[y, x] = high[y - top, x - left]
+    return out_sample[:count], out_triangle[:count], out_state[:count]

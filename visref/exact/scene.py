@@ -1,0 +1,389 @@
+"""Exact visibility of a scene: who owns which samples, every tie, nothing assumed.
+
+The float64 rasteriser decides what its bounds can; the samples it leaves open come with every
+triangle that may still own them, and are settled in exact integers. Triangles in exactly the
+same plane are at the same depth everywhere, so a wall of duplicates costs a look at each
+triangle's plane (kept from frame to frame), not a decision a sample.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.exact import raster
+from visref.exact.filters import View, view_of
+from visref.exact.rational import ExactFrame, lowest_bit, plane_names
+from visref.scene import Alpha, Float64, Int32, Int64, Scene
+from visref.visibility import (
+    BACKGROUND,
+    BlendVisibility,
+    FrameTruth,
+    Ties,
+    VisibilityBuffer,
+)
+
+Bool = NDArray[np.bool_]
+
+# Triangles in a cluster: enough that its box costs little, few enough that it is small.
+CLUSTER = 32
+# Work is cut into this many parts whatever the number of threads, so that no array depends on it.
+PARTS = 32
+UNKNOWN_PLANE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Owners:
+    """Who owns some samples, exactly.
+
+    Sample i is owned by `triangles[offsets[i]:offsets[i + 1]]`: every triangle at exactly the
+    nearest depth, ascending ids, none where nothing is hit. `offsets`: (k + 1,) int64,
+    `triangles`: int32, `depth`: (k,) float64, the exact view depth rounded to nearest, inf where
+    nothing is hit. `rational`: how many decisions took exact arithmetic.
+    """
+
+    offsets: Int64
+    triangles: Int32
+    depth: Float64
+    rational: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Contest:
+    """Samples and triangles, one pair each: `sample`, `triangle` (ids), `state` as raster's."""
+
+    sample: Int64
+    triangle: Int64
+    state: NDArray[np.uint8]
+
+
+class ExactScene:
+    """A scene made ready for exact decisions.
+
+    `threads` None means all cores; the answer is the same for any number.
+    """
+
+    def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
+        self.scene = scene
+        self._threads = threads or os.cpu_count() or 1
+        order = _spatial_order(scene)
+        self._order = order.astype(np.int32)
+        corners = scene.vertices[scene.triangles[order]]
+        self._corners = corners.reshape(-1, 9)
+        self._one_sided = scene.one_sided[order]
+        starts = np.arange(0, len(order), CLUSTER)
+        self._cluster_offsets = np.append(starts, len(order)).astype(np.int64)
+        self._cluster_bounds = np.zeros((len(starts), 2, 3), np.float32)
+        if len(order):
+            self._cluster_bounds[:, 0] = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
+            self._cluster_bounds[:, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+        self._unit = lowest_bit(scene.vertices)
+        self._plane_of_triangle = np.full(len(order), UNKNOWN_PLANE, np.int64)
+        self._plane_of_name: dict[tuple[int, int, int, int, int] | None, int] = {}
+
+    def decide(self, camera: Camera, samples: Int64, *, include: Bool | None = None) -> Owners:
+        """The owners of some samples among the opaque triangles.
+
+        `samples`: (k,) flat indices y * width + x, any order. `include`: (t,) bool, the only
+        triangles that exist; None means all.
+        """
+        samples = np.asarray(samples, np.int64)
+        ours, place = np.unique(samples, return_inverse=True)
+        wanted = np.zeros((camera.height, camera.width), np.bool_)
+        wanted.reshape(-1)[ours] = True
+        owner, at, triangle, rational, _ = self._owners(camera, wanted, include)
+        # Owners first, then the further triangles of ties: sorted by sample, then triangle.
+        first = owner.reshape(-1)[ours]
+        owned = np.flatnonzero(first != BACKGROUND)
+        index = np.concatenate([owned, np.searchsorted(ours, at)])
+        every = np.concatenate([first[owned], triangle])
+        order = np.lexsort((every, index))
+        index, every = index[order], every[order]
+        offsets = np.searchsorted(index, np.arange(len(ours) + 1))
+        depth = np.full(len(ours), np.inf)
+        depth[owned] = self._depth(camera, ours[owned], first[owned].astype(np.int64))
+        sizes = np.diff(offsets)[place]
+        ends = np.cumsum(sizes)
+        total = int(ends[-1]) if len(ends) else 0
+        gather = np.arange(total) + np.repeat(offsets[place] - (ends - sizes), sizes)
+        return Owners(
+            offsets=np.concatenate([[0], ends]).astype(np.int64),
+            triangles=every[gather].astype(np.int32),
+            depth=depth[place],
+            rational=rational,
+        )
+
+    def certify(self, camera: Camera) -> FrameTruth:
+        """A whole frame in which every sample's owner is exact and every tie is listed.
+
+        Of tied triangles the least id is in the visibility buffer. Depths are the exact ones
+        rounded to nearest.
+        """
+        everything = np.zeros((0, 0), np.bool_)
+        owner, at, triangle, _, bounds = self._owners(camera, everything, None)
+        flat = owner.reshape(-1)
+        owned = np.flatnonzero(flat != BACKGROUND)
+        depth = np.full(camera.samples, np.inf)
+        depth[owned] = self._depth(camera, owned, flat[owned].astype(np.int64))
+        undecided, blend = np.zeros(0, np.int64), BlendVisibility()
+        if self.scene.has_mask:
+            masked = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
+            undecided = np.unique(masked.sample)
+        if self.scene.has_blend:
+            seen = self._before(camera, Alpha.BLEND, flat, bounds, closed=False)
+            blend = self._by_object(camera, seen)
+        return FrameTruth(
+            camera=camera,
+            engine="exact",
+            buffer=VisibilityBuffer(owner, depth.reshape(owner.shape)),
+            ties=Ties(at, triangle.astype(np.int32)),
+            ties_complete=True,
+            undecided=undecided,
+            blend=blend,
+        )
+
+    def _owners(
+        self, camera: Camera, wanted: Bool, include: Bool | None
+    ) -> tuple[Int32, Int64, Int64, int, tuple[Float64, Float64]]:
+        """Owners among the opaque: ((height, width) int32 ids, the further tied triangles as
+        samples and ids sorted by both, exact decisions, bounds of the owners' keys)."""
+        usable = self.scene.alpha == Alpha.OPAQUE
+        if include is not None:
+            usable &= include
+        keep_bounds = self.scene.has_mask or self.scene.has_blend
+        shape = (camera.height, camera.width) if keep_bounds else (0, 0)
+        bounds = np.full(shape, -np.inf), np.full(shape, -np.inf)
+        owner, contest = self._contend(camera, wanted, usable, bounds, collect=False)
+        flat = owner.reshape(-1)
+        # The certain owner of a contested sample joins the contest.
+        contested = np.unique(contest.sample)
+        if keep_bounds:
+            bounds[1].reshape(-1)[contested] = np.inf
+        first = contested[flat[contested] != BACKGROUND]
+        contest = _Contest(
+            np.concatenate([contest.sample, first]),
+            np.concatenate([contest.triangle, flat[first]]),
+            np.concatenate([contest.state, np.full(len(first), raster.COVERING, np.uint8)]),
+        )
+        flat[contested] = BACKGROUND
+        sample, triangle, rational = self._nearest(camera, contest)
+        leads = np.append(True, sample[1:] != sample[:-1])[: len(sample)]
+        flat[sample[leads]] = triangle[leads]
+        return owner, sample[~leads], triangle[~leads], rational, bounds
+
+    def _contend(
+        self,
+        camera: Camera,
+        wanted: Bool,
+        usable: Bool,
+        bounds: tuple[Float64, Float64],
+        *,
+        collect: bool,
+    ) -> tuple[Int32, _Contest]:
+        """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
+        view = view_of(camera)
+        found, boxes, keys = self._project(view, usable[self._order])
+        columns = -(-camera.width // raster.TILE)
+        rows = -(-camera.height // raster.TILE)
+        tiles = np.ones(rows * columns, np.bool_)
+        if wanted.size:
+            y, x = np.nonzero(wanted)
+            tiles[:] = False
+            tiles[y // raster.TILE * columns + x // raster.TILE] = True
+        bin_offsets, bin_entries = raster.bin_boxes(boxes, tiles, columns)
+        owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
+        a, b = camera.column_a, camera.row_b
+
+        def fill(part: Int64) -> tuple[Any, ...]:
+            result: tuple[Any, ...] = raster.rasterise(
+                part, columns, view, a, b, self._corners, self._one_sided, found, boxes, keys,
+                bin_offsets, bin_entries, wanted, collect, owner, *bounds,
+            )  # fmt: skip
+            return result
+
+        parts = np.array_split(np.flatnonzero(tiles), PARTS)
+        results = self._in_parallel(fill, (part for part in parts if len(part)))
+        empty = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.uint8))
+        sample, place, state = (np.concatenate(x) for x in zip(empty, *results, strict=True))
+        seen = owner >= 0
+        owner[seen] = self._order[owner[seen]]
+        return owner, _Contest(sample, self._order[place].astype(np.int64), state)
+
+    def _project(self, view: View, usable: Bool) -> tuple[Int32, Int32, Float64]:
+        """Triangles that may own a sample, nearest clusters first: place, box, key bound."""
+        depths = np.empty(len(self._cluster_bounds))
+        raster.cluster_depths(self._cluster_bounds, view, depths)
+        order = np.argsort(depths, kind="stable")
+        order = order[: np.count_nonzero(depths < np.inf)]
+
+        def part_of(clusters: Int64) -> tuple[Int32, Int32, Float64]:
+            room = len(clusters) * CLUSTER
+            found = np.empty(room, np.int32)
+            boxes = np.empty((room, 4), np.int32)
+            keys = np.empty((room, 2))
+            count = raster.project(
+                clusters, self._cluster_offsets, self._corners, usable, view, found, boxes, keys
+            )
+            return found[:count], boxes[:count], keys[:count]
+
+        results = self._in_parallel(part_of, np.array_split(order, PARTS))
+        found, boxes, keys = (np.concatenate(x) for x in zip(*results, strict=True))
+        return found, boxes, keys
+
+    def _in_parallel(
+        self, work: Callable[[Int64], tuple[Any, ...]], parts: Iterable[Int64]
+    ) -> list[tuple[Any, ...]]:
+        if self._threads == 1:
+            return [work(part) for part in parts]
+        with ThreadPoolExecutor(self._threads) as pool:
+            return list(pool.map(work, parts))
+
+    def _exact(self, camera: Camera, triangles: Int64) -> tuple[ExactFrame, Int64]:
+        """The exact frame of some triangles, and the place of each in it."""
+        unique, which = np.unique(triangles, return_inverse=True)
+        corners = self.scene.vertices[self.scene.triangles[unique]]
+        return ExactFrame(camera, corners, self.scene.one_sided[unique]), which
+
+    def _covering(self, camera: Camera, contest: _Contest) -> tuple[_Contest, int]:
+        """The contest without the pairs that do not cover, and how many needed exactness."""
+        doubtful = np.flatnonzero(contest.state == raster.POSSIBLE)
+        if not len(doubtful):
+            return contest, 0
+        exact, which = self._exact(camera, contest.triangle[doubtful])
+        covers = np.ones(len(contest.sample), np.bool_)
+        covers[doubtful] = exact.covers(which, contest.sample[doubtful])
+        left = _Contest(contest.sample[covers], contest.triangle[covers], contest.state[covers])
+        return left, len(doubtful)
+
+    def _nearest(self, camera: Camera, contest: _Contest) -> tuple[Int64, Int64, int]:
+        """All co-nearest pairs of a contest, sorted by sample and triangle."""
+        contest, rational = self._covering(camera, contest)
+        order = np.lexsort((contest.triangle, contest.sample))
+        sample, triangle = contest.sample[order], contest.triangle[order]
+        if not len(sample):
+            return sample, triangle, rational
+        starts = np.flatnonzero(np.append(True, sample[1:] != sample[:-1]))
+        sizes = np.diff(np.append(starts, len(sample)))
+        # Each sample's champion so far, against its next contender, all samples at once. A pair
+        # is among the nearest if no later contender beat the champion it was level with.
+        champion = triangle[starts].copy()
+        generation = np.zeros(len(starts), np.int64)
+        level = np.full(len(sample), -1, np.int64)
+        level[starts] = 0
+        for rank in range(1, int(sizes.max())):
+            group = np.flatnonzero(sizes > rank)
+            entry = starts[group] + rank
+            result, exact = self._compare(camera, triangle[entry], champion[group], sample[entry])
+            rational += exact
+            nearer = result < 0
+            generation[group[nearer]] += 1
+            champion[group[nearer]] = triangle[entry[nearer]]
+            level[entry[result <= 0]] = generation[group[result <= 0]]
+        kept = level == np.repeat(generation, sizes)
+        return sample[kept], triangle[kept], rational
+
+    def _compare(
+        self, camera: Camera, first: Int64, second: Int64, samples: Int64
+    ) -> tuple[NDArray[np.int8], int]:
+        """Exact order of depth of pairs that cover their samples; how many were not coplanar."""
+        self._find_planes(np.concatenate([first, second]))
+        result = np.zeros(len(first), np.int8)
+        open_ = np.flatnonzero(self._plane_of_triangle[first] != self._plane_of_triangle[second])
+        if len(open_):
+            exact, which = self._exact(camera, np.concatenate([first[open_], second[open_]]))
+            half = len(open_)
+            result[open_] = exact.compare(which[:half], which[half:], samples[open_])
+        return result, len(open_)
+
+    def _find_planes(self, triangles: Int64) -> None:
+        fresh = np.unique(triangles)
+        fresh = fresh[self._plane_of_triangle[fresh] == UNKNOWN_PLANE]
+        if not len(fresh):
+            return
+        names = plane_names(self.scene.vertices[self.scene.triangles[fresh]], self._unit)
+        table = self._plane_of_name
+        self._plane_of_triangle[fresh] = [table.setdefault(name, len(table)) for name in names]
+
+    def _depth(self, camera: Camera, samples: Int64, triangles: Int64) -> Float64:
+        exact, which = self._exact(camera, triangles)
+        return exact.depth(which, samples)
+
+    def _before(
+        self,
+        camera: Camera,
+        alpha: Alpha,
+        owner: Int32,
+        bounds: tuple[Float64, Float64],
+        *,
+        closed: bool,
+    ) -> _Contest:
+        """Every hit of a triangle of this alpha that lies before its sample's opaque owner, or
+        with `closed` level with it too."""
+        everything = np.zeros((0, 0), np.bool_)
+        _, contest = self._contend(
+            camera, everything, self.scene.alpha == alpha, bounds, collect=True
+        )
+        contest, _ = self._covering(camera, contest)
+        behind = owner[contest.sample].astype(np.int64)
+        kept = np.ones(len(contest.sample), np.bool_)
+        close = np.flatnonzero((contest.state != raster.NEARER) & (behind != BACKGROUND))
+        result, _ = self._compare(
+            camera, contest.triangle[close], behind[close], contest.sample[close]
+        )
+        kept[close] = result <= 0 if closed else result < 0
+        return _Contest(contest.sample[kept], contest.triangle[kept], contest.state[kept])
+
+    def _by_object(self, camera: Camera, seen: _Contest) -> BlendVisibility:
+        objects = self.scene.object_of_triangle[seen.triangle]
+        order = np.lexsort((seen.triangle, seen.sample, objects))
+        objects = objects[order]
+        sample, triangle = seen.sample[order], seen.triangle[order]
+        fresh = np.append(True, (objects[1:] != objects[:-1]) | (sample[1:] != sample[:-1]))
+        fresh = fresh[: len(sample)]
+        objects, sample, triangle = objects[fresh], sample[fresh], triangle[fresh]
+        ids, starts, pixels = np.unique(objects, return_index=True, return_counts=True)
+        return BlendVisibility(
+            object=ids.astype(np.int32),
+            pixels=pixels.astype(np.int64),
+            sample=sample[starts],
+            triangle=triangle[starts].astype(np.int32),
+            depth=self._depth(camera, sample[starts], triangle[starts]),
+        )
+
+
+def compare_depths(
+    scene: Scene, camera: Camera, sample: int, triangle_a: int, triangle_b: int
+) -> int:
+    """-1, 0 or 1 as triangle a is nearer than, level with or farther than b along a sample's
+    ray, exactly. Raises ValueError unless both cover the sample."""
+    pair = np.array([triangle_a, triangle_b])
+    corners = scene.vertices[scene.triangles[pair]]
+    exact = ExactFrame(camera, corners, scene.one_sided[pair])
+    at = np.array([sample, sample])
+    if not exact.covers(np.array([0, 1]), at).all():
+        raise ValueError("compare_depths needs two triangles that cover the sample")
+    return int(exact.compare(np.array([0]), np.array([1]), at[:1])[0])
+
+
+def _spatial_order(scene: Scene) -> Int64:
+    """Triangle ids such that neighbours in the list are near each other and of like size."""
+    if not scene.triangle_count:
+        return np.zeros(0, np.int64)
+    corners = scene.vertices[scene.triangles].astype(np.float64)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    box = scene.core_bounds
+    extent = float((box[1] - box[0]).max()) or 1.0
+    size = np.clip(np.frexp((high - low).max(axis=1) / extent)[1], -8, 1) + 8
+    cell = np.clip((0.5 * (low + high) - box[0]) / extent * 1024.0, 0, 1023).astype(np.int64)
+    # Morton order: the bits of the three cell coordinates interleaved.
+    for shift, mask in ((16, 0xFF0000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        cell = (cell | cell << shift) & mask
+    key = cell[:, 0] | cell[:, 1] << 1 | cell[:, 2] << 2 | size.astype(np.int64) << 30
+    return np.argsort(key, kind="stable")
