@@ -75,14 +75,19 @@ class _Reader:
             raise InputError("the file has no scene", mend="export the file anew")
         for node in document.scene.nodes:
             self.walk(node, "", _world_from_file(document.assetInfo))
+        for error in map(str, document.errors):
+            if "eometry" in error:  # pycollada: "Unknown geometry tag", "Geometry … not found"
+                raise InputError(f"a geometry is lost: {error}", mend="export triangles")
         notes = self.placed.notes
         if document.errors:
-            notes.append(("COLLADA_PARTS_SKIPPED", f"{len(document.errors)}: {document.errors[0]}"))
+            notes.append(("PARTLY_READ", f"pycollada skipped a part: {document.errors[0]}"))
         if self.skinned:
-            notes.append(("SKIN_BIND_POSE", f"{self.skinned} skinned or morphed meshes as bound"))
+            notes.append(
+                ("PARTLY_READ", f"{self.skinned} skinned or morphed meshes stand as bound")
+            )
         if self.see_through:
             notes.append(
-                ("TRANSPARENCY_IGNORED", f"{self.see_through} transparent materials are opaque")
+                ("PARTLY_READ", f"{self.see_through} transparent materials count as opaque")
             )
         if len(document.animations):
             notes.append(

@@ -112,10 +112,12 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     whether `one_sided` takes effect. `lenient`: triangles with a vertex that is not finite
     are dropped and counted in a note, instead of an error.
 
-    Raises InputError where there is no triangle, or a vertex is NaN or infinite.
+    Raises InputError where there is no object, or a vertex is NaN or infinite.
     """
+    if not placed.names:
+        raise InputError("there is no mesh in it", source=source, mend="give a file with a mesh")
     mesh_of_object = np.array(placed.mesh_of_object, np.int64)
-    worlds = np.concatenate([np.zeros((0, 4, 4)), *placed.world_from_object])
+    worlds = np.concatenate(placed.world_from_object)
     vertex_starts = _starts([len(mesh.positions) for mesh in placed.meshes], mesh_of_object)
     starts = _starts([len(mesh.triangles) for mesh in placed.meshes], mesh_of_object)
     if max(vertex_starts[-1], starts[-1]) > _MAX_INT32:
@@ -156,12 +158,12 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         starts = np.concatenate([[0], np.cumsum(kept)])[starts]
         dropped = int((~kept).sum())
         notes.append(
-            ("NON_FINITE_DROPPED", f"{dropped} triangles with a NaN or infinite vertex dropped")
+            ("NONFINITE_DROPPED", f"{dropped} triangles with a NaN or infinite vertex dropped")
         )
-    if not len(triangles):
-        raise InputError(
-            "there is no triangle in it", source=source, mend="give a file with a mesh"
-        )
+    empty = np.flatnonzero(np.diff(starts) == 0)
+    if len(empty):
+        first = f"'{names[empty[0]]}'"
+        notes.append(("NO_TRIANGLES", f"{len(empty)} objects have no triangles, first {first}"))
     return Scene(vertices, triangles, starts, names, one_sided, alpha, source, tuple(notes))
 
 

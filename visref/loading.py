@@ -42,7 +42,11 @@ def load_scene(path: Path | str, *, cull_backfaces: bool = False, lenient: bool 
     try:
         _check_file(file)
         placed = _read(file)
-        return flatten(placed, source=str(file), cull_backfaces=cull_backfaces, lenient=lenient)
+        scene = flatten(placed, source=str(file), cull_backfaces=cull_backfaces, lenient=lenient)
+        if not scene.triangle_count and file.suffix.lower() not in _GLTF:
+            # glTF's scene graph may mean its objects to be empty; elsewhere this is no mesh.
+            raise InputError("there is no triangle in it", mend="give a file with a mesh")
+        return scene
     except InputError as error:
         raise error.at(source=str(file)) from error
     except RecursionError as error:

@@ -240,7 +240,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError:
             placed.notes.append(
-                ("MATERIALS_MISSING", f"material file '{named}' is missing: all is opaque")
+                ("PARTLY_READ", f"material file '{named}' is missing: all is opaque")
             )
             continue
         current = ""

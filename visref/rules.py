@@ -145,6 +145,13 @@ _CATALOGUE = (
         "`--lenient` was given. Without it such a file is an error.",
     ),
     Rule(
+        "PARTLY_READ",
+        Severity.WARNING,
+        "Part of the scene file was not read",
+        "The file uses an extension, a material or a feature that visref does not know, or a "
+        "part of it is missing. The engine that draws it may see another scene than this one.",
+    ),
+    Rule(
         "NO_TRIANGLES",
         Severity.INFO,
         "An object has no triangles",

@@ -96,6 +96,8 @@ class Json:
     def numbers(self, count: int) -> list[float]:
         if not isinstance(self.value, list) or len(self.value) != count:
             self.fail(f"this is not a list of {count} numbers")
+        if all(type(v) in (float, int) and abs(v) < 1e300 for v in self.value):
+            return self.value  # The million-node case: no place is made that nobody will read.
         return [item.number() for item in self.items()]
 
     def text(self) -> str:

@@ -25,27 +25,28 @@ _DEFAULT_CUTOFF = 0.5
 
 
 def read_mesh(
-    document: Document, mesh: Json, weights: list[float], skin: Float64 | None
-) -> tuple[Mesh, int]:
-    """One mesh, and how many of its primitives are points or lines.
+    document: Document,
+    mesh: Json,
+    weights: list[float],
+    skin: Float64 | None,
+    constant: set[int],
+) -> Mesh:
+    """One mesh, all its primitives together.
 
     `weights` are its morph targets'; `skin`: (j, 4, 4) float64, world_from_mesh by joint, or
-    None where the mesh is rigid. Raises InputError naming the place.
+    None where the mesh is rigid. Masked materials that their constant alpha decides are added
+    to `constant`. Raises InputError naming the place.
     """
-    parts, flat = [], 0
-    for primitive in mesh["primitives"].items():
-        part = _Primitive(document, primitive).read(weights, skin)
-        flat += part is None
-        if part is not None:
-            parts.append(part)
-    return Mesh.joined(parts), flat
+    parts = [_Primitive(document, entry, constant) for entry in mesh["primitives"].items()]
+    return Mesh.joined([part.read(weights, skin) for part in parts])
 
 
 class _Primitive:
     """One primitive, its attributes compressed or not."""
 
-    def __init__(self, document: Document, primitive: Json) -> None:
+    def __init__(self, document: Document, primitive: Json, constant: set[int]) -> None:
         self.document = document
+        self.constant = constant
         self.json = primitive
         extensions = primitive.get("extensions")
         for name in MESHOPT:
@@ -54,12 +55,12 @@ class _Primitive:
         compressed = extensions.get(_DRACO) if extensions is not None else None
         self.draco = _Draco(document, compressed) if compressed is not None else None
 
-    def read(self, weights: list[float], skin: Float64 | None) -> Mesh | None:
-        """The primitive's triangles, None where it is made of points or lines."""
+    def read(self, weights: list[float], skin: Float64 | None) -> Mesh:
+        """The primitive's triangles: none where it is made of points or lines."""
         mode = self.json.get("mode")
         kind = _TRIANGLES if mode is None else mode.integer(0, _FAN)
         if kind < _TRIANGLES:
-            return None
+            return Mesh.joined([])
         positions = self.attribute("POSITION", ("VEC3",))
         if positions is None:
             return Mesh.joined([])  # Section 3.7.2: without positions there is nothing to draw.
@@ -165,7 +166,6 @@ class _Primitive:
         cutoff = material.get("alphaCutoff")
         level = _DEFAULT_CUTOFF if cutoff is None else cutoff.number()
         factor, textured = _base_alpha(material)
-        low, high = factor, factor
         color = self.attribute("COLOR_0", ("VEC3", "VEC4"))
         corner = np.ones(triangles.shape)
         if color is not None and color.shape[1] == 4:
@@ -177,6 +177,7 @@ class _Primitive:
         kept = high >= level
         mesh = Mesh.plain(positions, triangles[kept], one_sided=one_sided, alpha=Alpha.MASK)
         if not textured:
+            self.constant.add(reference.integer())
             mesh.alpha[low[kept] >= level] = Alpha.OPAQUE
         return mesh
 

@@ -20,7 +20,7 @@ def read_objects(document: Document) -> Placed:
     world_from_node = nodes.world_from_node()
     placed = Placed()
     known: dict[tuple[int, int, tuple[float, ...]], int] = {}
-    flat = 0
+    constant: set[int] = set()
     for node in nodes.order:
         entry = document.entries("nodes")[node]
         if "mesh" not in entry.value:
@@ -39,19 +39,17 @@ def read_objects(document: Document) -> Placed:
             index = known[key]
         else:
             joints = None if skin is None else _joints(document, skin, world_from_node)
-            result, points_or_lines = read_mesh(document, mesh, weights, joints)
-            flat += points_or_lines
             index = known[key] = len(placed.meshes)
-            placed.meshes.append(result)
+            placed.meshes.append(read_mesh(document, mesh, weights, joints, constant))
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
         placed.add(_name(entry) or _name(mesh), index, _instances(document, entry, world))
-    if flat:
+    if constant:
         placed.notes.append(
-            ("POINTS_AND_LINES_IGNORED", f"{flat} primitives are points or lines: no triangles")
+            ("ALPHA_MASK_CONSTANT", f"{len(constant)} materials, first materials[{min(constant)}]")
         )
     placed.notes.extend(
-        ("EXTENSION_IGNORED", f"extension {name} is not understood and may move or hide geometry")
+        ("PARTLY_READ", f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
     )
     _note_animation(document, nodes, placed)
