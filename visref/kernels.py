@@ -14,21 +14,45 @@ def gather_objects(
     triangle: NDArray[Any],
     depth: NDArray[Any],
     decided: NDArray[Any],
+    tie_sample: NDArray[Any],
+    tie_triangle: NDArray[Any],
     object_of_triangle: NDArray[Any],
     pixels: NDArray[Any],
-    sample: NDArray[Any],
+    alone: NDArray[Any],
+    alone_sample: NDArray[Any],
+    tied_sample: NDArray[Any],
     nearest: NDArray[Any],
 ) -> None:
-    """Per object: samples owned, the first of them, the least depth (all changed in place)."""
+    """Per object, all changed in place: samples owned, those of them owned alone, the first of
+    either kind (alone, tied), the least depth. Ties are sorted by sample, then triangle; since
+    triangles are grouped by object, those of one object at a sample stand together."""
+    k = 0
     for s in range(triangle.size):
+        start = k
+        while k < tie_sample.size and tie_sample[k] == s:
+            k += 1
         t = triangle[s]
         if t < 0 or not decided[s]:
             continue
-        o = object_of_triangle[t]
-        pixels[o] += 1
-        if sample[o] < 0:
-            sample[o] = s
-        nearest[o] = min(nearest[o], depth[s])
+        owner = object_of_triangle[t]
+        others, last = 0, owner
+        for j in range(start, k):
+            o = object_of_triangle[tie_triangle[j]]
+            if o == owner or o == last:
+                continue
+            others, last = others + 1, o
+            pixels[o] += 1
+            nearest[o] = min(nearest[o], depth[s])
+            if tied_sample[o] < 0:
+                tied_sample[o] = s
+        pixels[owner] += 1
+        nearest[owner] = min(nearest[owner], depth[s])
+        if others == 0:
+            alone[owner] += 1
+            if alone_sample[owner] < 0:
+                alone_sample[owner] = s
+        elif tied_sample[owner] < 0:
+            tied_sample[owner] = s
 
 
 @numba.njit(cache=True, nogil=True)

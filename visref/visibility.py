@@ -44,8 +44,8 @@ class Ties:
 class BlendVisibility:
     """BLEND objects seen before the nearest opaque hit: (k,) arrays, sorted by object.
 
-    `object` int32, `pixels` int64 (samples at which it is seen), and one witness of each:
-    `sample` int64, `triangle` int32, `depth` float64.
+    `object` int32, `pixels` int64 (decided samples at which it is seen and owns nothing
+    anyway), and its nearest witness: `sample` int64, `triangle` int32, `depth` float64.
     """
 
     object: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
@@ -141,16 +141,25 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     from visref import kernels
 
     count = scene.object_count
-    triangle = truth.buffer.triangle.reshape(-1)
     depth = truth.buffer.depth.reshape(-1)
-    pixels = np.zeros(count, np.int64)
-    sample = np.full(count, NO_SAMPLE, np.int64)
+    pixels, alone = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    sample, tied_sample = np.full((2, count), NO_SAMPLE, np.int64)
     nearest = np.full(count, np.inf)
-    owners = scene.object_of_triangle
-    kernels.gather_objects(triangle, depth, truth.decided, owners, pixels, sample, nearest)
-    alone = pixels.copy()
-    if len(truth.ties.sample):
-        sample = _add_ties(truth, owners, pixels, alone, sample, nearest)
+    kernels.gather_objects(
+        truth.buffer.triangle.reshape(-1),
+        depth,
+        truth.decided,
+        truth.ties.sample,
+        truth.ties.triangle,
+        scene.object_of_triangle,
+        pixels,
+        alone,
+        sample,
+        tied_sample,
+        nearest,
+    )
+    never_alone = sample < 0
+    sample[never_alone] = tied_sample[never_alone]
     seen = sample >= 0
     at = np.full(count, np.inf)
     at[seen] = depth[sample[seen]]
@@ -162,43 +171,3 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     at[blend.object[fresh]] = blend.depth[fresh]
     np.minimum.at(nearest, blend.object, blend.depth)
     return ObjectVisibility(pixels, alone, sample, at, nearest)
-
-
-def _add_ties(
-    truth: FrameTruth,
-    owners: Int32,
-    pixels: Int64,
-    alone: Int64,
-    sample: Int64,
-    nearest: Float64,
-) -> Int64:
-    """Count tied samples for every object tied there; returns the witnesses, preferring
-    samples owned alone. Changes `pixels`, `alone` and `nearest` in place."""
-    triangle = truth.buffer.triangle.reshape(-1)
-    depth = truth.buffer.depth.reshape(-1)
-    keep = truth.decided[truth.ties.sample]
-    at, other = truth.ties.sample[keep], owners[truth.ties.triangle[keep]].astype(np.int64)
-    first = owners[triangle[at]].astype(np.int64)
-    foreign = other != first
-    pairs = np.unique(np.stack([at[foreign], other[foreign]], axis=1), axis=0)
-    if not len(pairs):
-        return sample
-    shared = np.unique(pairs[:, 0])
-    shared_owner = owners[triangle[shared]]
-    np.add.at(pixels, pairs[:, 1], 1)
-    np.subtract.at(alone, shared_owner, 1)
-    np.minimum.at(nearest, pairs[:, 1], depth[pairs[:, 0]])
-    # Witnesses: a sample owned alone where there is one, else the first tied sample.
-    sample = sample.copy()
-    unshared = np.ones(len(triangle), np.bool_)
-    unshared[shared] = False
-    for object_id in np.unique(shared_owner):
-        if alone[object_id] > 0 and not unshared[sample[object_id]]:
-            mine = np.flatnonzero((triangle >= 0) & truth.decided & unshared)
-            owned = mine[owners[triangle[mine]] == object_id]
-            sample[object_id] = owned[0]
-    by_object = pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]
-    ids, starts = np.unique(by_object[:, 1], return_index=True)
-    unseen = sample[ids] < 0
-    sample[ids[unseen]] = by_object[starts[unseen], 0]
-    return sample

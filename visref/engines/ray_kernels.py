@@ -29,7 +29,7 @@ from visref.visibility import BACKGROUND
 PENDING = -2
 
 # Rounding of numerator and denominator, as a multiple of the sums of absolute products that
-# `_plane` returns beside them, u = 2^-53. Edges and p are one rounding a component; a
+# make them up, u = 2^-53. Edges and p are one rounding a component; a
 # component of n is two products of two edges and a difference: 2 + 1 + 1 = 4 u. Numerator:
 # p (1; orthographic: a R, its sum with b U, the difference: 4), the product 1, two sums 2:
 # 4 + 4 + 3 = 11 u. Denominator: d (a R, the sum, F's sum: 3), likewise 4 + 3 + 3 = 10 u.
@@ -127,47 +127,53 @@ def _offset(grid, a, b):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(inline="always")
-def _plane(mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
-    """Numerator and denominator of the plane's view depth, and the sums of absolute products
-    to which their rounding is relative (`PLANE_ROUNDING`)."""
+def _facet(mesh, grid, t):  # type: ignore[no-untyped-def]
+    """What a triangle's plane has in common for all rays: n, the sums of absolute products
+    that n's rounding is relative to, and p."""
     m = grid.axes
     v0 = _corner(mesh, t, 0)
     u, v = _minus(_corner(mesh, t, 1), v0), _minus(_corner(mesh, t, 2), v0)
-    n = _cross(u, v)
     size = (
         abs(u[1] * v[2]) + abs(u[2] * v[1]),
         abs(u[2] * v[0]) + abs(u[0] * v[2]),
         abs(u[0] * v[1]) + abs(u[1] * v[0]),
     )
-    p = _minus(v0, m[0])
+    return _cross(u, v), size, _minus(v0, m[0])
+
+
+@numba.njit(inline="always")
+def _plane(facet, grid, a, b):  # type: ignore[no-untyped-def]
+    """Numerator and denominator of the plane's view depth along a ray."""
+    n, _, p = facet
+    m = grid.axes
     side = _offset(grid, a, b)
-    side_size = (
+    if grid.perspective:
+        return _dot(n, p), _dot(n, (m[1, 0] + side[0], m[1, 1] + side[1], m[1, 2] + side[2]))
+    return _dot(n, _minus(p, side)), _dot(n, m[1])
+
+
+@numba.njit(inline="always")
+def _depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
+    """View depth of a triangle's plane along a ray, and a bound of its rounding error."""
+    numerator, denominator = _plane(facet, grid, a, b)
+    _, size, p = facet
+    m = grid.axes
+    side = (
         abs(a * m[2, 0]) + abs(b * m[3, 0]),
         abs(a * m[2, 1]) + abs(b * m[3, 1]),
         abs(a * m[2, 2]) + abs(b * m[3, 2]),
     )
     if grid.perspective:
-        d = (m[1, 0] + side[0], m[1, 1] + side[1], m[1, 2] + side[2])
-        d_size = (
-            abs(m[1, 0]) + side_size[0],
-            abs(m[1, 1]) + side_size[1],
-            abs(m[1, 2]) + side_size[2],
-        )
-        return _dot(n, p), _dot(n, d), _magnitude(size, p), _dot(size, d_size)
-    q = _minus(p, side)
-    q_size = (abs(p[0]) + side_size[0], abs(p[1]) + side_size[1], abs(p[2]) + side_size[2])
-    return _dot(n, q), _dot(n, m[1]), _dot(size, q_size), _magnitude(size, m[1])
-
-
-@numba.njit(inline="always")
-def _depth_interval(mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
-    """View depth of a triangle's plane and a bound of its rounding error."""
-    numerator, denominator, numerator_size, denominator_size = _plane(mesh, grid, t, a, b)
+        above = _magnitude(size, p)
+        below = _magnitude(size, m[1]) + _dot(size, side)
+    else:
+        above = _magnitude(size, p) + _dot(size, side)
+        below = _magnitude(size, m[1])
     depth = numerator / denominator
-    room = abs(denominator) - PLANE_ROUNDING * denominator_size
+    room = abs(denominator) - PLANE_ROUNDING * below
     if not room > 0.0:
         return depth, np.inf
-    return depth, PLANE_ROUNDING * (numerator_size + abs(depth) * denominator_size) / room
+    return depth, PLANE_ROUNDING * (above + abs(depth) * below) / room
 
 
 @numba.njit(cache=True, nogil=True)
@@ -231,23 +237,27 @@ def resolve(
     width = len(grid.column_a)
     y, x = start // width, start % width
     pending = 0
+    last, facet, low, high, one_sided = -1, _facet(mesh, grid, 0), 0.0, 0.0, False
     for k in range(count):
         s = start + k
         triangle[s] = BACKGROUND
         depth[s] = np.inf
         if primitives[k] >= 0:
             t = triangle_of_primitive[primitives[k]]
-            plane = _plane(mesh, grid, t, grid.column_a[x], grid.row_b[y])
-            z = plane[0] / plane[1]
-            z0 = _dot(_minus(_corner(mesh, t, 0), eye), forward_dual)
-            z1 = _dot(_minus(_corner(mesh, t, 1), eye), forward_dual)
-            z2 = _dot(_minus(_corner(mesh, t, 2), eye), forward_dual)
-            true_hit = (
-                z >= min(z0, z1, z2) - depth_slack
-                and z <= max(z0, z1, z2) + depth_slack
-                and plane[1] != 0.0
-                and not (mesh.one_sided[t] and plane[1] > 0.0)
-            )
+            # Neighbouring samples mostly share their triangle.
+            if t != last:
+                last = t
+                facet = _facet(mesh, grid, t)
+                z0 = _dot(facet[2], forward_dual)
+                z1 = _dot(_minus(_corner(mesh, t, 1), eye), forward_dual)
+                z2 = _dot(_minus(_corner(mesh, t, 2), eye), forward_dual)
+                low = min(z0, z1, z2) - depth_slack
+                high = max(z0, z1, z2) + depth_slack
+                one_sided = mesh.one_sided[t]
+            numerator, denominator = _plane(facet, grid, grid.column_a[x], grid.row_b[y])
+            z = numerator / denominator
+            covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
+            true_hit = covers and z >= low and z <= high
             if true_hit and z >= grid.near and z <= grid.far:
                 triangle[s] = t
                 depth[s] = z
@@ -344,6 +354,7 @@ def splat(
         if x0 >= x1 or y0 >= y1:
             continue
         e0, e1, e2 = _edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0)
+        facet = _facet(mesh, grid, t)
         o = mesh.object_of_triangle[t]
         for y in range(y0, y1):
             b = grid.row_b[y]
@@ -357,10 +368,10 @@ def splat(
                 s2 = e2[0] + (a * e2[1] + b * e2[2])
                 if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
                     continue
-                denominator = _plane(mesh, grid, t, a, b)[1]
+                denominator = _plane(facet, grid, a, b)[1]
                 if denominator == 0.0 or (mesh.one_sided[t] and denominator > 0.0):
                     continue
-                z, error = _depth_interval(mesh, grid, t, a, b)
+                z, error = _depth_interval(facet, grid, a, b)
                 if not (z >= grid.near and z <= grid.far):
                     continue
                 owner = layers.triangle[s]
@@ -371,7 +382,7 @@ def splat(
                     continue
                 owner_z, owner_error = np.inf, 0.0
                 if owner >= 0:
-                    owner_z, owner_error = _depth_interval(mesh, grid, owner, a, b)
+                    owner_z, owner_error = _depth_interval(_facet(mesh, grid, owner), grid, a, b)
                 if mode == MASK:
                     if z - error <= owner_z + owner_error:
                         layers.mark[s] = True
