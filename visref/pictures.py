@@ -232,7 +232,8 @@ def _nearest(buffer: Int32, shape: tuple[int, int]) -> Int32:
     height, width = buffer.shape
     y = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
     x = (2 * np.arange(shape[1]) + 1) * width // (2 * shape[1])
-    return buffer[y[:, None], x[None, :]]
+    picked: Int32 = buffer[y[:, None], x[None, :]]
+    return picked
 
 
 def _rings(
@@ -314,7 +315,7 @@ def _errors(
 
 def _spread(count: int, ratio: float) -> NDArray[np.float64]:
     """(count,) in 0…1: neighbours far apart, the same for an id in every scene."""
-    return (np.arange(count) * ratio) % 1.0
+    return np.mod(np.arange(count, dtype=np.float64) * ratio, 1.0)
 
 
 def _pastel(count: int) -> NDArray[np.float64]:
@@ -322,7 +323,7 @@ def _pastel(count: int) -> NDArray[np.float64]:
     chroma by Roberts's R2 sequence."""
     return _linear_from_oklch(
         0.80 + 0.12 * _spread(count, 0.7548776662466927),
-        0.03 + 0.055 * _spread(count, 0.5698402909980532),
+        0.025 + 0.05 * _spread(count, 0.5698402909980532),
         _spread(count, 0.6180339887498949),
     )
 
@@ -363,4 +364,6 @@ def _linear_from_oklch(
 def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     """The sRGB transfer curve, 0…1."""
     linear = np.clip(linear, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    curve: NDArray[np.float64] = 1.055 * linear ** (1 / 2.4) - 0.055
+    curve[linear <= 0.0031308] = 12.92 * linear[linear <= 0.0031308]
+    return curve

@@ -1,0 +1,86 @@
+"""JUnit XML: a test case a culler and scene, as CI servers read it."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+from visref.report.measures import Measures, measure
+from visref.report.records import RunRecord
+from visref.report.words import culler_sentence, not_claimed
+
+# Control characters that XML 1.0 cannot carry, not even escaped.
+_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_MAX_LOST = 20
+
+
+def junit_xml(runs: Sequence[RunRecord]) -> str:
+    """A violation is a failure; an inconclusive verdict is an error, since a check that
+    checked nothing must not pass."""
+    suites = ET.Element("testsuites", name="visref")
+    for run in runs:
+        rows = [measure(run, culler) for culler in run.cullers]
+        failures = sum(row.status == "violation" for row in rows)
+        errors = sum(row.status == "inconclusive" for row in rows)
+        suite = ET.SubElement(
+            suites,
+            "testsuite",
+            name=_clean(run.scene_name),
+            tests=str(len(rows)),
+            failures=str(failures),
+            errors=str(errors),
+            skipped="0",
+        )
+        properties = ET.SubElement(suite, "properties")
+        for name, value in (
+            ("engine", run.manifest["engine"]),
+            ("scene.sha256", run.manifest["scene"]["sha256"]),
+            ("path.sha256", run.manifest["path"]["sha256"]),
+            ("frames", str(len(run.frame_numbers))),
+        ):
+            ET.SubElement(properties, "property", name=name, value=_clean(value))
+        for row in rows:
+            _add_case(suite, run, row)
+    ET.indent(suites)
+    return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _add_case(suite: ET.Element, run: RunRecord, row: Measures) -> None:
+    seconds = sum(run.cull_ms.get(row.culler, {}).values()) / 1e3
+    case = ET.SubElement(
+        suite,
+        "testcase",
+        classname=_clean(run.scene_name),
+        name=_clean(row.culler),
+        time=f"{seconds:.3f}",
+    )
+    sentence = _clean(culler_sentence(row))
+    if row.status == "violation":
+        failure = ET.SubElement(case, "failure", type="violation", message=sentence)
+        failure.text = _clean("\n".join(_losses(row)))
+    elif row.status == "inconclusive":
+        ET.SubElement(case, "error", type="inconclusive", message=sentence)
+    output = [sentence, *not_claimed(run)]
+    output += [
+        f"{finding['code']}: {finding['message']}"
+        for finding in run.verdict["findings"]
+        if finding["culler"] == row.culler and finding["code"] in ("CULLER_FAILED", "NO_GL")
+    ]
+    ET.SubElement(case, "system-out").text = _clean("\n".join(output))
+
+
+def _losses(row: Measures) -> list[str]:
+    lines = [
+        f"{lost.worst['name']}: {lost.pixels} samples over {lost.frames} frames; witness: frame "
+        f"{lost.worst['frame']}, pixel ({lost.worst['x']}, {lost.worst['y']}), depth "
+        f"{lost.worst['depth']:.9g}"
+        for lost in row.lost[:_MAX_LOST]
+    ]
+    if len(row.lost) > _MAX_LOST:
+        lines.append(f"… and {len(row.lost) - _MAX_LOST} more in objects.parquet")
+    return lines
+
+
+def _clean(text: str) -> str:
+    return _FORBIDDEN.sub("\ufffd", text)

@@ -1,0 +1,120 @@
+"""Each culler's measures over a run, and the rates, defined once.
+
+With V visible objects, M missed, S superfluous units and D drawn ones, summed over frames:
+
+    FNR  false-negative rate  M / V
+    FPR  false-positive rate  S / H, H the objects that are not visible (units = objects only)
+    PER  pixel error rate     missed samples / samples of the judged frames
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from visref.report.records import LostObject, Row, RunRecord
+
+SAFE = "no_violation_found"
+
+
+@dataclass(frozen=True)
+class Measures:
+    """One culler's row. Counts are `verdict.json`'s sums over frames; means are over frames;
+    None stands for what was not measured."""
+
+    culler: str
+    status: str
+    promise: str
+    unit_kind: str
+    units: int
+    frames: int
+    counts: dict[str, int]
+    lost: tuple[LostObject, ...]
+    frames_with_miss: int
+    fnr: float | None
+    fpr: float | None
+    per: float | None
+    superfluous_share: float | None
+    queries: float | None
+    batches: float | None
+    query_fragments: float | None
+    triangle_share: float | None
+    ms_median: float | None
+
+    @property
+    def convicts(self) -> bool:
+        """Whether its misses are violations."""
+        return self.promise in ("exact", "conservative")
+
+    @property
+    def safe(self) -> bool:
+        """No violation, and nothing visible left out: such rows alone compete for the best."""
+        return self.status == SAFE and not self.counts["confirmed"]
+
+
+def measure(run: RunRecord, culler: str) -> Measures:
+    """The culler's measures from the run's records."""
+    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+    rows = run.frames_of[culler]
+    counts = {
+        name: value
+        for name, value in verdict.items()
+        if isinstance(value, int) and name != "frames"
+    }
+    units = int(run.manifest["cullers"][culler]["units"])
+    hidden = units * len(rows) - counts["visible"] if verdict["unit_kind"] == "object" else 0
+    triangles = run.manifest["scene"]["triangles"]
+    drawn_triangles = _mean(rows, "triangles_drawn")
+    times = list(run.cull_ms.get(culler, {}).values())
+    return Measures(
+        culler=culler,
+        status=verdict["status"],
+        promise=verdict["promise"],
+        unit_kind=verdict["unit_kind"],
+        units=units,
+        frames=verdict["frames"],
+        counts=counts,
+        lost=tuple(run.lost_objects(culler)),
+        frames_with_miss=sum(1 for row in rows if row["confirmed"]),
+        fnr=_ratio(counts["missed"], counts["visible"]),
+        fpr=_ratio(counts["superfluous"], hidden),
+        per=_ratio(counts["missed_pixels"], sum(run.samples_of(row["frame"]) for row in rows)),
+        superfluous_share=_ratio(counts["superfluous"], counts["drawn"]),
+        queries=_mean(rows, "queries"),
+        batches=_mean(rows, "batches"),
+        query_fragments=_mean(rows, "query_fragments"),
+        triangle_share=(
+            drawn_triangles / triangles if drawn_triangles is not None and triangles else None
+        ),
+        ms_median=statistics.median(times) if times else None,
+    )
+
+
+def _ratio(part: int, whole: int) -> float | None:
+    return part / whole if whole > 0 else None
+
+
+def _mean(rows: Sequence[Row], name: str) -> float | None:
+    values = [row[name] for row in rows if row.get(name) is not None]
+    return statistics.fmean(values) if values else None
+
+
+def best(
+    rows: Sequence[Measures], value: Callable[[Measures], float | None], *, by_unit: bool = False
+) -> set[str]:
+    """The safe cullers with the least value, if at least two safe ones were measured and they
+    differ. `by_unit`: compare only within cullers whose units are of one kind."""
+    groups: dict[str, list[tuple[float, str]]] = {}
+    for row in rows:
+        measured = value(row)
+        if row.safe and measured is not None:
+            key = row.unit_kind if by_unit else ""
+            groups.setdefault(key, []).append((measured, row.culler))
+    winners: set[str] = set()
+    for group in groups.values():
+        low, high = min(group)[0], max(group)[0]
+        if low < high:
+            winners |= {culler for measured, culler in group if measured == low}
+    return winners

@@ -1,0 +1,375 @@
+"""The page: what it shows of each run, chosen here and laid out by the template."""
+
+from __future__ import annotations
+
+import base64
+import os
+import shlex
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from visref.errors import InputError
+from visref.report import words
+from visref.report.measures import Measures, best, measure
+from visref.report.plots import STYLES, Plot, Series
+from visref.report.records import LostObject, Row, RunRecord
+from visref.rules import RULES, Rule
+
+# How much of a long list the page carries; the tables in the run folder have the rest.
+MAX_LOST = 12
+MAX_FINDINGS = 8
+MAX_SUPERFLUOUS = 8
+# Pictures are most of the page's weight: about 100 kB each.
+MAX_FRAMES = 12
+
+_MIME = {".png": "image/png", ".jpg": "image/jpeg"}
+_VIEWS = {
+    "picture": "The scene",
+    "drawn": "Who was drawn, and for what",
+    "ids": "Objects",
+    "errors": "Missed samples",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One number of the table: its text, and whether it is the best of the safe cullers."""
+
+    measure: str
+    text: str
+    note: str = ""
+    best: bool = False
+    alarm: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """A measure of the table."""
+
+    name: str
+    title: str
+    hint: str
+    group: str
+
+
+@dataclass(frozen=True)
+class LostView:
+    """An object missed by a culler, as the page tells it."""
+
+    lost: LostObject
+    command: str
+    pictured: bool
+
+    @property
+    def worst(self) -> Row:
+        return self.lost.worst
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image of a frame: what it shows, in words, and the bytes."""
+
+    what: str
+    title: str
+    uri: str
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """A frame of the browser: pictures that all cullers share, and each culler's own."""
+
+    frame: int
+    visible: int | None
+    shared: dict[str, Picture]
+    cullers: list[tuple[int, str, Row, dict[str, Picture]]]
+    missed_pixels: int
+
+
+@dataclass(frozen=True)
+class FindingGroup:
+    """The findings of one code."""
+
+    rule: Rule
+    findings: list[dict[str, Any]]
+    left_out: int
+
+    @property
+    def total(self) -> int:
+        return len(self.findings) + self.left_out
+
+
+_COLUMNS = (
+    Column("visible", "visible", "objects that own a sample", "sums over frames"),
+    Column("drawn", "drawn", "units in the final image's draw list", "sums over frames"),
+    Column("superfluous", "superfluous", "drawn, and nothing of it visible", "sums over frames"),
+    Column("missed", "missed", "visible, and not drawn", "sums over frames"),
+    Column("missed_pixels", "samples lost", "nothing at the nearest depth drawn",
+           "sums over frames"),
+    Column("fnr", "FNR", "missed / visible", "rates"),
+    Column("fpr", "FPR", "superfluous / not visible", "rates"),
+    Column("per", "PER", "samples lost / samples", "rates"),
+    Column("queries", "queries", "asked of the depth buffer", "means per frame"),
+    Column("batches", "batches", "waits for answers (stalls)", "means per frame"),
+    Column("query_fragments", "query frag­ments", "samples that query geometry covers",
+           "means per frame"),
+    Column("triangle_share", "triangles drawn", "share of the scene", "means per frame"),
+    Column("ms_median", "ms", "median of the culler's call", "per frame"),
+)  # fmt: skip
+
+
+def page_html(runs: Sequence[RunRecord], out: Path) -> str:
+    """The whole page. `out` is the folder it will stand in: replay commands start there."""
+    environment = Environment(
+        loader=PackageLoader("visref.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "count": words.count,
+        "percent": words.percent,
+        "quantity": words.quantity,
+        "code": _code,
+    }
+    exit_ = words.overall(runs)
+    views = [_run_view(run, index, out) for index, run in enumerate(runs)]
+    return environment.get_template("report.html.j2").render(
+        status=exit_.status,
+        exit_status=int(exit_),
+        headlines=words.HEADLINES,
+        glyphs=words.GLYPHS,
+        runs=views,
+        columns=_COLUMNS,
+        styles=STYLES,
+    )
+
+
+def _code(text: str) -> Markup:
+    """Prose with `code` in backticks, as HTML."""
+    pieces = text.split("`")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(piece) if index % 2 else piece
+        for index, piece in enumerate(pieces)
+    )
+
+
+def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
+    rows = [measure(run, culler) for culler in run.cullers]
+    frames, frames_left_out = _frame_views(run)
+    pictured = {(view.frame, name) for view in frames for _, name, _, _ in view.cullers}
+    relative = os.path.relpath(run.folder.resolve(), out.resolve())
+    return {
+        "id": f"run{index}",
+        "run": run,
+        "status": run.exit.status,
+        "sentence": words.run_sentence(run, rows),
+        "not_claimed": words.not_claimed(run),
+        "rows": [(number, row, words.culler_sentence(row)) for number, row in enumerate(rows)],
+        "cells": _cells(rows),
+        "lost": [
+            (row, [_lost_view(relative, row, lost, pictured) for lost in row.lost[:MAX_LOST]])
+            for row in rows
+            if row.lost
+        ],
+        "cleared": [
+            row
+            for row in rows
+            if row.counts["missed"] - row.counts["confirmed"] or row.counts["undecided"]
+        ],
+        "plots": _plots(run, rows),
+        "frames": frames,
+        "frames_left_out": frames_left_out,
+        "start": max(frames, key=lambda view: view.missed_pixels, default=None),
+        "superfluous": [
+            (row, units[:MAX_SUPERFLUOUS], max(0, len(units) - MAX_SUPERFLUOUS))
+            for row in rows
+            if (units := run.superfluous_units(row.culler))
+        ],
+        "findings": _findings(run),
+        "relative": relative,
+    }
+
+
+def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
+    """The table, by culler."""
+    ranked: dict[str, tuple[Callable[[Measures], float | None], bool]] = {
+        "superfluous": (lambda row: row.counts["superfluous"], True),
+        "fpr": (lambda row: row.fpr, True),
+        "queries": (lambda row: row.queries or None, False),
+        "batches": (lambda row: row.batches or None, False),
+        "query_fragments": (lambda row: row.query_fragments or None, False),
+        "triangle_share": (lambda row: row.triangle_share, False),
+        "ms_median": (lambda row: row.ms_median, False),
+    }
+    winners = {
+        name: best(rows, value, by_unit=by_unit) for name, (value, by_unit) in ranked.items()
+    }
+    table = {}
+    for row in rows:
+        texts = {
+            **{name: words.count(value) for name, value in row.counts.items()},
+            "fnr": words.percent(row.fnr),
+            "fpr": words.percent(row.fpr),
+            "per": words.percent(row.per),
+            "queries": words.quantity(row.queries),
+            "batches": words.quantity(row.batches),
+            "query_fragments": words.quantity(row.query_fragments),
+            "triangle_share": words.percent(row.triangle_share),
+            "ms_median": words.quantity(row.ms_median),
+        }
+        notes = {
+            "drawn": "" if row.unit_kind == "object" else f"{row.unit_kind}s",
+            "superfluous": f"{words.percent(row.superfluous_share)} of drawn"
+            if row.counts["drawn"]
+            else "",
+            "missed": _parts(row),
+        }
+        alarms = {"missed", "missed_pixels", "fnr", "per"} if row.counts["confirmed"] else set()
+        table[row.culler] = [
+            Cell(
+                column.name,
+                texts[column.name],
+                notes.get(column.name, ""),
+                row.culler in winners.get(column.name, ()),
+                column.name in alarms,
+            )
+            for column in _COLUMNS
+        ]
+    return table
+
+
+def _parts(row: Measures) -> str:
+    """What `missed` is made of, where it is not all of one kind that needs no saying."""
+    counts = row.counts
+    parts = [
+        (counts["confirmed"], "confirmed"),
+        (counts["ties"], "tied"),
+        (counts["within_raster_tolerance"], "raster"),
+    ]
+    if not counts["missed"]:
+        return ""
+    return " + ".join(f"{words.count(number)} {name}" for number, name in parts if number)
+
+
+def _lost_view(
+    relative: str, row: Measures, lost: LostObject, pictured: set[tuple[int, str]]
+) -> LostView:
+    worst = lost.worst
+    where = ("--frame", str(worst["frame"]), "--object", str(worst["object"]))
+    command = shlex.join(["visref", "explain", relative, *where])
+    return LostView(lost, command, (worst["frame"], row.culler) in pictured)
+
+
+def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
+    numbers = {row.culler: number for number, row in enumerate(rows)}
+
+    def series(name: str, cullers: Sequence[Measures] = rows, scale: float = 1.0) -> list[Series]:
+        found = []
+        for row in cullers:
+            values = {
+                line["frame"]: line[name] * scale
+                for line in run.frames_of[row.culler]
+                if line.get(name) is not None
+            }
+            if values:
+                found.append(Series(row.culler, values, numbers[row.culler]))
+        return found
+
+    kinds: dict[str, list[Measures]] = defaultdict(list)
+    for row in rows:
+        if row.frames:
+            kinds[row.unit_kind].append(row)
+    visible = {line["frame"]: line["visible"] for line in run.frames}
+    plots = []
+    for kind, cullers in sorted(kinds.items(), key=lambda item: item[0] != "object"):
+        area = ("visible", visible) if kind == "object" else None
+        title = "Drawn against visible" if kind == "object" else f"Drawn {kind}s"
+        plots.append(Plot(title, f"{kind}s", series("drawn", cullers), area))
+    missing = [row for row in rows if row.counts["missed"]]
+    if missing:
+        plots.append(Plot("Missed", "objects", series("missed", missing)))
+        plots.append(Plot("Samples lost", "samples", series("missed_pixels", missing)))
+    queries = [line for line in series("queries") if any(line.values.values())]
+    if queries:
+        plots.append(Plot("Queries", "asked of the depth buffer", queries))
+    if triangles := run.manifest["scene"]["triangles"]:
+        shares = series("triangles_drawn", scale=100.0 / triangles)
+        plots.append(Plot("Triangles drawn", "per cent of the scene", shares))
+    times = [
+        Series(row.culler, run.cull_ms[row.culler], numbers[row.culler])
+        for row in rows
+        if run.cull_ms.get(row.culler)
+    ]
+    if times:
+        plots.append(Plot("Time", "milliseconds of the culler's call", times))
+    return [plot for plot in plots if plot.series]
+
+
+def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
+    """The pictured frames: all, or those that lost most and the rest evenly picked."""
+    by_frame: dict[int, dict[str, Mapping[str, str]]] = defaultdict(dict)
+    for entry in run.manifest["pictures"]:
+        by_frame[entry["frame"]][entry["culler"]] = entry["files"]
+    rows = {(row["culler"], row["frame"]): row for row in run.frames}
+    lost = {
+        frame: sum(rows[culler, frame]["missed_pixels"] for culler in cullers)
+        for frame, cullers in by_frame.items()
+    }
+    guilty = sorted((frame for frame in lost if lost[frame]), key=lambda f: (-lost[f], f))
+    chosen = guilty[: MAX_FRAMES // 2]
+    others = sorted(set(by_frame) - set(chosen))
+    room = MAX_FRAMES - len(chosen)
+    if len(others) > room:
+        others = [others[round(i * (len(others) - 1) / (room - 1))] for i in range(room)]
+    views = []
+    for frame in sorted([*chosen, *others]):
+        shared: dict[str, Picture] = {}
+        cullers = []
+        for number, culler in enumerate(run.cullers):
+            files = by_frame[frame].get(culler)
+            if files is None:
+                continue
+            pictures = {
+                what: Picture(what, _VIEWS[what], _data_uri(run.folder / files[what]))
+                for what in _VIEWS
+                if what in files and not (what in ("picture", "ids") and what in shared)
+            }
+            for what in ("picture", "ids"):
+                if what in pictures:
+                    shared[what] = pictures.pop(what)
+            cullers.append((number, culler, rows[culler, frame], pictures))
+        visible = cullers[0][2]["visible"] if cullers else None
+        views.append(FrameView(frame, visible, shared, cullers, lost[frame]))
+    return views, len(by_frame) - len(views)
+
+
+def _data_uri(file: Path) -> str:
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise InputError(
+            "a picture that the manifest lists is missing",
+            source=str(file),
+            mend="copy the run folder whole",
+        ) from error
+    kind = _MIME.get(file.suffix, "application/octet-stream")
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _findings(run: RunRecord) -> list[FindingGroup]:
+    """Findings by code, in the catalogue's order."""
+    by_code: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for finding in run.verdict["findings"]:
+        by_code[finding["code"]].append(finding)
+    return [
+        FindingGroup(rule, found[:MAX_FINDINGS], max(0, len(found) - MAX_FINDINGS))
+        for code, rule in RULES.items()
+        if (found := by_code.get(code))
+    ]

@@ -1,0 +1,148 @@
+"""The sentences of a verdict, the same on the page, in JUnit and in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from visref.gate import Exit, decide
+from visref.report.measures import Measures
+from visref.report.records import RunRecord
+
+HEADLINES = {
+    "violation": "Violation",
+    "no_violation_found": "No violation found",
+    "inconclusive": "Inconclusive",
+}
+GLYPHS = {"violation": "✕", "no_violation_found": "✓", "inconclusive": "?"}
+
+
+def count(number: int) -> str:
+    """An integer with its thousands set apart."""
+    return f"{number:,}"
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """`1 frame`, `2 frames`."""
+    return f"{count(number)} {noun if number == 1 else plural or noun + 's'}"
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent with three significant digits, and never a zero that is none."""
+    if share is None:
+        return "–"
+    if share == 0.0:
+        return "0 %"
+    value = 100.0 * share
+    if value < 0.001:
+        return "< 0.001 %"
+    # A share just below the whole must not read as the whole.
+    if 99.95 <= value < 100.0:
+        return "> 99.9 %"
+    digits = 0 if value >= 100 else 1 if value >= 10 else 2 if value >= 1 else 3
+    return f"{value:,.{digits}f} %"
+
+
+def quantity(value: float | None) -> str:
+    """A mean or a time with about three significant digits."""
+    if value is None:
+        return "–"
+    if value == 0.0:
+        return "0"
+    if value < 0.001:
+        return "< 0.001"
+    digits = 0 if value >= 100 or value == int(value) else 1 if value >= 10 else 2
+    return f"{value:,.{3 if value < 1 and value != int(value) else digits}f}"
+
+
+def overall(runs: Sequence[RunRecord]) -> Exit:
+    """The status of several runs together."""
+    return decide(run.exit for run in runs)
+
+
+def culler_sentence(row: Measures) -> str:
+    """What was found of one culler, for an engineer who reads nothing else."""
+    counts = row.counts
+    frames = counted(row.frames, "frame")
+    if not row.frames:
+        return "It judged no frame; see the findings."
+    if not counts["visible"]:
+        return f"No object is visible in any of its {frames}, so nothing was judged."
+    confirmed = counts["confirmed"]
+    if confirmed:
+        verb = "was" if confirmed == 1 else "were"
+        text = (
+            f"{count(confirmed)} of {count(counts['visible'])} visible objects {verb} not drawn"
+            f" ({_distinct(row)}; {counted(counts['missed_pixels'], 'sample')} lost)."
+        )
+        if not row.convicts:
+            text += f" It declares itself {row.promise}: measured, not convicted."
+    else:
+        text = (
+            f"Each of {counted(counts['visible'], 'visible object')} was drawn, in {frames}."
+            if not counts["missed"]
+            else f"No confirmed miss among {counted(counts['visible'], 'visible object')}"
+            f" in {frames}."
+        )
+    cleared = [
+        counted(counts["ties"], "tie") if counts["ties"] else "",
+        f"{count(counts['within_raster_tolerance'])} within the rasteriser's tolerance"
+        if counts["within_raster_tolerance"]
+        else "",
+    ]
+    if any(cleared):
+        text += f" Cleared: {' and '.join(filter(None, cleared))}."
+    if counts["undecided"]:
+        text += f" Undecided: {count(counts['undecided'])}."
+    return text
+
+
+def _distinct(row: Measures) -> str:
+    return (
+        f"{counted(len(row.lost), 'different object')} in {counted(row.frames_with_miss, 'frame')}"
+        f" of {count(row.frames)}"
+    )
+
+
+def run_sentence(run: RunRecord, rows: Sequence[Measures]) -> str:
+    """A run's verdict in one sentence."""
+    frames = counted(len(run.frame_numbers), "frame")
+    guilty = [row for row in rows if row.status == "violation"]
+    open_ = [row for row in rows if row.status == "inconclusive"]
+    if guilty:
+        if len(rows) == 1:
+            return culler_sentence(guilty[0])
+        text = f"{len(guilty)} of {len(rows)} cullers left out something visible, in {frames}"
+        if open_:
+            text += f"; of {len(open_)} nothing can be said"
+        return text + "."
+    if not rows:
+        return "No culler was judged."
+    if open_:
+        if len(rows) == 1:
+            return culler_sentence(open_[0])
+        return f"{len(open_)} of {len(rows)} cullers could not be judged, or not to the end."
+    if len(rows) == 1:
+        return culler_sentence(rows[0])
+    return f"None of {len(rows)} cullers broke its promise, in {frames}."
+
+
+def not_claimed(run: RunRecord) -> list[str]:
+    """What a reader must not take from the verdict, by the engine that cast the truth."""
+    engine = run.manifest["engine"]
+    claims = [
+        f"Only the samples (pixel centres) of {counted(len(run.frame_numbers), 'frame')} at "
+        f"{run.resolution()} were judged: not what lies between them, nor other views."
+    ]
+    if engine == "exact":
+        claims.append(
+            "The truth is exact: the owner of every sample was decided in exact arithmetic, so "
+            "every miss and every tie at these samples is listed."
+        )
+    else:
+        claims.append(
+            f"The truth was cast by ‘{engine}’ in floating point, and each violation was decided "
+            "again in exact arithmetic, so each is real. What the engine itself did not hit "
+            "stays unseen: no violation found is not a proof of safety. `--engine exact` lists "
+            "every miss and every tie."
+        )
+    return claims
