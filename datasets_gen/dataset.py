@@ -115,7 +115,7 @@ def _depth_first(
 
 def _product(a: Float64, b: Float64) -> Float64:
     """`a @ b`, with every sum in the same order on every machine."""
-    result = a[:, 0, None] * b[0]
+    result: Float64 = a[:, 0, None] * b[0]
     for k in range(1, 4):
         result = result + a[:, k, None] * b[k]
     return result

@@ -16,10 +16,14 @@ from datasets_gen.__main__ import main
 from datasets_gen.city import city
 from datasets_gen.glb import glb_bytes
 from datasets_gen.graph import Material, Mesh, Node, Primitive
+from datasets_gen.isosurface import isosurface
+from datasets_gen.vessels import vessels
 from visref.camera import Camera, CameraPath, look_at
+from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.loading import load_scene
 from visref.scene import Scene
+from visref.visibility import objects_seen
 
 PLAIN = Material("plain", (0.5, 0.5, 0.5, 1.0))
 ONE_TRIANGLE = Primitive(
@@ -101,6 +105,59 @@ def test_walker_meets_nothing_closer_than_the_near_plane() -> None:
     for camera in dataset.path:
         gap = np.maximum(np.maximum(boxes[:, 0] - camera.eye, camera.eye - boxes[:, 1]), 0.0)
         assert np.linalg.norm(gap, axis=1).min() > 0.25
+
+
+def edge_counts(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """How many triangles use each directed edge, and its reverse, by position: (e, 2)."""
+    _, index = np.unique(vertices, axis=0, return_inverse=True)
+    directed = index.reshape(-1)[triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    forward = directed[:, 0] < directed[:, 1]
+    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
+    counts = np.zeros((edge.max() + 1, 2), np.int64)
+    np.add.at(counts, (edge.reshape(-1), forward.astype(int)), 1)
+    return counts
+
+
+def test_isosurface_of_a_ball_is_closed_and_has_its_volume() -> None:
+    grid = np.stack(np.meshgrid(*3 * [np.arange(24.0) - 11.3], indexing="ij"))
+    vertices, triangles = isosurface((8.0 - np.linalg.norm(grid, axis=0)).astype(np.float32))
+    assert (edge_counts(vertices, triangles) == 1).all()
+    assert signed_volume((vertices, triangles)) == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [0.01, 0.05, 1.0])
+def test_vessels_have_the_papers_counts_and_one_open_end(scale: float) -> None:
+    scene = scene_of(vessels(scale=scale))
+    wanted = round(419_639 * scale)
+    assert scene.triangle_count == wanted
+    assert scene.object_count == min(177, wanted // 40)
+    sizes = np.diff(scene.object_offsets)
+    assert sizes.max() - sizes.min() <= 1
+    assert (areas(scene) > 0.0).all()
+    counts = edge_counts(scene.vertices, scene.triangles)
+    assert counts.max() == 1
+    border = counts.sum(axis=1) == 1
+    # One cut through the trunk: its rim is short, and odd where the count is.
+    assert 0 < border.sum() < 0.01 * len(counts)
+    assert border.sum() % 2 == wanted % 2
+
+
+def test_vessels_are_seen_at_the_papers_size_turned_then_from_nearer() -> None:
+    path = vessels(scale=0.01).path
+    assert {(camera.width, camera.height) for camera in path} == {(876, 584)}
+    distance = np.array([np.linalg.norm(camera.eye) for camera in path])
+    assert np.ptp(distance[:60]) < 1e-6 * distance[0]
+    assert distance[75] < 0.5 * distance[0]
+    assert distance[-1] > 0.99 * distance[0]
+
+
+def test_nearly_every_vessel_is_visible_when_all_are_in_view() -> None:
+    dataset = vessels(scale=0.1, frames=9)
+    scene = scene_of(dataset)
+    engine = EmbreeEngine(scene)
+    for camera in dataset.path.frames[:6]:
+        seen = objects_seen(engine.frame(camera), scene).visible
+        assert seen.mean() > 0.9
 
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
