@@ -131,6 +131,7 @@ class Device:
             OrderedDict()
         )
         self._state: State | None = None
+        self._home = self.context.framebuffer([self.context.texture((1, 1), 1)])
         self._queries: list[moderngl.Query] = []
 
     def report(self) -> dict[str, str | int]:
@@ -185,6 +186,8 @@ class Device:
             )
         while len(self._targets) >= MAX_TARGETS:
             _, (_, parts) = self._targets.popitem(last=False)
+            # moderngl goes back to the framebuffer that was in use, so it must be a living one.
+            self._home.use()
             self._state = None
             for part in parts:
                 part.release()
