@@ -1,5 +1,6 @@
 """Exact visibility: the sample rule decided by proven bounds, and by integers where they fail."""
 
+from visref.exact.margins import surviving, witness_margins
 from visref.exact.scene import ExactScene, Owners, compare_depths
 
-__all__ = ["ExactScene", "Owners", "compare_depths"]
+__all__ = ["ExactScene", "Owners", "compare_depths", "surviving", "witness_margins"]

@@ -48,13 +48,14 @@ POSSIBLE, COVERING, NEARER = 0, 1, 2
 
 
 @numba.njit(cache=True, nogil=True)
-def cluster_depths(bounds: NDArray[Any], view: View, nearest: NDArray[Any]) -> None:
+def cluster_depths(bounds: NDArray[Any], view: View, grow: float, nearest: NDArray[Any]) -> None:
     """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
 
     `bounds`: (c, 2, 3) float32. Outward: a cluster is left out only where every point of its
-    box is beyond one plane of the frustum by more than the rounding.
+    box is beyond one plane of the frustum, `grow` pixels out, by more than the rounding.
     """
     # One unit of a and b (half a pixel) to spare; the error term covers the rest.
+    spare = 1.0 + 2.0 * grow
     planes = np.zeros((4, 3))
     norms = np.zeros(4)
     offsets = np.zeros(4)
@@ -62,7 +63,7 @@ def cluster_depths(bounds: NDArray[Any], view: View, nearest: NDArray[Any]) -> N
     for i in range(4):
         dual = view.x_dual if i < 2 else view.y_dual
         toward = 1.0 if i % 2 == 0 else -1.0
-        limit = limits[i] - toward
+        limit = limits[i] - toward * spare
         for k in range(3):
             if view.perspective:
                 planes[i, k] = toward * (dual[k] - limit * view.z_dual[k])
@@ -101,10 +102,10 @@ def cluster_depths(bounds: NDArray[Any], view: View, nearest: NDArray[Any]) -> N
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _pixel_range(low: float, high: float, count: int) -> tuple[int, int]:
+def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
     """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
-    low -= PIXEL_SLACK
-    high += PIXEL_SLACK
+    low -= grow + PIXEL_SLACK
+    high += grow + PIXEL_SLACK
     first = 0
     if low > 0.0:
         first = count if low > count else math.ceil(low)
@@ -121,11 +122,12 @@ def project(
     corners: NDArray[Any],
     usable: NDArray[Any],
     view: View,
+    grow: float,
     found: NDArray[Any],
     boxes: NDArray[Any],
     keys: NDArray[Any],
 ) -> int:
-    """Find the triangles whose screen box holds a sample.
+    """Find the triangles whose screen box, grown by `grow` pixels, holds a sample.
 
     Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
     bool. Writes to `found` the triangle's place in cluster order, to `boxes` its first and last
@@ -190,9 +192,9 @@ def project(
                     b1 = max(y[0], max(y[1], y[2])) + y_error
                 if bounded:
                     middle = 0.5 * (view.width - 1) - view.shift_x_px
-                    x0, x1 = _pixel_range(0.5 * a0 + middle, 0.5 * a1 + middle, view.width)
+                    x0, x1 = _pixel_range(0.5 * a0 + middle, 0.5 * a1 + middle, grow, view.width)
                     middle = 0.5 * (view.height - 1) - view.shift_y_px
-                    y0, y1 = _pixel_range(middle - 0.5 * b1, middle - 0.5 * b0, view.height)
+                    y0, y1 = _pixel_range(middle - 0.5 * b1, middle - 0.5 * b0, grow, view.height)
                     if x0 > x1 or y0 > y1:
                         continue
             found[count] = t

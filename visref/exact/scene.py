@@ -74,10 +74,10 @@ class ExactScene:
         self.scene = scene
         self._threads = threads or os.cpu_count() or 1
         order = _spatial_order(scene)
-        self._order = order.astype(np.int32)
+        self.order = order.astype(np.int32)
         corners = scene.vertices[scene.triangles[order]]
-        self._corners = corners.reshape(-1, 9)
-        self._one_sided = scene.one_sided[order]
+        self.corners = corners.reshape(-1, 9)
+        self.one_sided = scene.one_sided[order]
         starts = np.arange(0, len(order), CLUSTER)
         self._cluster_offsets = np.append(starts, len(order)).astype(np.int64)
         self._cluster_bounds = np.zeros((len(starts), 2, 3), np.float32)
@@ -189,7 +189,7 @@ class ExactScene:
     ) -> tuple[Int32, _Contest]:
         """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
         view = view_of(camera)
-        found, boxes, keys = self._project(view, usable[self._order])
+        found, boxes, keys = self.project(view, usable[self.order], 0.0)
         columns = -(-camera.width // raster.TILE)
         rows = -(-camera.height // raster.TILE)
         tiles = np.ones(rows * columns, np.bool_)
@@ -203,7 +203,7 @@ class ExactScene:
 
         def fill(part: Int64) -> tuple[Any, ...]:
             result: tuple[Any, ...] = raster.rasterise(
-                part, columns, view, a, b, self._corners, self._one_sided, found, boxes, keys,
+                part, columns, view, a, b, self.corners, self.one_sided, found, boxes, keys,
                 bin_offsets, bin_entries, wanted, collect, owner, *bounds,
             )  # fmt: skip
             return result
@@ -213,13 +213,16 @@ class ExactScene:
         empty = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.uint8))
         sample, place, state = (np.concatenate(x) for x in zip(empty, *results, strict=True))
         seen = owner >= 0
-        owner[seen] = self._order[owner[seen]]
-        return owner, _Contest(sample, self._order[place].astype(np.int64), state)
+        owner[seen] = self.order[owner[seen]]
+        return owner, _Contest(sample, self.order[place].astype(np.int64), state)
 
-    def _project(self, view: View, usable: Bool) -> tuple[Int32, Int32, Float64]:
-        """Triangles that may own a sample, nearest clusters first: place, box, key bound."""
+    def project(self, view: View, usable: Bool, grow: float) -> tuple[Int32, Int32, Float64]:
+        """Triangles that may own a sample, nearest clusters first: place, box, key bound.
+
+        `usable`: (t,) bool in cluster order. `grow`: pixels to widen the screen boxes by.
+        """
         depths = np.empty(len(self._cluster_bounds))
-        raster.cluster_depths(self._cluster_bounds, view, depths)
+        raster.cluster_depths(self._cluster_bounds, view, grow, depths)
         order = np.argsort(depths, kind="stable")
         order = order[: np.count_nonzero(depths < np.inf)]
 
@@ -229,8 +232,9 @@ class ExactScene:
             boxes = np.empty((room, 4), np.int32)
             keys = np.empty((room, 2))
             count = raster.project(
-                clusters, self._cluster_offsets, self._corners, usable, view, found, boxes, keys
-            )
+                clusters, self._cluster_offsets, self.corners, usable, view, grow, found, boxes,
+                keys,
+            )  # fmt: skip
             return found[:count], boxes[:count], keys[:count]
 
         results = self._in_parallel(part_of, np.array_split(order, PARTS))

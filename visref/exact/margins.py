@@ -1,0 +1,365 @@
+"""How firmly an object holds a sample: margins, and what a rasteriser could lose by itself.
+
+At a sample that an object owns, its *patch* is the surface that grows from the triangle there
+across every edge that two of its triangles share and lie on either side of. The object is
+certainly visible at every point of the screen up to the patch's rim, or up to where another
+object comes before it, whichever is nearer: both are distances to segments and polygons in
+closed form, so that no sliver can pass between probes.
+
+A rasteriser that moves each vertex by at most `snap_px` maps the patch onto one that still
+covers the sample, if the patch reached further than that around it; and it sees there, of
+every triangle, only depths which that triangle has within `snap_px` of the sample, give or take
+one depth step and the float32 transform's error. A witness *survives* if no such map could lose
+it.
+
+Which way this errs: the set of maps considered includes all that the rasteriser declares, and
+where the float64 geometry is in doubt (its error is counted) the witness does not survive. So
+an object with a surviving witness was not lost by the rasteriser. Not surviving alone clears
+nothing: the object must be absent from the rasteriser's own unculled picture besides.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.culler import RasterTolerance
+from visref.exact import raster
+from visref.exact.filters import NOTHING, SET_UP_SIZE, View, set_up, view_of
+from visref.exact.polygons import (
+    CLIPPED,
+    MOST_CORNERS,
+    distance_to_hiding,
+    distance_to_polygon,
+    distance_to_segment,
+    key_plane,
+    key_range,
+    screen_polygon,
+)
+from visref.exact.scene import ExactScene
+from visref.scene import Alpha, Float64, Int64
+
+# Margins are looked for this far; a witness that holds a whole pixel around it is firm.
+REACH_PX = 1.0
+# float32's rounding unit. A window depth is a product of a float32 matrix (each entry rounded)
+# with a float32 vertex: rounding of the entry, product, three sums, then the division, the
+# viewport's scale and offset: 8 in all, on the sum of the terms' sizes.
+FLOAT32 = 2.0**-24
+DEPTH_ROUNDINGS = 8.0
+
+
+def witness_margins(
+    exact_scene: ExactScene, camera: Camera, samples: Int64, objects: Int64
+) -> tuple[Float64, Float64]:
+    """How far each claim "this object is visible at this sample" is from failing.
+
+    `samples`: (k,) flat indices, `objects`: (k,) ids. Returns `margin_px`: (k,) float64, how
+    far in pixels the sample may move in any direction with the object still visible there, at
+    most `REACH_PX`, rounded down (0 where the object's triangles do not cover the sample);
+    and `margin_depth`: (k,) float64, the least relative distance along the ray to another
+    object behind, |t_next - t| / |t|, inf where there is none.
+    """
+    cover, hide, gap, _ = _examine(exact_scene, camera, samples, objects, REACH_PX, None)
+    return np.minimum(np.minimum(cover, hide), REACH_PX), gap
+
+
+def surviving(
+    exact_scene: ExactScene,
+    camera: Camera,
+    samples: Int64,
+    objects: Int64,
+    tolerance: RasterTolerance,
+) -> NDArray[np.bool_]:
+    """Whether a rasteriser of this tolerance must show each object at its sample: (k,) bool.
+
+    True only where no displacement and no depth error that it declares could lose the object
+    there; see the module's text for which way doubt falls.
+    """
+    radius = tolerance.snap_px
+    cover, _, _, lost = _examine(exact_scene, camera, samples, objects, radius, tolerance)
+    return (cover > radius) & ~lost
+
+
+def _examine(
+    exact_scene: ExactScene,
+    camera: Camera,
+    samples: Int64,
+    objects: Int64,
+    radius: float,
+    tolerance: RasterTolerance | None,
+) -> tuple[Float64, Float64, Float64, NDArray[np.bool_]]:
+    scene = exact_scene.scene
+    view = view_of(camera)
+    samples = np.asarray(samples, np.int64)
+    y, x = samples // camera.width, samples % camera.width
+    columns = -(-camera.width // raster.TILE)
+    rows = -(-camera.height // raster.TILE)
+    tile = y // raster.TILE * columns + x // raster.TILE
+    wanted = np.zeros(rows * columns, np.bool_)
+    wanted[tile] = True
+    opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
+    # Half a pixel more than the radius holds every box's rounding.
+    found, boxes, _ = exact_scene.project(view, opaque, radius + 0.5)
+    offsets, entries = raster.bin_boxes(boxes, wanted, columns)
+    cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
+    gap = np.full(len(samples), np.inf)
+    lost = np.ones(len(samples), np.bool_)
+    depth = np.zeros((3, 4)) if tolerance is None else _depth_rows(camera, exact_scene, tolerance)
+    examine(
+        x, y, tile, np.asarray(objects, np.int64), view, exact_scene.corners,
+        exact_scene.one_sided, scene.object_of_triangle[exact_scene.order], found, boxes,
+        offsets, entries, radius, tolerance is not None, depth, cover, hide, gap, lost,
+    )  # fmt: skip
+    return cover, hide, gap, lost
+
+
+def _depth_rows(camera: Camera, exact_scene: ExactScene, tolerance: RasterTolerance) -> Float64:
+    """(3, 4) float64: the sizes of the clip matrix's rows z and w, and (step, scale, 0, 0).
+
+    `step` is one step of the depth buffer, in window depth; `scale` turns window depth into
+    the key, which is affine in it.
+    """
+    far = camera.far
+    if math.isinf(far) and not camera.is_perspective:
+        # Closed behind the last object, as such a depth buffer must be.
+        corners = exact_scene.scene.vertices.astype(np.float64)
+        far = float(((corners - camera.eye) @ camera.forward).max(initial=camera.near + 1.0))
+    clip = np.abs(camera.clip_from_world(far))
+    if not camera.is_perspective:
+        scale = far - camera.near
+    elif math.isinf(far):
+        scale = 1.0 / camera.near
+    else:
+        scale = (far - camera.near) / (far * camera.near)
+    bits = 24 if tolerance.depth_bits is None else tolerance.depth_bits
+    return np.array([clip[2], clip[3], [2.0**-bits, scale, 0.0, 0.0]])
+
+
+@numba.njit(cache=True, nogil=True)
+def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
+    """How far off a float32 rasteriser's key of a triangle may be at any of its points."""
+    worst = 0.0
+    for i in range(3):
+        z, w, t = depth[0, 3], depth[1, 3], 0.0
+        for k in range(3):
+            size = abs(np.float64(p[3 * i + k]))
+            z += depth[0, k] * size
+            w += depth[1, k] * size
+            t += view.z_dual[k] * (np.float64(p[3 * i + k]) - view.e[k])
+        divisor = max(t, view.near) if view.perspective else 1.0
+        worst = max(worst, 0.5 * (z + w) / divisor)
+    error: float = DEPTH_ROUNDINGS * FLOAT32 * (worst + 1.0) * depth[2, 1]
+    return error
+
+
+@numba.njit(cache=True, nogil=True)
+def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
+    """On which side of the plane through the eye and edge i (orthographic: along the view)
+    the opposite corner lies, with a bound of the error: the sign is certain above it."""
+    w = np.empty((3, 3))
+    size = 0.0
+    for corner in range(3):
+        for k in range(3):
+            w[corner, k] = np.float64(p[3 * ((i + corner) % 3) + k]) - view.e[k]
+            size = max(size, abs(w[corner, k]))
+    if view.perspective:
+        ax, ay, az = w[0]
+        bx, by, bz = w[1]
+        cx, cy, cz = w[2]
+    else:
+        ax, ay, az = w[1] - w[0]
+        bx, by, bz = view.f
+        cx, cy, cz = w[2] - w[0]
+    value = cx * (ay * bz - az * by) + cy * (az * bx - ax * bz) + cz * (ax * by - ay * bx)
+    # As filters.PERSPECTIVE_SIGN, with differences of w up to twice its size; far outward.
+    return value, 2.0**-44 * size * size * (size if view.perspective else view.f_norm)
+
+
+@numba.njit(cache=True, nogil=True)
+def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
+    return p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
+
+
+@numba.njit(cache=True, nogil=True)
+def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
+    """Whether triangle q shares p's edge and lies on its other side on the screen."""
+    start, end = edge, (edge + 1) % 3
+    for j in range(3):
+        k = (j + 1) % 3
+        same = _same_point(p, start, q, j) and _same_point(p, end, q, k)
+        turned = _same_point(p, start, q, k) and _same_point(p, end, q, j)
+        if same or turned:
+            mine, my_error = _side(p, edge, view)
+            other, other_error = _side(q, j, view)
+            if abs(mine) <= my_error or abs(other) <= other_error:
+                return False
+            # Opposite sides of the edge taken in one direction.
+            opposite: bool = ((mine > 0.0) == (other > 0.0)) == turned
+            return opposite
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def examine(
+    xs: NDArray[Any],
+    ys: NDArray[Any],
+    tiles: NDArray[Any],
+    objects: NDArray[Any],
+    view: View,
+    corners: NDArray[Any],
+    one_sided: NDArray[Any],
+    object_of: NDArray[Any],
+    found: NDArray[Any],
+    boxes: NDArray[Any],
+    bin_offsets: NDArray[Any],
+    bin_entries: NDArray[Any],
+    radius: float,
+    with_depth: bool,
+    depth: NDArray[Any],
+    cover: NDArray[Any],
+    hide: NDArray[Any],
+    gap: NDArray[Any],
+    lost: NDArray[Any],
+) -> None:
+    """For each witness: pixels to the rim of its patch (`cover`), to where another object comes
+    before the patch (`hide`), the relative depth to the next object (`gap`), and, given the
+    depth buffer's properties, whether another depth may win within the radius (`lost`)."""
+    most = 1
+    for index in range(len(xs)):
+        most = max(most, bin_offsets[tiles[index] + 1] - bin_offsets[tiles[index]])
+    polygons = np.empty((most, 4, 3))
+    tags = np.empty((most, 4), np.int8)
+    counts = np.empty(most, np.int64)
+    slops = np.empty(most)
+    places = np.empty(most, np.int64)
+    reached = np.empty(most, np.bool_)
+    queue = np.empty(most, np.int64)
+    scratch = np.empty((2, MOST_CORNERS, 3))
+    terms = np.empty(SET_UP_SIZE)
+    for index in range(len(xs)):
+        x, y = np.float64(xs[index]), np.float64(ys[index])
+        mine = objects[index]
+        # Everything within the radius, and the witness's own triangle: nearest of the
+        # object's that hold the sample.
+        near = 0
+        root, root_key = -1, -np.inf
+        for entry in range(bin_offsets[tiles[index]], bin_offsets[tiles[index] + 1]):
+            k = bin_entries[entry]
+            if x < boxes[k, 0] or x > boxes[k, 1] or y < boxes[k, 2] or y > boxes[k, 3]:
+                continue
+            t = found[k]
+            count, slop = screen_polygon(corners[t], view, polygons[near], tags[near])
+            if count == 0:
+                continue
+            distance = distance_to_polygon(x, y, polygons[near], count)
+            if distance > radius + slop:
+                continue
+            if one_sided[t] and set_up(corners[t], True, view, terms) == NOTHING:
+                # Certainly seen from behind. A triangle thinner than the displacement may turn
+                # over, so it stays as one that can hide.
+                thick = True
+                for i in range(3):
+                    j, m = (i + 1) % 3, (i + 2) % 3
+                    if count == 3:
+                        thick = thick and 2.0 * (radius + slop) < distance_to_segment(
+                            polygons[near, i, 0], polygons[near, i, 1],
+                            polygons[near, j, 0], polygons[near, j, 1],
+                            polygons[near, m, 0], polygons[near, m, 1],
+                        )  # fmt: skip
+                if thick:
+                    continue
+            places[near], counts[near], slops[near] = t, count, slop
+            reached[near] = False
+            if object_of[t] == mine and distance <= slop:
+                has_area, c, gx, gy = key_plane(polygons[near], count)
+                if has_area and c + gx * x + gy * y > root_key:
+                    root, root_key = near, c + gx * x + gy * y
+            near += 1
+        cover[index], hide[index], gap[index], lost[index] = 0.0, np.inf, np.inf, False
+        if root < 0:
+            lost[index] = True
+            continue
+        # Grow the patch across shared edges within the radius; the others are its rim.
+        rim = np.inf
+        reached[root] = True
+        queue[0] = root
+        head, tail = 0, 1
+        least, greatest = np.inf, -np.inf
+        error = 0.0
+        while head < tail:
+            k = queue[head]
+            head += 1
+            low, high = key_range(x, y, radius + slops[k], polygons[k], counts[k])
+            least, greatest = min(least, low), max(greatest, high)
+            if with_depth:
+                error = max(error, _key_error(corners[places[k]], view, depth))
+            for i in range(counts[k]):
+                j = i + 1 if i + 1 < counts[k] else 0
+                distance = distance_to_segment(
+                    x, y, polygons[k, i, 0], polygons[k, i, 1], polygons[k, j, 0], polygons[k, j, 1]
+                )
+                distance = max(0.0, distance - slops[k])
+                if not distance <= min(radius, rim):
+                    continue
+                closed = False
+                if tags[k, i] != CLIPPED:
+                    for other in range(near):
+                        if object_of[places[other]] == mine and other != k:
+                            edge = np.int64(tags[k, i])
+                            p, q = corners[places[k]], corners[places[other]]
+                            if _continues(p, edge, q, view):
+                                closed = True
+                                if not reached[other]:
+                                    reached[other] = True
+                                    queue[tail] = other
+                                    tail += 1
+                                break
+                if not closed:
+                    rim = min(rim, distance)
+        cover[index] = rim
+        # What else is here, and where it comes before the patch.
+        step = 0.0
+        if with_depth:
+            step = depth[2, 0] * depth[2, 1]
+            if view.perspective:
+                first, last = 1.0 / view.near, 1.0 / view.far
+            else:
+                first, last = -view.near, -view.far
+            lost[index] = greatest + error + step >= first or least - error - step <= last
+        next_key = -np.inf
+        for other in range(near):
+            if object_of[places[other]] == mine:
+                continue
+            count = counts[other]
+            low, high = key_range(x, y, radius + slops[other], polygons[other], count)
+            if with_depth:
+                doubt = step + error + _key_error(corners[places[other]], view, depth)
+                if high + doubt >= least:
+                    lost[index] = True
+                continue
+            has_area, c, gx, gy = key_plane(polygons[other], count)
+            distance = distance_to_polygon(x, y, polygons[other], count)
+            if has_area and distance <= slops[other]:
+                key = c + gx * x + gy * y
+                if key <= root_key:
+                    next_key = max(next_key, key)
+                elif distance == 0.0:
+                    next_key = root_key
+            if not has_area or high < least:
+                continue
+            for k in range(near):
+                if reached[k]:
+                    distance = distance_to_hiding(
+                        x, y, polygons[other], count, polygons[k], counts[k], scratch
+                    )
+                    slop = slops[other] + slops[k]
+                    hide[index] = min(hide[index], max(0.0, distance - slop))
+        if view.perspective:
+            gap[index] = root_key / next_key - 1.0 if next_key > 0.0 else np.inf
+        elif next_key > -np.inf:
+            gap[index] = (root_key - next_key) / abs(root_key) if root_key != 0.0 else np.inf
