@@ -38,7 +38,7 @@ def gather_objects(
         others, last = 0, owner
         for j in range(start, k):
             o = object_of_triangle[tie_triangle[j]]
-            if o == owner or o == last:
+            if o in (owner, last):
                 continue
             others, last = others + 1, o
             pixels[o] += 1
