@@ -207,6 +207,10 @@ class Device:
         self._targets[key] = (made, [*framebuffers, *colours, depth])
         return made
 
+    def begin_frame(self) -> None:
+        """Count the state changes to come from scratch, whatever drew before this frame."""
+        self._state = None
+
     def apply(self, state: State) -> int:
         """Make this the GL state; returns how many of its parts had to change."""
         before, self._state = self._state, state

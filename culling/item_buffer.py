@@ -92,6 +92,22 @@ class ItemBuffer:
             batch.ids.bind_to_storage_buffer(0)
             batch.vertex_array.render()
 
+    def image(self, camera: Camera, drawn: NDArray[np.bool_]) -> Int32:
+        """(height, width) int32: the picture that some triangles make, `drawn`: (t,) bool.
+
+        Opaque triangles in id order, then the others over them, tested against depth and not
+        writing it, so that each of those shows as well. With all triangles it is the
+        unculled image, which a safe culler's drawn set gives pixel for pixel.
+        """
+        view, target = self.view(camera), self.clear(camera)
+        solid = occluders(self.scene)
+        for chosen, depth_write in ((drawn & solid, True), (drawn & ~solid, False)):
+            batches = self.upload(chosen)
+            self.draw(view, target, batches, depth_write=depth_write)
+            for batch in batches:
+                batch.release()
+        return target.read_ids()
+
     def release(self) -> None:
         for batch in self.opaque:
             batch.release()
@@ -132,21 +148,8 @@ class GLRaster(Raster):
         return target.read_ids()
 
     def image(self, camera: Camera, drawn: NDArray[np.bool_]) -> Int32:
-        """(height, width) int32: the picture that some triangles make, `drawn`: (t,) bool.
-
-        Opaque triangles in id order, then the others over them, tested against depth and not
-        writing it, so that each of those shows as well. With all triangles it is the
-        unculled image, which a safe culler's drawn set gives pixel for pixel.
-        """
-        items = self._ready()
-        view, target = items.view(camera), items.clear(camera)
-        solid = occluders(self.scene)
-        for chosen, depth_write in ((drawn & solid, True), (drawn & ~solid, False)):
-            batches = items.upload(chosen)
-            items.draw(view, target, batches, depth_write=depth_write)
-            for batch in batches:
-                batch.release()
-        return target.read_ids()
+        """`ItemBuffer.image` of this scene."""
+        return self._ready().image(camera, drawn)
 
     def close(self) -> None:
         if self._items is not None:
@@ -165,10 +168,14 @@ class ItemBufferEngine(TruthEngine):
         self.items = ItemBuffer(device(), scene, depth_bits=32)
         self.masked = self.items.upload(scene.alpha == Alpha.MASK)
 
-    @staticmethod
-    def machine() -> dict[str, str | int]:
-        """Renderer and limits. Raises NothingToJudge where there is no GL."""
-        return device().report()
+    def describe(self) -> str:
+        """Renderer and limits."""
+        return ", ".join(f"{name} {value}" for name, value in device().report().items())
+
+    def pixels_differ(self, camera: Camera, drawn: NDArray[np.bool_]) -> int:
+        """Pixels in which the picture of some triangles, (t,) bool, is not the whole scene's."""
+        whole = self.items.image(camera, np.ones_like(drawn))
+        return int(np.count_nonzero(self.items.image(camera, drawn) != whole))
 
     def frame(self, camera: Camera) -> FrameTruth:
         items = self.items

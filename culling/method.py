@@ -187,6 +187,7 @@ class GLCuller(Culler):
             bytes_read_back=0,
         )
         view, target = self.view_of(camera), self.target_for(camera)
+        device().begin_frame()
         self.clear(target, stats)
         self.observe("clear")
         with phase(stats, "sort"):

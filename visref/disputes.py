@@ -16,12 +16,7 @@ from numpy.typing import NDArray
 
 from visref import kernels
 from visref.culler import Raster
-from visref.exact import ExactScene, Owners
-
-try:  # margins are on their way
-    from visref.exact import surviving, witness_margins
-except ImportError:
-    surviving = witness_margins = None  # type: ignore[assignment]
+from visref.exact import ExactScene, Owners, surviving, witness_margins
 from visref.scene import Alpha, Int64, Scene
 from visref.visibility import (
     BACKGROUND,
@@ -133,8 +128,8 @@ def corrected(truth: FrameTruth, rulings: Rulings) -> FrameTruth:
 def _blended(scene: Scene, object_id: int) -> NDArray[np.int64]:
     """The object's BLEND triangles."""
     low, high = scene.object_offsets[object_id : object_id + 2]
-    own = np.arange(low, high)
-    return own[scene.alpha[low:high] == Alpha.BLEND]
+    blended: NDArray[np.int64] = low + np.flatnonzero(scene.alpha[low:high] == Alpha.BLEND)
+    return blended
 
 
 def _corrections(truth: FrameTruth, samples: Int64, owners: Owners) -> int:
@@ -182,7 +177,7 @@ def _with_margins(
         lost_sample,
     )
     missed = np.flatnonzero((lost > 0) & ~shows)
-    if not len(missed) or witness_margins is None:
+    if not len(missed):
         return rulings
     samples, objects = _witness_samples(scene, truth, disputes, missed)
     margin_px, margin_depth = witness_margins(exact, truth.camera, samples, objects)

@@ -239,5 +239,6 @@ def _undecided(
 ) -> Int32:
     owner = truth.buffer.triangle.reshape(-1)[truth.undecided]
     owner = owner[owner >= 0]
-    objects = np.unique(scene.object_of_triangle[owner[~drawn[owner]]])
-    return objects[~seen.visible[objects]]
+    objects: Int32 = np.unique(scene.object_of_triangle[owner[~drawn[owner]]])
+    undecided: Int32 = objects[~seen.visible[objects]]
+    return undecided

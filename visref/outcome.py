@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 
@@ -88,9 +89,14 @@ def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, 
         "kind": miss.kind.value,
         "pixels": miss.pixels,
         "owned": miss.owned,
-        "margin_px": miss.margin_px,
-        "margin_depth": miss.margin_depth,
+        "margin_px": _finite(miss.margin_px),
+        "margin_depth": _finite(miss.margin_depth),
     }
+
+
+def _finite(margin: float | None) -> float | None:
+    """JSON has no infinity: a margin that nothing limits is null, like one not computed."""
+    return margin if margin is not None and math.isfinite(margin) else None
 
 
 def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> dict[str, object]:

@@ -59,7 +59,7 @@ class Replay(Culler):
         raster: RasterTolerance | None = None,
     ) -> None:
         self.promise = promise
-        self.raster = raster and DeclaredRaster(raster)
+        self.raster = DeclaredRaster(raster) if raster is not None else None
         self._recorded = recorded
         self._frame_of = {id(camera): index for index, camera in enumerate(path)}
 
