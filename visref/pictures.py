@@ -358,12 +358,14 @@ def _linear_from_oklch(
             [-0.0041960863, -0.7034186147, 1.7076147010],
         ]
     )
-    return np.clip(cone**3 @ rgb_from_cone.T, 0.0, 1.0)
+    linear: NDArray[np.float64] = np.clip(cone**3 @ rgb_from_cone.T, 0.0, 1.0)
+    return linear
 
 
 def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     """The sRGB transfer curve, 0…1."""
     linear = np.clip(linear, 0.0, 1.0)
-    curve: NDArray[np.float64] = 1.055 * linear ** (1 / 2.4) - 0.055
-    curve[linear <= 0.0031308] = 12.92 * linear[linear <= 0.0031308]
+    curve: NDArray[np.float64] = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
+    )
     return curve

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from visref.report.measures import Measures, measure
 from visref.report.records import RunRecord
-from visref.report.words import culler_sentence, not_claimed
+from visref.report.words import counted, culler_sentence, not_claimed
 
 # Control characters that XML 1.0 cannot carry, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -72,7 +72,8 @@ def _add_case(suite: ET.Element, run: RunRecord, row: Measures) -> None:
 
 def _losses(row: Measures) -> list[str]:
     lines = [
-        f"{lost.worst['name']}: {lost.pixels} samples over {lost.frames} frames; witness: frame "
+        f"{lost.worst['name']}: {counted(lost.pixels, 'sample')} over "
+        f"{counted(lost.frames, 'frame')}; witness: frame "
         f"{lost.worst['frame']}, pixel ({lost.worst['x']}, {lost.worst['y']}), depth "
         f"{lost.worst['depth']:.9g}"
         for lost in row.lost[:_MAX_LOST]

@@ -35,7 +35,7 @@ def _run_lines(run: RunRecord) -> list[str]:
         counts = row.counts
         cells = [
             _plain(row.culler),
-            f"{words.GLYPHS[row.status]} {words.HEADLINES[row.status].lower()}",
+            f"{words.GLYPHS[words.label(row)]} {words.HEADLINES[words.label(row)].lower()}",
             f"{words.count(counts['missed'])} / {words.count(counts['visible'])}",
             words.count(counts["missed_pixels"]),
             f"{words.count(counts['superfluous'])} / {words.count(counts['drawn'])}",
@@ -46,7 +46,7 @@ def _run_lines(run: RunRecord) -> list[str]:
     for row in rows:
         if row.lost:
             lines += ["", *_loss_lines(row)]
-    lines += ["", "Counts are summed over frames. " + _plain(" ".join(words.not_claimed(run)))]
+    lines += ["", " ".join(["Counts are summed over frames.", *words.not_claimed(run)])]
     return lines
 
 

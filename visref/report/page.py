@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
+import re
 import shlex
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -22,9 +23,9 @@ from visref.report.records import LostObject, Row, RunRecord
 from visref.rules import RULES, Rule
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
-MAX_LOST = 12
+MAX_LOST = 8
 MAX_FINDINGS = 8
-MAX_SUPERFLUOUS = 8
+MAX_SUPERFLUOUS = 5
 # Pictures are most of the page's weight: about 100 kB each.
 MAX_FRAMES = 12
 
@@ -88,7 +89,6 @@ class FrameView:
     visible: int | None
     shared: dict[str, Picture]
     cullers: list[tuple[int, str, Row, dict[str, Picture]]]
-    missed_pixels: int
 
 
 @dataclass(frozen=True)
@@ -114,11 +114,11 @@ _COLUMNS = (
     Column("fnr", "FNR", "missed / visible", "rates"),
     Column("fpr", "FPR", "superfluous / not visible", "rates"),
     Column("per", "PER", "samples lost / samples", "rates"),
-    Column("queries", "queries", "asked of the depth buffer", "means per frame"),
-    Column("batches", "batches", "waits for answers (stalls)", "means per frame"),
-    Column("query_fragments", "query frag­ments", "samples that query geometry covers",
-           "means per frame"),
-    Column("triangle_share", "triangles drawn", "share of the scene", "means per frame"),
+    Column("queries", "queries", "mean, asked of the depth buffer", "per frame"),
+    Column("batches", "batches", "mean, waits for answers (stalls)", "per frame"),
+    Column("query_fragments", "query fragments", "mean, samples that query geometry covers",
+           "per frame"),
+    Column("triangle_share", "triangles drawn", "mean share of the scene", "per frame"),
     Column("ms_median", "ms", "median of the culler's call", "per frame"),
 )  # fmt: skip
 
@@ -137,6 +137,7 @@ def page_html(runs: Sequence[RunRecord], out: Path) -> str:
         "percent": words.percent,
         "quantity": words.quantity,
         "code": _code,
+        "breakable": _breakable,
     }
     exit_ = words.overall(runs)
     views = [_run_view(run, index, out) for index, run in enumerate(runs)]
@@ -160,6 +161,11 @@ def _code(text: str) -> Markup:
     )
 
 
+def _breakable(name: str) -> Markup:
+    """A name that may be broken after its punctuation."""
+    return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", name))
+
+
 def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
     rows = [measure(run, culler) for culler in run.cullers]
     frames, frames_left_out = _frame_views(run)
@@ -171,11 +177,14 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
         "status": run.exit.status,
         "sentence": words.run_sentence(run, rows),
         "not_claimed": words.not_claimed(run),
-        "rows": [(number, row, words.culler_sentence(row)) for number, row in enumerate(rows)],
+        "rows": [
+            (number, row, words.label(row), words.culler_sentence(row))
+            for number, row in enumerate(rows)
+        ],
         "cells": _cells(rows),
         "lost": [
             (row, [_lost_view(relative, row, lost, pictured) for lost in row.lost[:MAX_LOST]])
-            for row in rows
+            for row in sorted(rows, key=lambda row: row.status != "violation")
             if row.lost
         ],
         "cleared": [
@@ -186,7 +195,7 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
         "plots": _plots(run, rows),
         "frames": frames,
         "frames_left_out": frames_left_out,
-        "start": max(frames, key=lambda view: view.missed_pixels, default=None),
+        "start": _start(rows, frames),
         "superfluous": [
             (row, units[:MAX_SUPERFLUOUS], max(0, len(units) - MAX_SUPERFLUOUS))
             for row in rows
@@ -195,6 +204,20 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
         "findings": _findings(run),
         "relative": relative,
     }
+
+
+def _start(rows: Sequence[Measures], frames: Sequence[FrameView]) -> tuple[int, int] | None:
+    """Where the browser opens, (culler number, frame): at the worst pictured violation, else
+    the worst miss, else the last culler's first frame."""
+    candidates = [
+        (rows[number].status == "violation", line["missed_pixels"], number, -view.frame)
+        for view in frames
+        for number, _, line, _ in view.cullers
+    ]
+    if not candidates:
+        return None
+    _, _, number, frame = max(candidates)
+    return number, -frame
 
 
 def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
@@ -206,7 +229,6 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
         "batches": (lambda row: row.batches or None, False),
         "query_fragments": (lambda row: row.query_fragments or None, False),
         "triangle_share": (lambda row: row.triangle_share, False),
-        "ms_median": (lambda row: row.ms_median, False),
     }
     winners = {
         name: best(rows, value, by_unit=by_unit) for name, (value, by_unit) in ranked.items()
@@ -220,15 +242,13 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
             "per": words.percent(row.per),
             "queries": words.quantity(row.queries),
             "batches": words.quantity(row.batches),
-            "query_fragments": words.quantity(row.query_fragments),
+            "query_fragments": words.large(row.query_fragments),
             "triangle_share": words.percent(row.triangle_share),
             "ms_median": words.quantity(row.ms_median),
         }
         notes = {
             "drawn": "" if row.unit_kind == "object" else f"{row.unit_kind}s",
-            "superfluous": f"{words.percent(row.superfluous_share)} of drawn"
-            if row.counts["drawn"]
-            else "",
+            "superfluous": words.percent(row.superfluous_share) if row.counts["drawn"] else "",
             "missed": _parts(row),
         }
         alarms = {"missed", "missed_pixels", "fnr", "per"} if row.counts["confirmed"] else set()
@@ -246,16 +266,14 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
 
 
 def _parts(row: Measures) -> str:
-    """What `missed` is made of, where it is not all of one kind that needs no saying."""
+    """What `missed` is made of, a line a kind."""
     counts = row.counts
     parts = [
         (counts["confirmed"], "confirmed"),
         (counts["ties"], "tied"),
         (counts["within_raster_tolerance"], "raster"),
     ]
-    if not counts["missed"]:
-        return ""
-    return " + ".join(f"{words.count(number)} {name}" for number, name in parts if number)
+    return "\n".join(f"{words.count(number)} {name}" for number, name in parts if number)
 
 
 def _lost_view(
@@ -346,7 +364,7 @@ def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
                     shared[what] = pictures.pop(what)
             cullers.append((number, culler, rows[culler, frame], pictures))
         visible = cullers[0][2]["visible"] if cullers else None
-        views.append(FrameView(frame, visible, shared, cullers, lost[frame]))
+        views.append(FrameView(frame, visible, shared, cullers))
     return views, len(by_frame) - len(views)
 
 
@@ -363,13 +381,18 @@ def _data_uri(file: Path) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
+def _shown(code: str) -> int:
+    """How many findings of this code are listed: lost objects have a section of their own."""
+    return 0 if code in ("MISSED_OBJECT", "MISSED_DECLARED") else MAX_FINDINGS
+
+
 def _findings(run: RunRecord) -> list[FindingGroup]:
     """Findings by code, in the catalogue's order."""
     by_code: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for finding in run.verdict["findings"]:
         by_code[finding["code"]].append(finding)
     return [
-        FindingGroup(rule, found[:MAX_FINDINGS], max(0, len(found) - MAX_FINDINGS))
+        FindingGroup(rule, found[: (shown := _shown(code))], max(0, len(found) - shown))
         for code, rule in RULES.items()
         if (found := by_code.get(code))
     ]

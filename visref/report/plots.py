@@ -131,9 +131,7 @@ def _svg(plot: Plot) -> Markup:
             parts.append(f'<g class="dots {style}">')
             parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2"/>' for x, y in points]
             parts.append("</g>")
-    parts.append(
-        f'<line class="cursor" y1="{_TOP}" y2="{HEIGHT - _BOTTOM}" x1="-9" x2="-9"/></svg>'
-    )
+    parts.append(f'<line class="cursor" y1="{_TOP}" y2="{HEIGHT - _BOTTOM}"/></svg>')
     # Numbers and class names of ours; the one text from outside is escaped above.
     return Markup("".join(parts))
 

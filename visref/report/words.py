@@ -12,8 +12,9 @@ HEADLINES = {
     "violation": "Violation",
     "no_violation_found": "No violation found",
     "inconclusive": "Inconclusive",
+    "measured": "Measured, not convicted",
 }
-GLYPHS = {"violation": "✕", "no_violation_found": "✓", "inconclusive": "?"}
+GLYPHS = {"violation": "✕", "no_violation_found": "✓", "inconclusive": "?", "measured": "~"}
 
 
 def count(number: int) -> str:
@@ -54,9 +55,23 @@ def quantity(value: float | None) -> str:
     return f"{value:,.{3 if value < 1 and value != int(value) else digits}f}"
 
 
+def large(value: float | None) -> str:
+    """A count that may be in the millions, to three significant digits."""
+    if value is not None and value >= 1e6:
+        power, letter = (1e9, "G") if value >= 1e9 else (1e6, "M")
+        return f"{quantity(value / power)} {letter}"
+    return quantity(value)
+
+
 def overall(runs: Sequence[RunRecord]) -> Exit:
     """The status of several runs together."""
     return decide(run.exit for run in runs)
+
+
+def label(row: Measures) -> str:
+    """The key of a culler's headline: its status, or `measured` where it missed something that
+    it never promised to draw, which a tick would belie."""
+    return "measured" if row.status != "violation" and row.counts["confirmed"] else row.status
 
 
 def culler_sentence(row: Measures) -> str:
@@ -75,7 +90,7 @@ def culler_sentence(row: Measures) -> str:
             f" ({_distinct(row)}; {counted(counts['missed_pixels'], 'sample')} lost)."
         )
         if not row.convicts:
-            text += f" It declares itself {row.promise}: measured, not convicted."
+            text += f" It declares itself {row.promise}."
     else:
         text = (
             f"Each of {counted(counts['visible'], 'visible object')} was drawn, in {frames}."
@@ -111,10 +126,12 @@ def run_sentence(run: RunRecord, rows: Sequence[Measures]) -> str:
     if guilty:
         if len(rows) == 1:
             return culler_sentence(guilty[0])
-        text = f"{len(guilty)} of {len(rows)} cullers left out something visible, in {frames}"
-        if open_:
-            text += f"; of {len(open_)} nothing can be said"
-        return text + "."
+        named = ", ".join(f"‘{row.culler}’" for row in guilty[:3])
+        more = f" and {len(guilty) - 3} more" if len(guilty) > 3 else ""
+        return (
+            f"{len(guilty)} of {counted(len(rows), 'culler')} left out visible objects that it "
+            f"promised to draw: {named}{more}."
+        )
     if not rows:
         return "No culler was judged."
     if open_:

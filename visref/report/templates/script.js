@@ -48,10 +48,9 @@
       zoom.addEventListener("click", () => zoom.parentElement.classList.toggle("wide"));
     }
     if (!tabs.length) continue;
-    const guilty = tabs.find((tab) => Number(tab.dataset.confirmed) > 0) || tabs[0];
     root.classList.add("live");
     root.querySelector(".controls").hidden = false;
-    show(guilty.dataset.culler, Number(root.dataset.startFrame));
+    show(root.dataset.startCuller, Number(root.dataset.startFrame));
     browsers.set(root.id, {
       show,
       nearest: (wanted) => show(culler, wanted),
@@ -105,6 +104,7 @@
     svg.addEventListener("pointermove", (event) => {
       const index = indexAt(event);
       const x = xOf(plot.frames[index]);
+      cursor.classList.add("on");
       cursor.setAttribute("x1", x);
       cursor.setAttribute("x2", x);
       const head = document.createElement("p");
@@ -119,8 +119,7 @@
     });
     svg.addEventListener("pointerleave", () => {
       readout.hidden = true;
-      cursor.setAttribute("x1", -9);
-      cursor.setAttribute("x2", -9);
+      cursor.classList.remove("on");
     });
     svg.addEventListener("click", (event) => {
       const browser = browsers.get(`${figure.parentElement.dataset.run}-browser`);
