@@ -176,6 +176,19 @@ class GLCuller(Culler):
 
     def begin(self, camera: Camera) -> Frame:
         """Clear, cull against the frustum, and sort."""
+        frame = self.open(camera)
+        view = frame.view
+        with phase(frame.stats, "sort"):
+            ids = self.in_frustum(view)
+            boxes = view.inflated(self.bounds[ids])
+            nearest = view.nearest_depth(boxes)
+            order = self.order(ids, nearest)
+            frame.ids, frame.boxes, frame.nearest = ids[order], boxes[order], nearest[order]
+            frame.sure = self.needs_no_query(view, frame.boxes)
+        return frame
+
+    def open(self, camera: Camera) -> Frame:
+        """An empty image, and no unit to decide about yet."""
         stats = QueryStats(
             queries=0,
             queries_passed=0,
@@ -190,14 +203,16 @@ class GLCuller(Culler):
         device().begin_frame()
         self.clear(target, stats)
         self.observe("clear")
-        with phase(stats, "sort"):
-            ids = self.in_frustum(view)
-            boxes = view.inflated(self.bounds[ids])
-            nearest = view.nearest_depth(boxes)
-            order = self.order(ids, nearest)
-            ids, boxes, nearest = ids[order], boxes[order], nearest[order]
-            sure = self.needs_no_query(view, boxes)
-        return Frame(view, target, stats, ids, boxes, nearest, sure)
+        nothing = np.zeros(0)
+        return Frame(
+            view,
+            target,
+            stats,
+            ids=np.zeros(0, np.int64),
+            boxes=np.zeros((0, 2, 3)),
+            nearest=nothing,
+            sure=nothing.astype(np.bool_),
+        )
 
     def draw(self, frame: Frame, places: Int64) -> None:
         """Draw the units `frame.ids[places]`."""
@@ -236,14 +251,16 @@ class GLCuller(Culler):
     def _count(self, frame: Frame, drawn: Int64) -> None:
         assert self.geometry is not None
         fragments = self.geometry.fragments(frame.view, frame.target, drawn)
-        frame.stats.query_fragments = frame.stats.query_fragments_passed = 0
+        # Counted already where queries are no boxes.
+        frame.stats.query_fragments = frame.stats.query_fragments or 0
+        frame.stats.query_fragments_passed = frame.stats.query_fragments_passed or 0
         if frame.asked:
             boxes, answers = np.concatenate(frame.asked), np.concatenate(frame.answers)
             of_box = self.queries.fragments(
                 frame.view, frame.target, boxes, cull_back_faces=not self.query_back_faces
             )
-            frame.stats.query_fragments = int(of_box.sum())
-            frame.stats.query_fragments_passed = int(of_box[answers > 0].sum())
+            frame.stats.query_fragments += int(of_box.sum())
+            frame.stats.query_fragments_passed += int(of_box[answers > 0].sum())
         frame.stats.depth_tests = fragments + frame.stats.query_fragments
 
 
