@@ -17,8 +17,8 @@ samples: exact arithmetic takes them as exact numbers, whatever they were rounde
 
 from __future__ import annotations
 
-import json
 import math
+import reprlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.reading import map_file, parse_json
 
 Float64 = NDArray[np.float64]
 
@@ -42,6 +43,8 @@ ORTHONORMAL_TOLERANCE = 1e-6
 # Sample coordinates a, b must be exact in float32 too (the fast engines use them), so the
 # image is at most 2**24 / 2 pixels on a side; far above any GL limit.
 MAX_IMAGE_SIDE = 1 << 20
+# A visibility buffer takes 12 bytes a sample: 3 GB here, and an engine needs several times that.
+MAX_SAMPLES = 1 << 28
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,12 @@ class Camera:
                     place=name,
                     mend=f"give 1 to {MAX_IMAGE_SIDE} pixels",
                 )
+        if self.samples > MAX_SAMPLES:
+            raise InputError(
+                f"the image has {self.width} x {self.height} pixels",
+                place="width",
+                mend=f"give at most {MAX_SAMPLES} in all",
+            )
         if (self.yfov is None) == (self.ymag is None):
             raise InputError(
                 "a camera is perspective or orthographic", mend="give either 'yfov' or 'ymag'"
@@ -264,11 +273,13 @@ def _check_pose(matrix: Float64) -> None:
             mend="write row-major rows, translation in the last column",
         )
     rotation = matrix[:3, :3]
-    determinant = float(np.linalg.det(rotation))
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(rotation, axis=0)
+        determinant = float(np.linalg.det(rotation / np.where(lengths > 0.0, lengths, 1.0)))
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if abs(determinant) < ORTHONORMAL_TOLERANCE:
         raise InputError("the matrix is singular", place=place, mend="give a rigid transform")
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if error > ORTHONORMAL_TOLERANCE:
+    if not error <= ORTHONORMAL_TOLERANCE:  # also where huge entries overflowed to NaN
         raise InputError(
             f"the camera's axes are not orthonormal (off by {error:.3g})",
             place=place,
@@ -311,23 +322,7 @@ class CameraPath:
         """Read a path file (JSON). Raises InputError naming the file and the place."""
         source = str(path)
         try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise InputError(
-                f"cannot read the camera path: {reason}", source=source, mend="check the file"
-            ) from error
-        try:
-            data = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InputError(
-                f"not valid JSON: {error.msg}",
-                source=source,
-                place=f"line {error.lineno} column {error.colno}",
-                mend="mend the syntax there",
-            ) from error
-        try:
-            return cls.from_json(data, source=source)
+            return cls.from_json(parse_json(map_file(Path(path)).tobytes()), source=source)
         except InputError as error:
             raise error.at(source=source) from error
 
@@ -337,13 +332,14 @@ class CameraPath:
         top = _mapping(data, "")
         if top.get("format") != PATH_FORMAT:
             raise InputError(
-                f"this is not a camera path (format is {top.get('format')!r})",
+                f"this is not a camera path (format is {reprlib.repr(top.get('format'))})",
                 place="format",
                 mend=f'write "format": "{PATH_FORMAT}"',
             )
-        if top.get("version") != PATH_VERSION:
+        version = top.get("version")
+        if version != PATH_VERSION or isinstance(version, bool):
             raise InputError(
-                f"version {top.get('version')!r} is not known",
+                f"version {reprlib.repr(version)} is not known",
                 place="version",
                 mend=f"this visref reads version {PATH_VERSION}",
             )
@@ -466,26 +462,33 @@ def _known(value: Mapping[str, Any], names: tuple[str, ...], place: str) -> None
     for key in value:
         if key not in names:
             raise InputError(
-                f"unknown field {key!r}", place=place, mend=f"known are {', '.join(names)}"
+                f"unknown field {reprlib.repr(key)}",
+                place=place,
+                mend=f"known are {', '.join(names)}",
             )
 
 
 def _number(values: Mapping[str, Any], name: str) -> float:
-    value = values[name]
+    return _float(values[name], name)
+
+
+def _float(value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{name} is {value!r}, not a number", place=name, mend="give a number")
+        raise InputError(
+            f"{reprlib.repr(value)} is not a number", place=place, mend="give a number"
+        )
     try:
         return float(value)
     except OverflowError as error:
         raise InputError(
-            f"{name} is too large", place=name, mend="give a float64 number"
+            "the number is too large", place=place, mend="give a float64 number"
         ) from error
 
 
 def _integer(values: Mapping[str, Any], name: str) -> int:
     value = values[name]
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{name} is {value!r}, not an integer", place=name, mend="give pixels")
+        raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, mend="give pixels")
     return value
 
 
@@ -494,10 +497,9 @@ def _matrix(value: Any) -> Float64:
     rows_ok = isinstance(value, list) and len(value) == 4
     if not rows_ok or not all(isinstance(row, list) and len(row) == 4 for row in value):
         raise InputError("not a 4 by 4 matrix", place=place, mend="give four rows of four")
-    for i, row in enumerate(value):
-        for j, entry in enumerate(row):
-            if isinstance(entry, bool) or not isinstance(entry, (int, float)):
-                raise InputError(
-                    f"{entry!r} is not a number", place=f"{place}[{i}][{j}]", mend="give a number"
-                )
-    return np.array(value, dtype=np.float64)
+    return np.array(
+        [
+            [_float(entry, f"{place}[{i}][{j}]") for j, entry in enumerate(row)]
+            for i, row in enumerate(value)
+        ]
+    )

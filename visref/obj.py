@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.flatten import Mesh, Placed
-from visref.gltf.document import map_file
+from visref.reading import map_file
 from visref.scene import Alpha, Int64
 
 # Bytes at a time: the index arrays of a chunk take some twenty times as much.

@@ -124,7 +124,8 @@ class Scene:
         """
         vertices, triangles, offsets, base = [], [], [0], 0
         for name, points, faces in objects:
-            points = np.asarray(points, np.float32).reshape(-1, 3)
+            with np.errstate(over="ignore"):  # an infinity is refused below, with its object
+                points = np.asarray(points, np.float32).reshape(-1, 3)
             faces = np.asarray(faces, np.int64).reshape(-1, 3)
             if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
                 raise InputError(
@@ -203,8 +204,8 @@ class Scene:
         """(2, 3) float64, the box of the objects that belong together.
 
         For placing cameras and choosing an origin: one stray object far away must not set the
-        scale. Objects whose centre lies more than ten times the 90th percentile's distance
-        from the median centre, weighted by nothing, are left out.
+        scale. Left out is an object that reaches more than ten times as far from the median
+        centre, along any axis, as nine of ten objects do.
         """
         boxes = self.object_bounds[np.diff(self.object_offsets) > 0]
         if not len(boxes):

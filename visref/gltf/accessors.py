@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.gltf.document import Bytes, Document, Json
+from visref.gltf.document import Document, Json
+from visref.reading import Bytes
 
 Float64 = NDArray[np.float64]
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 import math
 import re
+import reprlib
 from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from visref.errors import InputError
-
-Bytes = NDArray[np.uint8]
+from visref.reading import Bytes, map_file, parse_json
 
 _GLB_MAGIC = b"glTF"
 _CHUNK_JSON = 0x4E4F534A
@@ -77,14 +75,14 @@ class Json:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int):
-            self.fail(f"{value!r} is not an integer")
+            self.fail(f"{reprlib.repr(value)} is not an integer")
         if not low <= value <= high:
             self.fail(f"{value} is outside {low}…{high}")
         return value
 
     def number(self) -> float:
         if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
-            self.fail(f"{self.value!r} is not a number")
+            self.fail(f"{reprlib.repr(self.value)} is not a number")
         try:
             number = float(self.value)
         except OverflowError:
@@ -102,12 +100,12 @@ class Json:
 
     def text(self) -> str:
         if not isinstance(self.value, str):
-            self.fail(f"{self.value!r} is not a string")
+            self.fail(f"{reprlib.repr(self.value)} is not a string")
         return self.value
 
     def flag(self) -> bool:
         if not isinstance(self.value, bool):
-            self.fail(f"{self.value!r} is not true or false")
+            self.fail(f"{reprlib.repr(self.value)} is not true or false")
         return self.value
 
 
@@ -230,44 +228,6 @@ def _understood(extension: str) -> bool:
 def _integer(owner: Json, name: str, default: int) -> int:
     member = owner.get(name)
     return default if member is None else member.integer()
-
-
-def map_file(path: Path) -> Bytes:
-    """A file's bytes, mapped where possible. Raises InputError if it is empty or unreadable."""
-    try:
-        if path.stat().st_size == 0:
-            raise InputError("the file is empty", mend="give a complete file")
-        return np.memmap(path, np.uint8, mode="r")
-    except OSError as error:
-        raise InputError(
-            f"cannot read the file: {error.strerror}", mend="check its name and permissions"
-        ) from error
-
-
-def parse_json(data: bytes) -> Any:
-    """Strict JSON: no NaN, no infinity. Raises InputError with line and column."""
-
-    def refuse(name: str) -> NoReturn:
-        raise InputError(f"{name} is not JSON", mend="write finite numbers")
-
-    try:
-        return json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
-    except UnicodeDecodeError as error:
-        raise InputError(
-            "this is neither a GLB file nor UTF-8 text", mend="check that it is glTF"
-        ) from error
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"not valid JSON: {error.msg}",
-            place=f"line {error.lineno} column {error.colno}",
-            mend="export the file anew",
-        ) from error
-    except (RecursionError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            "not valid JSON: a number too long or lists too deep", mend="export the file anew"
-        ) from error
 
 
 def _chunks(data: Bytes) -> tuple[Bytes, Bytes | None]:
