@@ -231,7 +231,8 @@ def _superfluous(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int
     visible = visible_triangles(scene, truth)[units.triangles]
     total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
     drawn = np.sort(drawn_units)
-    return drawn[total[units.offsets[drawn + 1]] == total[units.offsets[drawn]]]
+    hidden: Int32 = drawn[total[units.offsets[drawn + 1]] == total[units.offsets[drawn]]]
+    return hidden
 
 
 def _undecided(
