@@ -27,7 +27,7 @@ def test_no_owner_is_left_out_of_its_samples_witness(seed, ortho, offset):
     scene = random_scene(seed, offset)
     target = np.full(3, offset)
     view = Camera(
-        look_at(target + (3.0, 5.0, 20.0), target),
+        look_at(target + np.array((3.0, 5.0, 20.0)), target),
         16,
         12,
         near=0.5,
