@@ -17,7 +17,7 @@ from visref.errors import InputError
 from visref.flatten import Mesh, Placed, compose
 from visref.scene import Float64
 
-# y_up_from_axis: columns are where x, y and z go (COLLADA 1.4, "up_axis").
+# y_up_from_axis, by rows: what the new x, y and z are made of (COLLADA 1.4, "up_axis").
 _Y_UP = {
     "Y_UP": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "Z_UP": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
@@ -165,5 +165,5 @@ def _world_from_file(asset: Any) -> Float64:
             f"the unit is {metres} metres", place="asset.unit", mend="give a positive length"
         )
     result = np.eye(4)
-    result[:3, :3] = metres * np.array(_Y_UP[asset.upaxis or "Y_UP"], np.float64).T
+    result[:3, :3] = metres * np.array(_Y_UP[asset.upaxis or "Y_UP"], np.float64)
     return result
