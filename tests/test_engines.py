@@ -342,6 +342,23 @@ def test_nothing_shows_through_a_tessellated_wall(make: Make, scale: float, offs
     assert (objects(make(scene).frame(camera), scene) == 0).all()
 
 
+@both_projections
+def test_a_wall_whose_vertices_lie_on_the_samples_has_no_hole(
+    make: Make, camera_of: Callable[..., Camera]
+) -> None:
+    camera = camera_of(height=32)
+    # One vertex a sample, so that every sample is a vertex of up to six triangles.
+    spread = 4.0 if camera.is_perspective else 1.0
+    a, b = (grid.ravel()[:, None] for grid in np.meshgrid(camera.column_a, camera.row_b))
+    side = a * camera.right_step + b * camera.up_step
+    i = np.add.outer(np.arange(31) * 32, np.arange(31)).ravel()[:, None]
+    faces = np.concatenate([i + np.array([0, 1, 33]), i + np.array([0, 33, 32])])
+    wall = Part(4.0 * camera.forward + spread * side, faces)
+    scene = build(wall, quad(camera, (0, 0, 32, 32), 8.0))
+    found = objects(make(scene).frame(camera), scene)
+    assert (found[1:-1, 1:-1] == 0).all()
+
+
 # Against brute force, and against each other.
 
 
