@@ -284,9 +284,10 @@ def far_from_the_origin(rng: np.random.Generator) -> Case:
 
 @_scene("viewports of one pixel, one row and odd sides miss nothing", "sides rounded to tiles")
 def odd_viewports(rng: np.random.Generator) -> Case:
-    views = _walk(rng, 1)
+    # The middle of the view is on a house.
+    view = camera((0.3, 1.6, 20.0), (3.9, 1.2, 12.0))
     sizes = [(1, 1), (1, 64), (64, 1), (61, 47), (3, 5), (33, 17), (127, 2), (65, 33), (2, 2)]
-    views = [replace(views[0], width=width, height=height) for width, height in sizes]
+    views = [replace(view, width=width, height=height) for width, height in sizes]
     return case(_city(rng), views)
 
 
@@ -351,15 +352,17 @@ def gap_narrower_than_a_texel(rng: np.random.Generator) -> Case:
 
 @_scene("a large object at the screen's edge is drawn", "distance compared with depth")
 def large_object_at_the_edge(rng: np.random.Generator) -> Case:
-    far_wall = panel((-60.0, 60.0), (-40.0, 40.0), -10.0)
+    # The walls hang on flags near the eye, so that they come first from front to back; their
+    # nearest corners are less far away than the objects before them.
+    flag = panel((-0.2, 0.2), (-0.2, 0.2), -1.0)
     objects = [
-        ("wall", together(far_wall, panel((-0.2, 0.2), (-0.2, 0.2), -1.0))),
+        ("wall", together(panel((-30.0, -1.0), (-6.5, 6.5), -10.0), flag)),
+        ("wall", together(panel((1.0, 30.0), (-6.5, 6.5), -10.0), flag)),
         ("post", box((-9.2, -1.0, -7.5), (-8.8, 1.0, -7.0))),
         ("left", box((-16.0, -5.0, -9.5), (-11.0, 5.0, -8.5))),
-        ("right", panel((10.5, 15.0), (-6.0, 6.0), -9.0)),
-        ("top", panel((-4.0, 4.0), (8.5, 10.5), -9.6)),
-        ("corner", panel((-15.0, -12.0), (7.5, 10.0), -9.9)),
-        ("behind", box((-5.0, -5.0, -15.0), (5.0, 5.0, -12.0))),
+        ("right", panel((10.5, 15.0), (-5.0, 5.0), -9.0)),
+        ("corner", panel((-15.0, -12.0), (4.5, 5.5), -9.9)),
+        ("behind", box((3.0, -5.0, -15.0), (9.0, 5.0, -12.0))),
     ]
     views = [camera(yfov=1.8), camera(yfov=1.8, width=48, height=64)]
     return case(objects, [*views, rolled(views[0], 0.4)])
@@ -368,7 +371,7 @@ def large_object_at_the_edge(rng: np.random.Generator) -> Case:
 @_scene("posters just before a wall are drawn", "coarse or badly rounded depth")
 def posters_on_a_wall(rng: np.random.Generator) -> Case:
     objects = []
-    walls = [(20.0, (0.0, 20.0)), (60.0, (22.0, 41.0)), (150.0, (43.0, 63.0))]
+    walls = [(15.5, (0.0, 20.0)), (60.0, (22.0, 41.0)), (150.0, (43.0, 63.0))]
     view = camera()
     for depth, (left, right) in walls:
         wall = pixel_panel(view, (left, right), (0.0, 47.0), depth)
@@ -410,7 +413,7 @@ def slivers(rng: np.random.Generator) -> Case:
         across = np.array([a[1] - b[1], b[0] - a[0]])
         c = a + across / np.linalg.norm(across) * rng.uniform(0.02, 0.3)
         depth = rng.choice([4.0, 10.0, 20.0])
-        points = np.array([pixel_point(view, *p, depth) for p in (a, b, c)])
+        points = np.array([pixel_point(view, p[0], p[1], depth) for p in (a, b, c)])
         objects.append(("sliver", (points, np.array([[0, 1, 2]]))))
     return case(objects, [view, camera((0.5, 0.3, 2.0))])
 
@@ -486,7 +489,11 @@ def coplanar_ties(rng: np.random.Generator) -> Case:
 
 @_scene("objects that pierce each other are drawn", "whole objects ordered by depth")
 def interpenetrating_objects(rng: np.random.Generator) -> Case:
-    objects = [("core", box((-1.5, -1.5, -9.5), (1.5, 1.5, -6.5)))]
+    # With a flag near the eye, so that it comes first from front to back.
+    core = together(
+        box((-1.5, -1.5, -9.5), (1.5, 1.5, -6.5)), panel((0.0, 0.02), (0.0, 0.02), -1.0)
+    )
+    objects = [("core", core)]
     objects.append(("swallowed", box((-1.0, -1.0, -9.0), (1.0, 1.0, -7.0))))
     for axis in range(3):
         for sign in (-1.0, 1.0):
@@ -495,7 +502,8 @@ def interpenetrating_objects(rng: np.random.Generator) -> Case:
             low[axis], high[axis] = min(0.0, sign * reach), max(0.0, sign * reach)
             centre = np.array([0.0, 0.0, -8.0])
             objects.append(("spike", box(centre + low, centre + high)))
-    return case(objects, [camera(), camera((5.0, 4.0, -2.0), (0.0, 0.0, -8.0))])
+    views = [camera((0.13, 0.07, 0.0)), camera((5.0, 4.0, -2.0), (0.0, 0.0, -8.0))]
+    return case(objects, views)
 
 
 @_scene("a grazing view over one huge triangle misses nothing", "enormous, behind the eye")

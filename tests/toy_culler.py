@@ -1,0 +1,122 @@
+"""A culler on the CPU in a hundred lines: rectangles tested against a depth buffer in float64.
+
+It needs no GL and is slow, and it has the steps that a GL occlusion query has not: corners
+projected by hand, a rectangle rounded to pixels, a depth read back. The mutants of those
+steps (G1, G3 ... G7, G11) are tried on it, and the conformance suite on them.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from visref.culler import Culler, DrawnSet
+from visref.scene import Alpha
+
+# A sample this near to an edge (as a share of the triangle) is not filled, and depths this
+# close do not hide: float64 errs by less, and inward only draws too much.
+EDGE = 1e-9
+DEPTH = 1e-9
+
+
+class ToyCuller(Culler):
+    name = "toy"
+    summary = "rectangles against a float64 depth buffer, for tests"
+
+    def __init__(self, texel=1):
+        """The rectangle is looked up in a buffer of the farthest depths of texel x texel pixels."""
+        self.texel = texel
+
+    def prepare(self, scene):
+        self.scene = scene
+        self.last_depth = None
+        return scene.object_units()
+
+    def cull(self, camera):
+        depth = self.empty_depth(camera)
+        drawn = []
+        filled = np.flatnonzero(np.diff(self.scene.object_offsets))
+        corners = {int(unit): self.corners(int(unit)) for unit in filled}
+        nearest = {unit: self.nearest(camera, points) for unit, points in corners.items()}
+        for unit in sorted(corners, key=lambda unit: (nearest[unit], unit)):
+            if self.sure(camera, corners[unit]):
+                visible = True
+            else:
+                x, y = self.rectangle(camera, corners[unit])
+                texels = self.reduce(self.read_back(camera, depth))
+                visible = self.passes(texels[self.texels(y), self.texels(x)], nearest[unit])
+            if visible:
+                drawn.append(unit)
+                self.rasterise(camera, unit, depth)
+        self.last_depth = depth
+        return DrawnSet(np.array(drawn, np.int32))
+
+    # The steps.
+
+    def empty_depth(self, camera):
+        return np.full((camera.height, camera.width), np.inf)
+
+    def corners(self, unit):
+        """(8, 3) of the unit's box."""
+        low, high = self.scene.object_bounds[unit]
+        return np.array(list(itertools.product(*zip(low, high, strict=True))))
+
+    def nearest(self, camera, corners):
+        return camera.pixel_of(corners)[1].min()
+
+    def sure(self, camera, corners):
+        """Whether the box crosses the near plane, or the eye is in it."""
+        return camera.pixel_of(corners)[1].min() <= camera.near
+
+    def rectangle(self, camera, corners):
+        """Slices of the pixels that the box may touch; outward."""
+        points, _ = camera.pixel_of(corners)
+        low = np.floor(points.min(axis=0) - 1e-6).clip(-1, None)
+        high = np.ceil(points.max(axis=0) + 1e-6).clip(-1, (camera.width, camera.height))
+        return tuple(slice(max(0, int(a)), int(b) + 1) for a, b in zip(low, high, strict=True))
+
+    def texels(self, pixels):
+        return slice(pixels.start // self.texel, -(-pixels.stop // self.texel))
+
+    def reduce(self, depth):
+        """The farthest depth of each texel's pixels."""
+        rows, columns = (range(0, side, self.texel) for side in depth.shape)
+        return np.maximum.reduceat(np.maximum.reduceat(depth, rows, axis=0), columns, axis=1)
+
+    def read_back(self, camera, depth):
+        return depth
+
+    def passes(self, depth, nearest):
+        return np.count_nonzero(depth >= nearest * (1.0 - DEPTH)) > 0
+
+    def occludes(self, triangle):
+        return self.scene.alpha[triangle] == Alpha.OPAQUE
+
+    def rasterise(self, camera, unit, depth):
+        for triangle in range(*self.scene.object_offsets[unit : unit + 2]):
+            if self.occludes(triangle):
+                fill(camera, self.scene, triangle, depth)
+
+
+def fill(camera, scene, triangle, depth):
+    """Write a triangle's depth at the samples well inside it."""
+    points = scene.vertices[scene.triangles[triangle]].astype(np.float64) - camera.eye
+    local = points @ camera.world_from_camera[:3, :3]
+    step = np.linalg.norm(camera.right_step)
+    t = -local[:, 2]
+    homogeneous = np.stack([local[:, 0] / step, local[:, 1] / step, t], axis=1)
+    if not camera.is_perspective:
+        homogeneous[:, 2] = 1.0
+    edges = np.cross(np.roll(homogeneous, -1, axis=0), np.roll(homogeneous, -2, axis=0))
+    whole = homogeneous[0] @ edges[0]
+    if whole == 0.0 or (scene.one_sided[triangle] and whole < 0.0):
+        return
+    a, b = camera.column_a[None, :, None], camera.row_b[:, None, None]
+    weights = (a * edges[:, 0] + b * edges[:, 1] + edges[:, 2]) * np.sign(whole)
+    total = weights.sum(axis=2)
+    inside = (weights > EDGE * np.abs(weights).sum(axis=2, keepdims=True)).all(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = abs(whole) / total if camera.is_perspective else weights @ t / total
+    inside &= (at >= camera.near) & (at <= camera.far) & (at < depth)
+    depth[inside] = at[inside]
