@@ -27,7 +27,7 @@ from visref.scene import Scene
 from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
 
-DEMO_SCENE = "city:scale=0.04"
+DEMO_SCENE = "city:scale=0.2"
 DEMO_FRAMES = 24
 DEMO_SIZE = (960, 720)
 DEMO_CULLERS = ("none", "frustum", "occlusion-query", "culling.broken:HastyQueryCulling")
