@@ -141,8 +141,8 @@ def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
     made = {made.name: made for made in SCENES}.get(name)
     if made is None:
         raise InputError(f"check '{name}' is about the contract and has no scene of its own")
-    found = _truths(made, seed)[0]
-    return found.scene, found.path
+    built = _built(made, seed)
+    return built.scene, built.path
 
 
 def _known(names: Iterable[str] | Mapping[str, str]) -> None:
@@ -171,14 +171,18 @@ def _describe(result: CheckResult, seed: int) -> str:
 # Judging on a scene.
 
 
+def _built(made: SceneMaker, seed: int) -> Case:
+    return made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
+
+
 @lru_cache(maxsize=128)
 def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
     """A check's scene with its exact truth, cast once for however many cullers."""
-    found = made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
-    engine = ExactEngine(found.scene)
-    truths = tuple(engine.frame(camera).copy() for camera in found.path)
+    built = _built(made, seed)
+    engine = ExactEngine(built.scene)
+    truths = tuple(engine.frame(camera).copy() for camera in built.path)
     engine.close()
-    return found, truths
+    return built, truths
 
 
 class _CastBefore(TruthEngine):
@@ -187,10 +191,10 @@ class _CastBefore(TruthEngine):
     name = "exact"
     summary = "exact truths cast before"
 
-    def __init__(self, found: Case, truths: tuple[FrameTruth, ...]) -> None:
-        super().__init__(found.scene)
+    def __init__(self, built: Case, truths: tuple[FrameTruth, ...]) -> None:
+        super().__init__(built.scene)
         # The path keeps its cameras alive, so their identities are good keys.
-        self._truths = {id(c): truth for c, truth in zip(found.path, truths, strict=True)}
+        self._truths = {id(c): truth for c, truth in zip(built.path, truths, strict=True)}
 
     def frame(self, camera: Camera) -> FrameTruth:
         return self._truths[id(camera)]
@@ -198,11 +202,11 @@ class _CastBefore(TruthEngine):
 
 def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, ...], int]]:
     def run(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
-        found, truths = _truths(made, seed)
+        built, truths = _truths(made, seed)
         culler = make_culler()
-        referee = Referee(found.scene, lambda: _CastBefore(found, truths))
+        referee = Referee(built.scene, lambda: _CastBefore(built, truths))
         try:
-            outcome = referee.run(found.path, range(len(found.path)), [(culler.name, culler)])
+            outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
         except InputError as error:
             # The units were refused.
             return (str(error),), 0
@@ -214,21 +218,21 @@ def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, 
             or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
         ]
         if record.promise.convicts:
-            problems += _losses(record, found)
+            problems += _losses(record, built)
         return tuple(problems), record.totals.confirmed
 
     return run
 
 
-def _losses(record: CullerRecord, found: Case) -> list[str]:
+def _losses(record: CullerRecord, built: Case) -> list[str]:
     lines = []
     losses = record.losses()
     for _, frame, miss in losses[:LINES_PER_CHECK]:
-        view = found.path.frames[frame]
+        view = built.path.frames[frame]
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
             f"MISSED_OBJECT: frame {frame} ({view.width} x {view.height}): "
-            f"'{found.scene.names[miss.object]}' (object {miss.object}) lost {miss.pixels} of "
+            f"'{built.scene.names[miss.object]}' (object {miss.object}) lost {miss.pixels} of "
             f"its {miss.owned} samples; witness: pixel ({x}, {y}), triangle {miss.triangle} "
             f"at depth {miss.depth:.6g}"
         )
