@@ -52,6 +52,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write(dataset: Dataset, out: Path, width: int | None, height: int | None) -> None:
     if width is not None and height is not None:
+        if dataset.expected is not None:
+            raise InputError(
+                f"'{dataset.name}' has a verdict for its own image size",
+                mend="leave out --width and --height",
+            )
         dataset = replace(dataset, path=dataset.path.resized(width, height))
     for file in dataset.write(out):
         print(file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -100,8 +101,10 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
 def _transformed(matrix: Float64, points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Points under an affine matrix, in float64 and in this order, rounded once."""
     x, y, z = points.astype(np.float64).T
-    rows = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
-    return np.stack(rows, axis=1).astype(np.float32)
+    # What is not finite stays so, and is refused as a whole.
+    with np.errstate(invalid="ignore", over="ignore"):
+        rows = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
+        return np.stack(rows, axis=1).astype(np.float32)
 
 
 def _depth_first(
@@ -122,7 +125,14 @@ def _product(a: Float64, b: Float64) -> Float64:
 
 
 def _json_bytes(value: Any) -> bytes:
-    return (json.dumps(value, indent=1) + "\n").encode()
+    text = json.dumps(value, indent=1)
+    # Innermost lists (a matrix's row, a span of pixels) on one line. No string holds a newline.
+    text = re.sub(r"\[\n\s*([^][{}]*?)\s*\]", lambda row: f"[{_one_line(row[1])}]", text)
+    return (text + "\n").encode()
+
+
+def _one_line(text: str) -> str:
+    return re.sub(r"\s*\n\s*", " ", text)
 
 
 def _replace(path: Path, content: bytes) -> None:
