@@ -1,0 +1,222 @@
+"""A software depth buffer kept beside GL's: what is drawn is rasterised here once more.
+
+The buffer claims a sample only where a triangle certainly covers it, and never says nearer than
+the triangle certainly is. So it owes nothing to GL's snapping or depth steps: what it hides is
+hidden from the samples' own rays. With the occlusion-buffer variant of the lazy grid it holds
+a single mark a pixel instead of a depth.
+
+A triangle is tested in homogeneous coordinates: with corners h_i = (p.R', p.U', p.F') of
+p = vertex - eye, in which the ray of a sample is (a, b, 1), a sample is inside where all three
+(h_j x h_k) . (a, b, 1) have one sign, wherever the corners lie; nothing is clipped.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from culling.device import Target
+from culling.queries.areas import Area, PixelQueries
+from culling.view import View
+from visref.culler import QueryStats
+from visref.scene import Float32, Float64, Int64, Scene, Units
+
+# Each corner's coordinates err by fewer than 12 units of 2**-53 of their magnitude (the eye's
+# subtraction, the inverse of an almost orthonormal matrix, a product and two sums a row), a
+# cross product's entries by 2 * 12 + 3, the sum of three of those by 3 more: under 2**5.
+EDGE_UNITS = 2.0**-48
+
+# The determinant is such an edge times a third corner: 30 + 12 + 3 units, under 2**6.
+VOLUME_UNITS = 2.0**-47
+
+# A quotient or a weighted mean of depths rounds a few times more; all of it is below 2**-49.
+DEPTH_UNITS = 2.0**-49
+
+
+class SoftwareBuffer(PixelQueries):
+    """`occludes`: (t,) bool, the triangles that hide what lies behind them. With `marks_only`
+    a pixel is 0 where something was drawn, else its view depth, rounded up to float32."""
+
+    z_max = np.inf
+
+    def __init__(
+        self, scene: Scene, units: Units, occludes: NDArray[np.bool_], *, marks_only: bool
+    ) -> None:
+        self.scene, self.units, self.occludes = scene, units, occludes
+        self.marks_only = marks_only
+        self.depth: Float32 = np.zeros((0, 0), np.float32)
+
+    def begin(self, view: View, target: Target, stats: QueryStats) -> None:
+        super().begin(view, target, stats)
+        camera = view.camera
+        if self.depth.shape != (camera.height, camera.width):
+            self.depth = np.empty((camera.height, camera.width), np.float32)
+        self.depth.fill(np.inf)
+
+    def depth_of(self, nearest: Float64) -> Float64:
+        """View depth itself: the boxes are larger than their geometry by far more than float64
+        errs."""
+        return nearest
+
+    def drawn(self, units: Int64) -> None:
+        triangles = self.units.gather(units.astype(np.int32))
+        camera = self.view.camera
+        _rasterise(
+            self.scene.vertices,
+            self.scene.triangles,
+            triangles,
+            self.occludes,
+            self.scene.one_sided,
+            camera.eye,
+            homogeneous_from_relative(self.view),
+            camera.is_perspective,
+            camera.near,
+            self.view.far,
+            camera.column_a,
+            camera.row_b,
+            self.marks_only,
+            self.depth,
+        )
+
+    def pixels(self, area: Area) -> Float32:
+        x0, y0, x1, y1 = area
+        return self.depth[y0:y1, x0:x1]
+
+
+def homogeneous_from_relative(view: View) -> Float64:
+    """(3, 3) float64: h of a vector from the eye. Rows give a and b at unit depth (or, for an
+    orthographic view, at any), and view depth."""
+    rows = view.camera_from_relative.copy()
+    step = float(np.linalg.norm(view.camera.right_step) / np.linalg.norm(_column(view, 0)))
+    rows[:2] /= step
+    rows[2] *= -1.0
+    return rows
+
+
+def _column(view: View, axis: int) -> Float64:
+    return view.camera.world_from_camera[:3, axis]
+
+
+@numba.njit(cache=True, nogil=True)
+def _rasterise(
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
+    chosen: NDArray[Any],
+    occludes: NDArray[Any],
+    one_sided: NDArray[Any],
+    eye: NDArray[Any],
+    rows: NDArray[Any],
+    perspective: bool,
+    near: float,
+    far: float,
+    column_a: NDArray[Any],
+    row_b: NDArray[Any],
+    marks_only: bool,
+    depth: NDArray[Any],
+) -> None:
+    height, width = depth.shape
+    scale = np.abs(rows[:2]).max()
+    h = np.empty((3, 3))
+    p = np.empty((3, 3))
+    t = np.empty(3)
+    edge = np.empty((3, 3))
+    size = np.empty(3)
+    doubt_a = np.empty(3)
+    doubt_1 = np.empty(3)
+    for triangle in chosen:
+        if not occludes[triangle]:
+            continue
+        for i in range(3):
+            v = triangles[triangle, i]
+            reach = 0.0
+            for axis in range(3):
+                p[i, axis] = vertices[v, axis] - eye[axis]
+                reach += abs(p[i, axis])
+            size[i] = reach
+            for row in range(3):
+                h[i, row] = rows[row, 0] * p[i, 0] + rows[row, 1] * p[i, 1] + rows[row, 2] * p[i, 2]
+            t[i] = h[i, 2]
+            if not perspective:
+                h[i, 2] = 1.0
+                size[i] = max(reach, 1.0)
+        nearest, farthest = min(t[0], t[1], t[2]), max(t[0], t[1], t[2])
+        if farthest <= near or nearest >= far:
+            continue
+        # Bounds on the image, of the part before the near plane.
+        low_a = low_b = np.inf
+        high_a = high_b = -np.inf
+        for i in range(3):
+            j = (i + 1) % 3
+            for end in range(2):
+                if end == 0:
+                    if perspective and t[i] < near:
+                        continue
+                    x, y, w = h[i, 0], h[i, 1], h[i, 2]
+                else:
+                    if not perspective or (t[i] < near) == (t[j] < near):
+                        continue
+                    s = (near - t[i]) / (t[j] - t[i])
+                    x = h[i, 0] + s * (h[j, 0] - h[i, 0])
+                    y = h[i, 1] + s * (h[j, 1] - h[i, 1])
+                    w = near
+                low_a, high_a = min(low_a, x / w), max(high_a, x / w)
+                low_b, high_b = min(low_b, y / w), max(high_b, y / w)
+        # a and b step by 2 a pixel. Bounds that err only leave a sample out.
+        x0 = max(0, int(np.ceil(max((low_a - column_a[0]) / 2.0, 0.0))))
+        x1 = int(np.floor(min((high_a - column_a[0]) / 2.0, width - 1.0))) + 1
+        y0 = max(0, int(np.ceil(max((row_b[0] - high_b) / 2.0, 0.0))))
+        y1 = int(np.floor(min((row_b[0] - low_b) / 2.0, height - 1.0))) + 1
+        if x0 >= x1 or y0 >= y1:
+            continue
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            edge[i, 0] = h[j, 1] * h[k, 2] - h[j, 2] * h[k, 1]
+            edge[i, 1] = h[j, 2] * h[k, 0] - h[j, 0] * h[k, 2]
+            edge[i, 2] = h[j, 0] * h[k, 1] - h[j, 1] * h[k, 0]
+            # Magnitudes: scale * size for the first two coordinates, size for the third.
+            doubt_a[i] = EDGE_UNITS * 2.0 * scale * size[j] * size[k]
+            doubt_1[i] = EDGE_UNITS * 2.0 * scale * scale * size[j] * size[k]
+        volume = h[0, 0] * edge[0, 0] + h[0, 1] * edge[0, 1] + h[0, 2] * edge[0, 2]
+        doubt_volume = VOLUME_UNITS * 6.0 * scale * scale * size[0] * size[1] * size[2]
+        if abs(volume) <= doubt_volume:
+            continue
+        # In right, up, forward (left-handed) a front face has a positive volume.
+        if one_sided[triangle] and volume < 0.0:
+            continue
+        sign = 1.0 if volume > 0.0 else -1.0
+        for y in range(y0, y1):
+            b = row_b[y]
+            for x in range(x0, x1):
+                a = column_a[x]
+                e0 = sign * (edge[0, 0] * a + edge[0, 1] * b + edge[0, 2])
+                e1 = sign * (edge[1, 0] * a + edge[1, 1] * b + edge[1, 2])
+                e2 = sign * (edge[2, 0] * a + edge[2, 1] * b + edge[2, 2])
+                d = abs(a) + abs(b)
+                d0, d1 = d * doubt_a[0] + doubt_1[0], d * doubt_a[1] + doubt_1[1]
+                d2 = d * doubt_a[2] + doubt_1[2]
+                # Inward: a sample in doubt is left to whatever lies behind.
+                if e0 <= d0 or e1 <= d1 or e2 <= d2:
+                    continue
+                total, doubt = e0 + e1 + e2, d0 + d1 + d2
+                if perspective:
+                    at_least = (abs(volume) - doubt_volume) / (total + doubt)
+                    at_most = (abs(volume) + doubt_volume) / (total - doubt)
+                    at_least -= DEPTH_UNITS * at_most
+                    at_most += DEPTH_UNITS * at_most
+                else:
+                    mean = (e0 * t[0] + e1 * t[1] + e2 * t[2]) / total
+                    error = 2.0 * (farthest - nearest) * doubt / (total - doubt)
+                    error += DEPTH_UNITS * (size[0] + size[1] + size[2])
+                    at_least, at_most = mean - error, mean + error
+                if at_least < near or at_most > far:
+                    continue
+                if marks_only:
+                    depth[y, x] = 0.0
+                    continue
+                stored = np.float32(at_most)
+                if stored < at_most:
+                    stored = np.nextafter(stored, np.float32(np.inf))
+                depth[y, x] = min(depth[y, x], stored)
