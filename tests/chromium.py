@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +32,9 @@ _FLAGS = (
 class Page:
     """One open page. `problems` collects what it complained of, `requests` what it fetched."""
 
-    def __init__(self, send: int, receive: int) -> None:
-        self._send = os.fdopen(send, "wb", buffering=0)
-        self._receive = os.fdopen(receive, "rb", buffering=0)
+    def __init__(self, send: RawIOBase, receive: RawIOBase) -> None:
+        self._send = send
+        self._receive = receive
         self._buffer = b""
         self._last = 0
         self._session: str | None = None
@@ -128,8 +129,11 @@ def browser() -> Iterator[Page]:
         os.close(to_read)
         os.close(to_write)
         try:
-            page = Page(send, receive)
-            yield page
+            with (
+                os.fdopen(send, "wb", buffering=0) as sender,
+                os.fdopen(receive, "rb", buffering=0) as receiver,
+            ):
+                yield Page(sender, receiver)
         finally:
             process.terminate()
             process.wait()

@@ -1,0 +1,136 @@
+"""Run folders for the reports' tests: a wall, what stands before it, and what it hides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tests.hand_made import square
+from visref.camera import Camera, CameraPath, look_at
+from visref.culler import Culler, DrawnSet, Promise, QueryStats
+from visref.engines.base import TruthEngine
+from visref.record import Recorder
+from visref.run import Referee
+from visref.scene import Scene, Units
+from visref.visibility import FrameTruth, VisibilityBuffer
+
+NASTY = "<script>alert('x')</script> | `a` & \"b\"\x07"
+
+# (name, x, y, z, size), off the samples' grid so that none lies on an edge or a diagonal.
+SQUARES = [
+    ("wall", -20.25, -20.125, 0.0, 40.0),
+    (NASTY, -8.25, -4.125, 3.0, 2.0),
+    ("pillar", 10.25, -10.125, 2.0, 9.0),
+    ("hidden", -5.25, -5.125, -5.0, 6.0),
+    ("also hidden", 0.25, 0.125, -6.0, 6.0),
+    ("outside", 500.25, 0.125, 0.0, 6.0),
+]
+WALL, NASTY_ID, PILLAR, HIDDEN, ALSO_HIDDEN, OUTSIDE = range(6)
+VISIBLE = (WALL, NASTY_ID, PILLAR)
+EVERYTHING = tuple(range(6))
+WIDTH, HEIGHT = 48, 32
+
+
+def scene() -> Scene:
+    return Scene.from_objects(
+        [(name, *square(x, y, z, size)) for name, x, y, z, size in SQUARES],
+        source="folder/squares.glb",
+    )
+
+
+def path(frames: int = 5) -> CameraPath:
+    """The camera slides to the right, a world unit (a pixel) a frame."""
+    cameras = [
+        Camera(
+            look_at((float(i), 0.0, 10.0), (float(i), 0.0, 0.0)),
+            WIDTH,
+            HEIGHT,
+            near=1.0,
+            far=100.0,
+            ymag=HEIGHT / 2,
+        )
+        for i in range(frames)
+    ]
+    return CameraPath(tuple(cameras), source="slide.path.json")
+
+
+class Painter(TruthEngine):
+    """The truth of axis-aligned squares, painted from the back."""
+
+    name = "painter"
+    summary = "for tests"
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        triangle = np.full((HEIGHT, WIDTH), -1, np.int32)
+        depth = np.full((HEIGHT, WIDTH), np.inf)
+        x = camera.eye[0] + camera.column_a * camera.right_step[0]
+        y = camera.eye[1] + camera.row_b * camera.up_step[1]
+        order = sorted(range(len(SQUARES)), key=lambda i: SQUARES[i][3])
+        for index in order:
+            _, left, low, z, size = SQUARES[index]
+            u, v = np.meshgrid(x - left, y - low)
+            inside = (u >= 0) & (u <= size) & (v >= 0) & (v <= size)
+            triangle[inside] = np.where(v <= u, 2 * index, 2 * index + 1)[inside]
+            depth[inside] = camera.eye[2] - z
+        return FrameTruth(camera, self.name, VisibilityBuffer(triangle, depth), ties_complete=True)
+
+
+class Scripted(Culler):
+    """Draws what it was told to, frame by frame; the last list stands for the rest."""
+
+    name = "scripted"
+
+    def __init__(
+        self,
+        *drawn: Sequence[int],
+        promise: Promise = Promise.CONSERVATIVE,
+        queries: int | None = None,
+        units: Units | None = None,
+        fails_at: int | None = None,
+    ) -> None:
+        self.drawn, self.promise, self.queries = drawn, promise, queries
+        self.units, self.fails_at = units, fails_at
+        self.frame = 0
+
+    def prepare(self, scene: Scene) -> Units:
+        return self.units or scene.object_units()
+
+    def cull(self, camera: Camera) -> DrawnSet:
+        if self.frame == self.fails_at:
+            raise RuntimeError("it fell over <here>")
+        drawn = self.drawn[min(self.frame, len(self.drawn) - 1)]
+        self.frame += 1
+        stats = QueryStats(ms={"cull": 2.0 * self.frame})
+        if self.queries is not None:
+            stats.queries = self.queries * self.frame
+            stats.batches = self.frame
+            stats.query_fragments = 1_000_000 * self.frame
+        return DrawnSet(np.array(drawn, np.int32), stats)
+
+
+def write_run(
+    folder: Path,
+    cullers: Sequence[tuple[str, Culler]],
+    *,
+    frames: int = 5,
+    engine: str = "embree",
+    pictures: Sequence[int] = (0, 3),
+) -> Path:
+    """Judge the cullers with the painter's truth and leave a run folder that says `engine`."""
+    folder.mkdir(parents=True)
+    world, cameras = scene(), path(frames)
+    recorder = Recorder(
+        folder,
+        world,
+        cameras,
+        engine=engine,
+        settings={"cull_backfaces": False},
+        picture_frames=pictures,
+    )
+    outcome = Referee(world, lambda: Painter(world)).run(
+        cameras, range(frames), cullers, [recorder]
+    )
+    recorder.finish(outcome)
+    return folder
