@@ -651,6 +651,16 @@ def test_clean_up_of_other_loaders_is_off(tmp_path):
     assert scene.triangle_count == 3
 
 
+def test_what_a_loader_only_logs_is_a_finding(tmp_path, capfd):
+    facet = "facet normal 0 0 {}\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+    text = "solid s\n" + facet.format(1) + "endfacet\n" + facet.format("x") + "endfacet\nendsolid\n"
+    (tmp_path / "odd.stl").write_text(text)
+    scene = load_scene(tmp_path / "odd.stl")
+    assert scene.triangle_count == 2
+    assert codes(scene) == ["PARTLY_READ"]
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.skipif(not ENGINE.exists(), reason="Debian's assimp-testmodels is not installed")
 def test_real_model_has_the_objects_that_an_independent_reader_counts():
     scene, path = load_scene(ENGINE), load_path(ENGINE)

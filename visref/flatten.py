@@ -177,10 +177,9 @@ def _transformed(worlds: Float64, positions: NDArray[Any]) -> NDArray[np.float32
     """(k, v, 3) float32: `positions` under each of (k, 4, 4), float64 until the last step."""
     result = np.empty((len(worlds), len(positions), 3), np.float32)
     x, y, z = (positions[:, axis].astype(np.float64) for axis in range(3))
-    with np.errstate(over="ignore", invalid="ignore"):
-        for axis in range(3):
-            row = worlds[:, axis, :, None]
-            result[:, :, axis] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]
+    for axis in range(3):
+        row = worlds[:, axis, :, None]
+        result[:, :, axis] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]
     return result
 
 

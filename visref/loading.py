@@ -7,6 +7,7 @@ verdict is about the triangles as given.
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,11 @@ _COLLADA = (".dae", ".zae")
 # trimesh skips what it cannot read in an archive, without a word.
 _ARCHIVES = (".zip", ".gz", ".bz2")
 
+# Numbers that overflow become vertices and cameras that are not finite, and those are refused.
+_quiet_overflow = np.errstate(over="ignore", invalid="ignore")
 
+
+@_quiet_overflow
 def load_scene(path: Path | str, *, cull_backfaces: bool = False, lenient: bool = False) -> Scene:
     """A scene from a file: GLB, glTF, OBJ, COLLADA, PLY, STL, OFF, 3MF and what trimesh reads.
 
@@ -59,6 +64,7 @@ def load_scene(path: Path | str, *, cull_backfaces: bool = False, lenient: bool 
         ) from error
 
 
+@_quiet_overflow
 def load_path(
     path: Path | str, *, width: int = 1280, height: int = 960, fps: float | None = None
 ) -> CameraPath:
@@ -80,6 +86,7 @@ def load_path(
     return CameraPath(cameras.frames, str(file))
 
 
+@_quiet_overflow
 def scene_from_trimesh(
     loaded: trimesh.Trimesh | trimesh.Scene,
     *,
@@ -127,6 +134,9 @@ def _read(file: Path) -> Placed:
         raise InputError(
             f"files ending in '{suffix}' are not known", mend=f"known are {', '.join(known)}"
         )
+    said = _Said(logging.WARNING)
+    logger = logging.getLogger("trimesh")
+    logger.addHandler(said)
     try:
         loaded = trimesh.load_scene(str(file.absolute()), process=False)
     except ImportError as error:
@@ -139,7 +149,22 @@ def _read(file: Path) -> Placed:
             f"this is not a readable '{suffix}' file ({kind}: {str(error)[:120]})",
             mend="export the file anew",
         ) from error
-    return _from_trimesh(loaded)
+    finally:
+        logger.removeHandler(said)
+    placed = _from_trimesh(loaded)
+    placed.notes.extend(("PARTLY_READ", f"trimesh says: {line}") for line in said.lines)
+    return placed
+
+
+class _Said(logging.Handler):
+    """Collects what a library only logs: a loader's warning is a finding, not a line lost."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
 
 
 def _from_trimesh(loaded: trimesh.Scene) -> Placed:

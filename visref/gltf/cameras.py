@@ -22,7 +22,7 @@ from visref.errors import InputError
 from visref.flatten import compose
 from visref.gltf.accessors import read_floats
 from visref.gltf.document import Document, Json
-from visref.gltf.nodes import Nodes, read_nodes, trs_matrices
+from visref.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.scene import Float64
 
 # Exporters write matrices with as few as six digits: an entry of a unit column is off by up to
@@ -90,6 +90,8 @@ def _camera(lens: Json, pose: Float64, width: int, height: int) -> Camera:
 
 def _rigid(world_from_node: Float64, node: Json) -> Float64:
     """The camera's pose: the node's matrix with its columns normalised."""
+    if not np.isfinite(world_from_node).all():
+        node.fail("the camera's matrix is not finite", "mend its node, its parents, their keys")
     linear = world_from_node[:3, :3]
     lengths = np.linalg.norm(linear, axis=0)
     mend = "remove it from the camera's node and its parents"
@@ -250,6 +252,6 @@ def _channel(document: Document, node: int, path: str, sampler: Json) -> _Channe
         sampler["input"].fail("its times do not increase")
     if not np.isfinite(values).all():
         sampler["output"].fail("a value is NaN or infinite")
-    if path == "rotation" and interpolation != "CUBICSPLINE" and not values.any(axis=1).all():
-        sampler["output"].fail("a rotation of zero length")
+    if path == "rotation" and interpolation != "CUBICSPLINE" and not have_length(values):
+        sampler["output"].fail("a rotation of zero or infinite length")
     return _Channel(node, path, times, values, interpolation)

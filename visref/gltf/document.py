@@ -65,6 +65,12 @@ class Json:
             self.fail(f"'{name}' is missing")
         return member
 
+    def names(self) -> list[str]:
+        """The names of this object's members."""
+        if not isinstance(self.value, dict):
+            self.fail("this is not a JSON object")
+        return list(self.value)
+
     def items(self) -> list[Json]:
         if not isinstance(self.value, list):
             self.fail("this is not a list")

@@ -126,7 +126,7 @@ class _Primitive:
         """Linear blend skinning (section 3.7.3.3): (v, 3) float64 in world space."""
         blended = np.zeros((len(positions), 3, 4))
         total = np.zeros(len(positions))
-        for number in range(len(self.json["attributes"].value)):
+        for number in range(len(self.json["attributes"].names())):
             joints = self.attribute(f"JOINTS_{number}", ("VEC4",))
             weights = self.attribute(f"WEIGHTS_{number}", ("VEC4",))
             if joints is None or weights is None:
@@ -222,9 +222,8 @@ class _Draco:
                 place=extension.place,
                 mend="export the file anew",
             ) from error
-        self.ids: Mapping[str, Json] = {
-            name: extension["attributes"][name] for name in extension["attributes"].value
-        }
+        attributes = extension["attributes"]
+        self.ids: Mapping[str, Json] = {name: attributes[name] for name in attributes.names()}
 
     def has(self, name: str) -> bool:
         return name in self.ids

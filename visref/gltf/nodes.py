@@ -83,6 +83,12 @@ def trs_matrices(translation: Float64, rotation: Float64, scale: Float64) -> Flo
     return result
 
 
+def have_length(rotation: Float64) -> bool:
+    """Whether every quaternion, (n, 4), can be normalised."""
+    lengths = np.linalg.norm(rotation, axis=1)
+    return bool(np.all((lengths > 0.0) & (lengths < np.inf)))
+
+
 def read_nodes(document: Document) -> Nodes:
     """Read the hierarchy. Raises InputError for a cycle, or a node with two parents."""
     nodes = document.entries("nodes")
@@ -116,8 +122,8 @@ def read_nodes(document: Document) -> Nodes:
         if "rotation" in value:
             member = nodes[node]["rotation"]
             rotation[node] = member.numbers(4)
-            if not rotation[node].any():
-                member.fail("a rotation of zero length")
+            if not have_length(rotation[node][None]):
+                member.fail("a rotation of zero or infinite length")
     return Nodes(order, parent, translation, rotation, scale, matrices, hidden)
 
 

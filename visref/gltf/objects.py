@@ -8,7 +8,7 @@ from visref.flatten import NO_MESH, Placed, compose
 from visref.gltf.accessors import read_floats
 from visref.gltf.document import Document, Json
 from visref.gltf.meshes import read_mesh
-from visref.gltf.nodes import Nodes, read_nodes, trs_matrices
+from visref.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.scene import Float64
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -105,8 +105,8 @@ def _instances(document: Document, node: Json, world: Float64) -> Float64:
     (count,) = counts
     translation = found.get("TRANSLATION", np.zeros((count, 3)))
     rotation = found.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))
-    if not rotation.any(axis=1).all():
-        attributes["ROTATION"].fail("a rotation of zero length")
+    if not have_length(rotation):
+        attributes["ROTATION"].fail("a rotation of zero or infinite length")
     scale = found.get("SCALE", np.ones((count, 3)))
     return compose(world[None], trs_matrices(translation, rotation, scale))
 
