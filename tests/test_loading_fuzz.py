@@ -121,16 +121,15 @@ def test_file_with_every_feature_is_good(tmp_path):
 def test_spoilt_gltf_is_read_or_refused_in_one_line(tmp_path):
     gltf, file = everything(), tmp_path / "spoilt.glb"
     wanted = json.dumps(gltf.json)
-    read = refused = 0
-    for seed in range(400):
+    read, lines = 0, []
+    for seed in range(250):
         file.write_bytes(spoilt(gltf, random.Random(seed)))
         for load in (load_scene, load_path):
             try:
                 load(file)
                 read += 1
             except InputError as error:
-                assert str(error).startswith(str(file))
-                assert "\n" not in str(error)
-                refused += 1
+                lines.append(str(error))
+    assert all(line.startswith(str(file)) and "\n" not in line for line in lines)
     assert json.dumps(gltf.json) == wanted
-    assert min(read, refused) > 100
+    assert min(read, len(lines)) > 100
