@@ -178,7 +178,9 @@ def _split_to(surface: Surface, count: int) -> Surface:
     if not missing:
         return surface
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, index, users = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    keys = sides[:, 0] * len(vertices) + sides[:, 1]
+    unique, index, users = np.unique(keys, return_inverse=True, return_counts=True)
+    edges = np.stack([unique // len(vertices), unique % len(vertices)], axis=1)
     owners = np.argsort(index.reshape(-1), kind="stable") // 3
     starts = np.cumsum(users) - users
     length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)

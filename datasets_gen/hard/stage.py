@@ -90,22 +90,22 @@ class HardCase:
     def dataset(self) -> Dataset:
         return Dataset(self.name, self.nodes, self.path, self.expected)
 
-    def owners(self, frame: int) -> dict[tuple[str, ...], NDArray[np.bool_]]:
-        """By set of owners, the (height, width) mask of the samples that they own."""
+    def picture(self, frame: int) -> tuple[list[tuple[str, ...]], NDArray[np.int64]]:
+        """The sets of owners of a frame, and by (height, width) sample the number of its set.
+        The first set is the empty one, of background."""
         camera = self.path.frames[frame]
-        kinds: list[tuple[str, ...]] = [()]
+        number: dict[tuple[str, ...], int] = {(): 0}
         which = np.zeros((camera.height, camera.width), np.int64)
         for patch in self.pictures[frame]:
             x = patch.x or (0, camera.width - 1)
             y = patch.y or (0, camera.height - 1)
-            if patch.owners not in kinds:
-                kinds.append(patch.owners)
-            which[y[0] : y[1] + 1, x[0] : x[1] + 1] = kinds.index(patch.owners)
-        return {owners: which == number for number, owners in enumerate(kinds)}
+            which[y[0] : y[1] + 1, x[0] : x[1] + 1] = number.setdefault(patch.owners, len(number))
+        return list(number), which
 
     def _frame(self, frame: int) -> dict[str, Any]:
         camera = self.path.frames[frame]
-        shown = [owners for owners, mask in self.owners(frame).items() if mask.any()]
+        sets, which = self.picture(frame)
+        shown = [sets[number] for number in np.unique(which)]
         visible = {name for owners in shown for name in owners}
         alone = {owners[0] for owners in shown if len(owners) == 1}
         names = _object_names(self.nodes)
