@@ -244,6 +244,37 @@ def test_every_blended_layer_before_the_opaque_hit_is_seen(
     assert seen.pixels.tolist() == [16 * 24, 128, 128, 16 * 24, 0, 0, 0, 0]
 
 
+def test_a_blended_object_of_many_layers_counts_a_sample_once(make: Make) -> None:
+    camera = perspective()
+    glass = box((0.0, 0.0, -8.0), (2.0, 1.0, 2.0))
+    truth = make(build(replace(glass, alpha=Alpha.BLEND))).frame(camera)
+    solid = make(build(glass)).frame(camera)
+    assert truth.blend.pixels.tolist() == [(solid.buffer.triangle >= 0).sum()]
+    assert truth.blend.depth[0] == solid.buffer.depth.min() == 6.0
+
+
+@pytest.mark.parametrize("alpha", [Alpha.MASK, Alpha.BLEND])
+@both_projections
+def test_what_float64_decides_alone_is_what_the_library_decides(
+    make: Make, camera_of: Callable[..., Camera], alpha: Alpha
+) -> None:
+    # Planes that cross the near plane, the eye's own plane and the picture's borders.
+    camera = camera_of(near=1.0, far=20.0)
+    flat = np.array([[-99.0, -1, 99], [99, -1, 99], [99, -1.5, -99], [-99, -1.5, -99]])
+    steep = flat + np.array([[0, 40, 0], [0, 40, 0], [0, -40, 0], [0, -40, 0]])
+    total = 0
+    for points in (flat, flat[:, [1, 0, 2]], -flat, steep, steep[:, [1, 0, 2]], -steep):
+        floor = Part(points, np.array([[0, 1, 2], [0, 2, 3]]))
+        expected = np.flatnonzero(make(build(floor)).frame(camera).buffer.triangle >= 0)
+        truth = make(build(replace(floor, alpha=alpha))).frame(camera)
+        total += len(expected)
+        if alpha == Alpha.MASK:
+            np.testing.assert_array_equal(truth.undecided, expected)
+        else:
+            assert truth.blend.pixels.sum() == len(expected)
+    assert total > 500
+
+
 def test_a_sample_that_an_object_owns_is_not_counted_again_for_its_own_glass(make: Make) -> None:
     camera = perspective()
     frame, pane = quad(camera, (0, 0, 16, 24), 8.0), quad(camera, (8, 0, 24, 24), 4.0)
@@ -492,7 +523,7 @@ def contents(truth: FrameTruth) -> list[bytes]:
 
 
 def test_any_number_of_threads_gives_the_same_bytes(make: Make) -> None:
-    scene, camera = mixed_scene(), view(1, 320, 240)
+    scene, camera = mixed_scene(), view(4, 320, 240)
     one, two, five = (contents(make(scene, threads=n).frame(camera)) for n in (1, 2, 5))
     assert one == two == five
     assert all(len(part) for part in one)
