@@ -202,12 +202,12 @@ def _key_range(camera: Camera) -> tuple[float, float, float, float]:
     return too_near, near_enough, (1.0 / far) * (1.0 + 4.0 * U), (1.0 / far) * (1.0 - 4.0 * U)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _largest(x: float, y: float, z: float) -> float:
     return max(abs(x), max(abs(y), abs(z)))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> int:
     """Compute a triangle's affine functions and their bounds into `out` (see the layout above).
 

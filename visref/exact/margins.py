@@ -140,7 +140,7 @@ def _depth_rows(camera: Camera, exact_scene: ExactScene, tolerance: RasterTolera
     return np.array([clip[2], clip[3], [2.0**-bits, scale, 0.0, 0.0]])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
     """How far off a float32 rasteriser's key of a triangle may be at any of its points."""
     worst = 0.0
@@ -157,7 +157,7 @@ def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
     return error
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     """On which side of the plane through the eye and edge i (orthographic: along the view)
     the opposite corner lies, with a bound of the error: the sign is certain above it."""
@@ -180,12 +180,15 @@ def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     return value, 2.0**-44 * size * size * (size if view.perspective else view.f_norm)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
-    return p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
+    same: bool = (
+        p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
+    )
+    return same
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     """Whether triangle q shares p's edge and lies on its other side on the screen."""
     start, end = edge, (edge + 1) % 3
@@ -204,7 +207,7 @@ def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def examine(
     xs: NDArray[Any],
     ys: NDArray[Any],

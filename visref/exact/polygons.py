@@ -24,7 +24,7 @@ CLIPPED = 3
 MOST_CORNERS = 12
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def screen_polygon(
     p: NDArray[Any], view: View, polygon: NDArray[Any], tags: NDArray[Any]
 ) -> tuple[int, float]:
@@ -84,7 +84,7 @@ def screen_polygon(
     return count, error + PIXEL_SLACK
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def distance_to_segment(x: float, y: float, x0: float, y0: float, x1: float, y1: float) -> float:
     dx, dy = x1 - x0, y1 - y0
     length = dx * dx + dy * dy
@@ -95,7 +95,7 @@ def distance_to_segment(x: float, y: float, x0: float, y0: float, x1: float, y1:
     return math.hypot(x0 + part * dx - x, y0 + part * dy - y)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -> float:
     """Zero inside a convex polygon (either winding), else the distance to its rim; inf for none."""
     if count == 0:
@@ -112,7 +112,7 @@ def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -
     return 0.0 if left != right else nearest
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def clip_polygon(
     polygon: NDArray[Any], count: int, a: float, b: float, c: float, out: NDArray[Any]
 ) -> int:
@@ -134,7 +134,7 @@ def clip_polygon(
     return kept
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, float]:
     """(whether it has area, q = c + gx x + gy y): the key's plane over the screen."""
     # The corner triple with the greatest area, which conditions the gradient best.
@@ -154,7 +154,7 @@ def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, fl
     return True, polygon[0, 2] - gx * polygon[0, 0] - gy * polygon[0, 1], gx, gy
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def key_range(
     x: float, y: float, radius: float, polygon: NDArray[Any], count: int
 ) -> tuple[float, float]:
@@ -170,7 +170,7 @@ def key_range(
     return least, greatest
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def distance_to_hiding(
     x: float,
     y: float,

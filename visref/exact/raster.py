@@ -35,11 +35,16 @@ from visref.exact.filters import (
     set_up,
 )
 
-TILE = 64
-BLOCK = 8
+TILE_SHIFT, BLOCK_SHIFT = 6, 3
+TILE, BLOCK = 1 << TILE_SHIFT, 1 << BLOCK_SHIFT
 # The clip for screen boxes lies this much before the near plane, so that an error of a vertex's
 # depth up to `near` times this cannot cut off a point that a sample might hit.
 CLIP_SLACK = 2.0**-10
+
+# Testing a rectangle's corners costs as much as this many samples.
+CORNER_TESTS_PAY = 8
+# A block's bound is found anew when this many of its samples were drawn; a stale one is lower.
+REFRESH = 24
 
 NOT_WANTED = -2
 
@@ -47,7 +52,7 @@ NOT_WANTED = -2
 POSSIBLE, COVERING, NEARER = 0, 1, 2
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def cluster_depths(bounds: NDArray[Any], view: View, grow: float, nearest: NDArray[Any]) -> None:
     """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
 
@@ -101,7 +106,7 @@ def cluster_depths(bounds: NDArray[Any], view: View, grow: float, nearest: NDArr
             nearest[c] = np.inf
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
     """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
     low -= grow + PIXEL_SLACK
@@ -115,7 +120,7 @@ def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int,
     return first, last
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def project(
     clusters: NDArray[Any],
     cluster_offsets: NDArray[Any],
@@ -212,7 +217,7 @@ def project(
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def bin_boxes(
     boxes: NDArray[Any], tile_wanted: NDArray[Any], tile_columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -220,8 +225,8 @@ def bin_boxes(
     tiles = len(tile_wanted)
     offsets = np.zeros(tiles + 1, np.int64)
     for k in range(len(boxes)):
-        for row in range(boxes[k, 2] // TILE, boxes[k, 3] // TILE + 1):
-            for column in range(boxes[k, 0] // TILE, boxes[k, 1] // TILE + 1):
+        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
                 tile = row * tile_columns + column
                 if tile_wanted[tile]:
                     offsets[tile + 1] += 1
@@ -230,8 +235,8 @@ def bin_boxes(
     entries = np.empty(offsets[tiles], np.int32)
     place = offsets[:-1].copy()
     for k in range(len(boxes)):
-        for row in range(boxes[k, 2] // TILE, boxes[k, 3] // TILE + 1):
-            for column in range(boxes[k, 0] // TILE, boxes[k, 1] // TILE + 1):
+        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
                 tile = row * tile_columns + column
                 if tile_wanted[tile]:
                     entries[place[tile]] = k
@@ -239,7 +244,7 @@ def bin_boxes(
     return offsets, entries
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
     """The greatest computed value of an affine function over a rectangle's corners."""
     b = b1 if c[k + 2] > 0.0 else b0
@@ -248,7 +253,7 @@ def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: floa
     return value
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _least(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
     b = b0 if c[k + 2] > 0.0 else b1
     a = a0 if c[k + 1] > 0.0 else a1
@@ -256,7 +261,59 @@ def _least(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) 
     return value
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _with_room(out: NDArray[Any], count: int, more: int) -> NDArray[Any]:
+    if count + more <= len(out):
+        return out
+    grown = np.empty((max(2 * len(out), count + more), 4))
+    grown[:count] = out[:count]
+    return grown
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _doubt(
+    c: NDArray[Any],
+    t: int,
+    view: View,
+    column_a: NDArray[Any],
+    row_b: NDArray[Any],
+    rectangle: tuple[int, int, int, int],
+    left: int,
+    top: int,
+    own: NDArray[Any],
+    out: NDArray[Any],
+    count: int,
+) -> tuple[NDArray[Any], int]:
+    """Note a triangle of doubtful orientation at every sample that it is not certain to miss:
+    where two edges certainly differ in sign it misses, and where it is certainly too near."""
+    x0, x1, y0, y1 = rectangle
+    bound0, bound1, bound2 = c[12], c[13], c[14]
+    for y in range(y0, y1 + 1):
+        out = _with_room(out, count, x1 - x0 + 1)
+        b = row_b[y]
+        for x in range(x0, x1 + 1):
+            if own[((y - top) << TILE_SHIFT) + x - left] == NOT_WANTED:
+                continue
+            a = column_a[x]
+            e0 = (c[0] + b * c[2]) + a * c[1]
+            e1 = (c[3] + b * c[5]) + a * c[4]
+            e2 = (c[6] + b * c[8]) + a * c[7]
+            if (e0 > bound0 or e1 > bound1 or e2 > bound2) and (
+                e0 < -bound0 or e1 < -bound1 or e2 < -bound2
+            ):
+                continue
+            if view.perspective:
+                # t = |N| / |D|; 4 u for the roundings.
+                least = abs((c[9] + b * c[11]) + a * c[10]) - c[KEY_BOUND]
+                if abs(c[SIGN]) + c[SIGN_BOUND] < view.near * least * (1.0 - 4.0 * U):
+                    continue
+            out[count, 0], out[count, 1] = y * view.width + x, t
+            out[count, 2], out[count, 3] = POSSIBLE, np.inf
+            count += 1
+    return out, count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(
     tiles: NDArray[Any],
     tile_columns: int,
@@ -275,7 +332,7 @@ def rasterise(
     owner: NDArray[Any],
     floor: NDArray[Any],
     ceiling: NDArray[Any],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
+) -> NDArray[np.float64]:
     """Fill some tiles.
 
     `owner`: (height, width) int32, the certain owner (place in cluster order, -1 for none) is
@@ -283,63 +340,58 @@ def rasterise(
     none), written unless their shape is (0, 0). With `collect` they are read instead, nothing is
     drawn, and every triangle that may reach the floor comes back.
     `wanted`: (height, width) bool, or (0, 0) for all samples.
-    Returns contenders: flat sample, place in cluster order, and POSSIBLE, COVERING, or (only
-    with `collect`) NEARER: certainly covering, and certainly above the ceiling.
+    Returns contenders, (k, 4) float64: flat sample, place in cluster order, POSSIBLE, COVERING
+    or (only with `collect`) NEARER, certainly covering and above the ceiling, and the greatest
+    key that it may have.
     """
     width, height = view.width, view.height
-    low = np.empty((TILE, TILE))
-    high = np.empty((TILE, TILE))
-    own = np.empty((TILE, TILE), np.int32)
-    blocks = TILE // BLOCK
+    low = np.empty(TILE * TILE)
+    high = np.empty(TILE * TILE)
+    own = np.empty(TILE * TILE, np.int32)
+    blocks = TILE >> BLOCK_SHIFT
+    # A lower bound of the keys in each block, and how many samples were drawn since it was found.
     block_low = np.empty((blocks, blocks))
+    drawn = np.empty((blocks, blocks), np.int64)
     c = np.empty(SET_UP_SIZE)
-    capacity = 1024
-    out_sample = np.empty(capacity, np.int64)
-    out_triangle = np.empty(capacity, np.int64)
-    out_state = np.empty(capacity, np.uint8)
-    out_high = np.empty(capacity)
+    out = np.empty((1024, 4))
     count = 0
     for tile in tiles:
         left, top = (tile % tile_columns) * TILE, (tile // tile_columns) * TILE
         right, bottom = min(left + TILE, width), min(top + TILE, height)
         tile_start = count
-        for y in range(TILE):
-            for x in range(TILE):
-                low[y, x] = np.inf
-                own[y, x] = NOT_WANTED
+        low[:], high[:], own[:] = np.inf, -np.inf, NOT_WANTED
+        block_low[:] = np.inf
+        drawn[:] = 0
         for y in range(top, bottom):
             for x in range(left, right):
                 if wanted.size == 0 or wanted[y, x]:
-                    low[y - top, x - left] = floor[y, x] if collect else -np.inf
-                    high[y - top, x - left] = -np.inf
-                    own[y - top, x - left] = -1
-        for j in range(blocks):
-            for i in range(blocks):
-                least = np.inf
-                for y in range(j * BLOCK, (j + 1) * BLOCK):
-                    for x in range(i * BLOCK, (i + 1) * BLOCK):
-                        least = min(least, low[y, x])
-                block_low[j, i] = least
+                    place = ((y - top) << TILE_SHIFT) + x - left
+                    low[place] = floor[y, x] if collect else -np.inf
+                    own[place] = -1
+                    j, i = (y - top) >> BLOCK_SHIFT, (x - left) >> BLOCK_SHIFT
+                    block_low[j, i] = min(block_low[j, i], low[place])
         for entry in range(bin_offsets[tile], bin_offsets[tile + 1]):
             k = bin_entries[entry]
             x0, x1 = max(boxes[k, 0], left), min(boxes[k, 1], right - 1)
             y0, y1 = max(boxes[k, 2], top), min(boxes[k, 3], bottom - 1)
-            j0, j1 = (y0 - top) // BLOCK, (y1 - top) // BLOCK
-            i0, i1 = (x0 - left) // BLOCK, (x1 - left) // BLOCK
+            j0, j1 = (y0 - top) >> BLOCK_SHIFT, (y1 - top) >> BLOCK_SHIFT
+            i0, i1 = (x0 - left) >> BLOCK_SHIFT, (x1 - left) >> BLOCK_SHIFT
             greatest = keys[k, 0]
             hidden = True
             for j in range(j0, j1 + 1):
                 for i in range(i0, i1 + 1):
-                    if not greatest < block_low[j, i]:
-                        hidden = False
-                        break
-                if not hidden:
-                    break
+                    hidden = hidden and greatest < block_low[j, i]
             if hidden:
                 continue
             t = found[k]
             state = set_up(corners[t], one_sided[t], view, c)
             if state == NOTHING:
+                continue
+            if state != CERTAIN:
+                rectangle = (x0, x1, y0, y1)
+                out, count = _doubt(
+                    c, t, view, column_a, row_b, rectangle, left, top, own, out, count
+                )
                 continue
             check = keys[k, 1] != 0.0
             c0, ca0, cb0, c1, ca1, cb1, c2, ca2, cb2 = (
@@ -352,127 +404,95 @@ def rasterise(
                 for i in range(i0, i1 + 1):
                     if greatest < block_low[j, i]:
                         continue
-                    bx0, bx1 = max(x0, left + i * BLOCK), min(x1, left + i * BLOCK + BLOCK - 1)
-                    by0, by1 = max(y0, top + j * BLOCK), min(y1, top + j * BLOCK + BLOCK - 1)
+                    bx0 = max(x0, left + (i << BLOCK_SHIFT))
+                    bx1 = min(x1, left + (i << BLOCK_SHIFT) + BLOCK - 1)
+                    by0 = max(y0, top + (j << BLOCK_SHIFT))
+                    by1 = min(y1, top + (j << BLOCK_SHIFT) + BLOCK - 1)
                     inside = False
-                    if (bx1 - bx0 + 1) * (by1 - by0 + 1) > 4:
+                    if (bx1 - bx0 + 1) * (by1 - by0 + 1) > CORNER_TESTS_PAY:
                         a0, a1 = column_a[bx0], column_a[bx1]
                         b0, b1 = row_b[by1], row_b[by0]
-                        greatest0 = _greatest(c, 0, a0, a1, b0, b1)
-                        greatest1 = _greatest(c, 3, a0, a1, b0, b1)
-                        greatest2 = _greatest(c, 6, a0, a1, b0, b1)
-                        below = greatest0 < -bound0 or greatest1 < -bound1 or greatest2 < -bound2
-                        least0 = _least(c, 0, a0, a1, b0, b1)
-                        least1 = _least(c, 3, a0, a1, b0, b1)
-                        least2 = _least(c, 6, a0, a1, b0, b1)
-                        if state == CERTAIN:
-                            if below:
-                                continue
-                            if _greatest(c, 9, a0, a1, b0, b1) + error < block_low[j, i]:
-                                continue
-                            inside = least0 >= bound0 and least1 >= bound1 and least2 >= bound2
-                        elif below and (least0 > bound0 or least1 > bound1 or least2 > bound2):
+                        if (
+                            _greatest(c, 0, a0, a1, b0, b1) < -bound0
+                            or _greatest(c, 3, a0, a1, b0, b1) < -bound1
+                            or _greatest(c, 6, a0, a1, b0, b1) < -bound2
+                            or _greatest(c, 9, a0, a1, b0, b1) + error < block_low[j, i]
+                        ):
                             continue
-                    if count + BLOCK * BLOCK > capacity:
-                        capacity *= 2
-                        grown_sample = np.empty(capacity, np.int64)
-                        grown_sample[:count] = out_sample[:count]
-                        out_sample = grown_sample
-                        grown_triangle = np.empty(capacity, np.int64)
-                        grown_triangle[:count] = out_triangle[:count]
-                        out_triangle = grown_triangle
-                        grown_state = np.empty(capacity, np.uint8)
-                        grown_state[:count] = out_state[:count]
-                        out_state = grown_state
-                        grown_high = np.empty(capacity)
-                        grown_high[:count] = out_high[:count]
-                        out_high = grown_high
-                    changed = False
+                        inside = (
+                            _least(c, 0, a0, a1, b0, b1) >= bound0
+                            and _least(c, 3, a0, a1, b0, b1) >= bound1
+                            and _least(c, 6, a0, a1, b0, b1) >= bound2
+                        )
+                    out = _with_room(out, count, BLOCK * BLOCK)
+                    changed = 0
                     for y in range(by0, by1 + 1):
                         b = row_b[y]
                         row0, row1, row2 = c0 + b * cb0, c1 + b * cb1, c2 + b * cb2
                         row_q = q0 + b * qb
-                        ty = y - top
+                        row = ((y - top) << TILE_SHIFT) - left
                         for x in range(bx0, bx1 + 1):
-                            a = column_a[x]
-                            tx = x - left
-                            if state == CERTAIN:
-                                q = row_q + a * qa
-                                upper = q + error
-                                if upper < low[ty, tx]:
-                                    continue
-                                certain = True
-                                if not inside:
-                                    e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
-                                    if e0 < -bound0 or e1 < -bound1 or e2 < -bound2:
-                                        continue
-                                    certain = e0 >= bound0 and e1 >= bound1 and e2 >= bound2
-                                if check:
-                                    if q - error > view.too_near or upper < view.too_far:
-                                        continue
-                                    if not (
-                                        upper <= view.near_enough and q - error >= view.far_enough
-                                    ):
-                                        certain = False
-                                if own[ty, tx] == NOT_WANTED:
-                                    continue
-                                lower = q - error
-                                if certain and not collect and lower > low[ty, tx]:
-                                    if own[ty, tx] >= 0 and high[ty, tx] >= lower:
-                                        out_sample[count] = y * width + x
-                                        out_triangle[count] = own[ty, tx]
-                                        out_state[count] = COVERING
-                                        out_high[count] = high[ty, tx]
-                                        count += 1
-                                    own[ty, tx] = t
-                                    low[ty, tx] = lower
-                                    high[ty, tx] = upper
-                                    changed = True
-                                    continue
-                            else:
-                                if own[ty, tx] == NOT_WANTED:
-                                    continue
+                            a = column_a[np.uint64(x)]
+                            place = np.uint64(row + x)
+                            q = row_q + a * qa
+                            upper = q + error
+                            if upper < low[place]:
+                                continue
+                            certain = True
+                            if not inside:
                                 e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
-                                if (e0 > bound0 or e1 > bound1 or e2 > bound2) and (
-                                    e0 < -bound0 or e1 < -bound1 or e2 < -bound2
-                                ):
+                                if e0 < -bound0 or e1 < -bound1 or e2 < -bound2:
                                     continue
-                                if view.perspective:
-                                    # t = |N| / |D| below near for certain; 4 u for the roundings.
-                                    least = abs(row_q + a * qa) - error
-                                    if abs(c[SIGN]) + c[SIGN_BOUND] < view.near * least * (
-                                        1.0 - 4.0 * U
-                                    ):
-                                        continue
-                                certain, lower, upper = False, -np.inf, np.inf
-                            out_sample[count] = y * width + x
-                            out_triangle[count] = t
-                            out_state[count] = COVERING if certain else POSSIBLE
+                                certain = e0 >= bound0 and e1 >= bound1 and e2 >= bound2
+                            lower = q - error
+                            if check:
+                                if lower > view.too_near or upper < view.too_far:
+                                    continue
+                                certain = (
+                                    certain
+                                    and upper <= view.near_enough
+                                    and lower >= view.far_enough
+                                )
+                            if own[place] == NOT_WANTED:
+                                continue
+                            if certain and not collect and lower > low[place]:
+                                if high[place] >= lower:
+                                    out[count, 0], out[count, 1] = y * width + x, own[place]
+                                    out[count, 2], out[count, 3] = COVERING, high[place]
+                                    count += 1
+                                own[place], low[place], high[place] = t, lower, upper
+                                changed += 1
+                                continue
+                            out[count, 0], out[count, 1] = y * width + x, t
+                            out[count, 2] = COVERING if certain else POSSIBLE
                             if collect and certain and lower > ceiling[y, x]:
-                                out_state[count] = NEARER
-                            out_high[count] = upper
+                                out[count, 2] = NEARER
+                            out[count, 3] = upper
                             count += 1
                     if changed:
-                        least = np.inf
-                        for y in range(j * BLOCK, (j + 1) * BLOCK):
-                            for x in range(i * BLOCK, (i + 1) * BLOCK):
-                                least = min(least, low[y, x])
-                        block_low[j, i] = least
+                        drawn[j, i] += changed
+                        if drawn[j, i] >= REFRESH:
+                            drawn[j, i] = 0
+                            least = np.inf
+                            start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
+                            for y in range(BLOCK):
+                                for x in range(BLOCK):
+                                    least = min(least, low[start + (y << TILE_SHIFT) + x])
+                            block_low[j, i] = least
         kept = tile_start
         for index in range(tile_start, count):
-            y, x = out_sample[index] // width, out_sample[index] % width
-            if not out_high[index] < low[y - top, x - left]:
-                out_sample[kept] = out_sample[index]
-                out_triangle[kept] = out_triangle[index]
-                out_state[kept] = out_state[index]
-                out_high[kept] = out_high[index]
+            sample = int(out[index, 0])
+            place = ((sample // width - top) << TILE_SHIFT) + sample % width - left
+            if not out[index, 3] < low[place]:
+                out[kept] = out[index]
                 kept += 1
         count = kept
         if not collect:
             for y in range(top, bottom):
                 for x in range(left, right):
-                    owner[y, x] = max(own[y - top, x - left], -1)
+                    place = ((y - top) << TILE_SHIFT) + x - left
+                    owner[y, x] = max(own[place], -1)
                     if floor.size:
-                        floor[y, x] = low[y - top, x - left]
-                        ceiling[y, x] = high[y - top, x - left]
-    return out_sample[:count], out_triangle[:count], out_state[:count]
+                        floor[y, x] = low[place]
+                        ceiling[y, x] = high[place]
+    return out[:count]

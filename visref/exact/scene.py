@@ -12,13 +12,14 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.exact import raster
+from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
 from visref.exact.rational import ExactFrame, lowest_bit, plane_names
 from visref.scene import Alpha, Float64, Int32, Int64, Scene
@@ -31,6 +32,7 @@ from visref.visibility import (
 )
 
 Bool = NDArray[np.bool_]
+Part = TypeVar("Part")
 
 # Triangles in a cluster: enough that its box costs little, few enough that it is small.
 CLUSTER = 32
@@ -108,7 +110,7 @@ class ExactScene:
         index, every = index[order], every[order]
         offsets = np.searchsorted(index, np.arange(len(ours) + 1))
         depth = np.full(len(ours), np.inf)
-        depth[owned] = self._depth(camera, ours[owned], first[owned].astype(np.int64))
+        depth[owned] = self._depth(camera, ours[owned], first[owned])
         sizes = np.diff(offsets)[place]
         ends = np.cumsum(sizes)
         total = int(ends[-1]) if len(ends) else 0
@@ -129,9 +131,10 @@ class ExactScene:
         everything = np.zeros((0, 0), np.bool_)
         owner, at, triangle, _, bounds = self._owners(camera, everything, None)
         flat = owner.reshape(-1)
-        owned = np.flatnonzero(flat != BACKGROUND)
+        owned = _tile_order(camera)
+        owned = owned[flat[owned] != BACKGROUND]
         depth = np.full(camera.samples, np.inf)
-        depth[owned] = self._depth(camera, owned, flat[owned].astype(np.int64))
+        depth[owned] = self._depth(camera, owned, flat[owned])
         undecided, blend = np.zeros(0, np.int64), BlendVisibility()
         if self.scene.has_mask:
             masked = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
@@ -201,8 +204,8 @@ class ExactScene:
         owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
         a, b = camera.column_a, camera.row_b
 
-        def fill(part: Int64) -> tuple[Any, ...]:
-            result: tuple[Any, ...] = raster.rasterise(
+        def fill(part: Int64) -> Float64:
+            result: Float64 = raster.rasterise(
                 part, columns, view, a, b, self.corners, self.one_sided, found, boxes, keys,
                 bin_offsets, bin_entries, wanted, collect, owner, *bounds,
             )  # fmt: skip
@@ -210,8 +213,10 @@ class ExactScene:
 
         parts = np.array_split(np.flatnonzero(tiles), PARTS)
         results = self._in_parallel(fill, (part for part in parts if len(part)))
-        empty = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.uint8))
-        sample, place, state = (np.concatenate(x) for x in zip(empty, *results, strict=True))
+        # Samples and triangles are far below 2^53, so float64 holds them.
+        contenders = np.concatenate([np.zeros((0, 4)), *results])
+        sample, place = contenders[:, 0].astype(np.int64), contenders[:, 1].astype(np.int64)
+        state = contenders[:, 2].astype(np.uint8)
         seen = owner >= 0
         owner[seen] = self.order[owner[seen]]
         return owner, _Contest(sample, self.order[place].astype(np.int64), state)
@@ -241,9 +246,7 @@ class ExactScene:
         found, boxes, keys = (np.concatenate(x) for x in zip(*results, strict=True))
         return found, boxes, keys
 
-    def _in_parallel(
-        self, work: Callable[[Int64], tuple[Any, ...]], parts: Iterable[Int64]
-    ) -> list[tuple[Any, ...]]:
+    def _in_parallel(self, work: Callable[[Int64], Part], parts: Iterable[Int64]) -> list[Part]:
         if self._threads == 1:
             return [work(part) for part in parts]
         with ThreadPoolExecutor(self._threads) as pool:
@@ -315,9 +318,27 @@ class ExactScene:
         table = self._plane_of_name
         self._plane_of_triangle[fresh] = [table.setdefault(name, len(table)) for name in names]
 
-    def _depth(self, camera: Camera, samples: Int64, triangles: Int64) -> Float64:
-        exact, which = self._exact(camera, triangles)
-        return exact.depth(which, samples)
+    def _depth(self, camera: Camera, samples: Int64, triangles: NDArray[Any]) -> Float64:
+        """The exact view depth of each triangle's plane at its sample, rounded to nearest."""
+        view = view_of(camera)
+        result = np.empty(len(samples))
+        scene, a, b = self.scene, camera.column_a, camera.row_b
+
+        def part_of(place: Int64) -> Int64:
+            low, high = place[0], place[-1] + 1
+            torn: Int64 = low + depths(
+                samples[low:high], triangles[low:high], scene.vertices, scene.triangles, view,
+                a, b, result[low:high],
+            )  # fmt: skip
+            return torn
+
+        parts = np.array_split(np.arange(len(samples)), PARTS)
+        torn = self._in_parallel(part_of, (part for part in parts if len(part)))
+        left = np.concatenate([np.zeros(0, np.int64), *torn])
+        if len(left):
+            exact, which = self._exact(camera, triangles[left].astype(np.int64))
+            result[left] = exact.depth(which, samples[left])
+        return result
 
     def _before(
         self,
@@ -374,6 +395,17 @@ def compare_depths(
     if not exact.covers(np.array([0, 1]), at).all():
         raise ValueError("compare_depths needs two triangles that cover the sample")
     return int(exact.compare(np.array([0]), np.array([1]), at[:1])[0])
+
+
+def _tile_order(camera: Camera) -> Int64:
+    """All flat samples, tile by tile, so that neighbours in the list share their triangles."""
+    samples = np.arange(camera.samples).reshape(camera.height, camera.width)
+    side = raster.TILE
+    strips = (samples[top : top + side] for top in range(0, camera.height, side))
+    return np.concatenate(
+        [strip[:, left : left + side].ravel() for strip in strips
+         for left in range(0, camera.width, side)]
+    )  # fmt: skip
 
 
 def _spatial_order(scene: Scene) -> Int64:

@@ -1,0 +1,202 @@
+"""View depths of hits, rounded to nearest: double-word arithmetic, and exact where that is torn.
+
+Joldes, Muller and Popescu, "Tight and rigorous error bounds for basic building blocks of
+double-word arithmetic" (2017): a number is the unevaluated sum of two float64, and with
+u = 2^-53 the relative errors are at most 3u^2 for a sum (AccurateDWPlusDW), 1.5u^2 for a product
+with a float64 (DWTimesFP1), 7u^2 for a product (DWTimesDW1), 15u^2 for a quotient (DWDivDW2), a
+little more for higher orders.
+
+t = N / D as in `visref.exact.filters`. The differences w and g are exact double words. The
+normal then has 7 + 3 = 10 u^2 on products of size h1 h2, a dot product with it at most
+7 + 3 + 3 more, its value at (a, b) at most 1.5 + 3 + 3 more: 31 u^2 in all, on the sizes in
+`filters`. `SLACK` = 40 u^2; the quotient's own 15 u^2 come on top, doubled like the rest when the
+test for the rounding is made.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from visref.exact.filters import U, View
+
+SLACK = 40.0 * U * U
+QUOTIENT = 16.0 * U * U
+# Hits come tile by tile, and a tile shows a few hundred triangles: their terms are kept.
+CACHE = 512
+
+Pair = tuple[float, float]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _two_sum(a: float, b: float) -> Pair:
+    s = a + b
+    t = s - a
+    return s, (a - (s - t)) + (b - t)
+
+
+@intrinsic
+def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once: the processor's instruction, or libm's where it has none."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _two_product(a: float, b: float) -> Pair:
+    """Exact short of overflow and underflow."""
+    p = a * b
+    return p, _fused(a, b, -p)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add(x: Pair, y: Pair) -> Pair:
+    s, sl = _two_sum(x[0], y[0])
+    t, tl = _two_sum(x[1], y[1])
+    c = sl + t
+    v = s + c
+    w = tl + (c - (v - s))
+    z = v + w
+    return z, w - (z - v)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _scale(x: Pair, y: float) -> Pair:
+    c, cl = _two_product(x[0], y)
+    d = x[1] * y
+    t = c + d
+    tl = (d - (t - c)) + cl
+    z = t + tl
+    return z, tl - (z - t)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _multiply(x: Pair, y: Pair) -> Pair:
+    c, cl = _two_product(x[0], y[0])
+    d = cl + (x[0] * y[1] + x[1] * y[0])
+    z = c + d
+    return z, d - (z - c)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _less(x: Pair, y: Pair) -> Pair:
+    difference: Pair = _add(x, (-y[0], -y[1]))
+    return difference
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _across(x0: Pair, y0: Pair, x1: Pair, y1: Pair) -> Pair:
+    component: Pair = _less(_multiply(x0, y1), _multiply(y0, x1))
+    return component
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _along(x: Pair, y: Pair, z: Pair, d: NDArray[Any]) -> Pair:
+    product: Pair = _add(_add(_scale(x, d[0]), _scale(y, d[1])), _scale(z, d[2]))
+    return product
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArray[Any]) -> None:
+    """A triangle's depth: out[0:2] the constant one of N and D, [2:8] the affine one's
+    (c, ca, cb), all double words, and [8:10] the bounds of their errors."""
+    e = view.e
+    v = vertices[corners[0]]
+    x, y, z = np.float64(v[0]), np.float64(v[1]), np.float64(v[2])
+    wx, wy, wz = _two_sum(x, -e[0]), _two_sum(y, -e[1]), _two_sum(z, -e[2])
+    v = vertices[corners[1]]
+    gx, gy, gz = (
+        _two_sum(np.float64(v[0]), -x),
+        _two_sum(np.float64(v[1]), -y),
+        _two_sum(np.float64(v[2]), -z),
+    )
+    v = vertices[corners[2]]
+    hx, hy, hz = (
+        _two_sum(np.float64(v[0]), -x),
+        _two_sum(np.float64(v[1]), -y),
+        _two_sum(np.float64(v[2]), -z),
+    )
+    nx, ny, nz = _across(gy, gz, hy, hz), _across(gz, gx, hz, hx), _across(gx, gy, hx, hy)
+    height = _add(_add(_multiply(nx, wx), _multiply(ny, wy)), _multiply(nz, wz))
+    slope = _along(nx, ny, nz, view.f)
+    right, up = _along(nx, ny, nz, view.r), _along(nx, ny, nz, view.u)
+    size = 2.0 * SLACK * max(abs(gx[0]), abs(gy[0]), abs(gz[0]))
+    size *= max(abs(hx[0]), abs(hy[0]), abs(hz[0]))
+    far = 3.0 * max(abs(wx[0]), abs(wy[0]), abs(wz[0]))
+    if view.perspective:
+        out[0], out[1] = height
+        out[2], out[3] = slope
+        out[4], out[5] = right
+        out[6], out[7] = up
+        out[8], out[9] = size * far + view.tiny, size * view.reach + view.tiny
+    else:
+        out[0], out[1] = slope
+        out[2], out[3] = height
+        out[4], out[5] = -right[0], -right[1]
+        out[6], out[7] = -up[0], -up[1]
+        out[8], out[9] = size * view.f_norm + view.tiny, size * (far + view.reach) + view.tiny
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def depths(
+    samples: NDArray[Any],
+    owners: NDArray[Any],
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
+    view: View,
+    column_a: NDArray[Any],
+    row_b: NDArray[Any],
+    out: NDArray[Any],
+) -> NDArray[np.int64]:
+    """The view depth of each owner's plane at its sample into `out`, rounded to nearest.
+
+    Returns the places where the double words cannot tell the rounding.
+    """
+    tags = np.full(CACHE, -1, np.int64)
+    cache = np.empty((CACHE, 10))
+    torn = np.empty(16, np.int64)
+    count = 0
+    last_t, last_y = -1, -1
+    row = (0.0, 0.0)
+    c = cache[0]
+    for i in range(len(samples)):
+        t = int(owners[i])
+        y = samples[i] // view.width
+        x = samples[i] - y * view.width
+        if t != last_t or y != last_y:
+            c = cache[t % CACHE]
+            if tags[t % CACHE] != t:
+                tags[t % CACHE] = t
+                _terms(vertices, triangles[t], view, c)
+            row = _add((c[2], c[3]), _scale((c[6], c[7]), row_b[y]))
+            last_t, last_y = t, y
+        value = _add(row, _scale((c[4], c[5]), column_a[x]))
+        constant = (c[0], c[1])
+        if view.perspective:
+            n, n_error, d, d_error = constant, c[8], value, c[9]
+        else:
+            n, n_error, d, d_error = value, c[9], constant, c[8]
+        high = n[0] / d[0]
+        r = _scale(d, high)
+        low = ((n[0] - r[0]) + (n[1] - r[1])) / d[0]
+        # An error of N, and one of D times t, over D. Doubled: for higher orders, and for the
+        # roundings of the bound and of this test.
+        error = 2.0 * ((n_error + abs(high) * d_error) / abs(d[0]) + abs(high) * QUOTIENT)
+        above, below = high + (low + error), high + (low - error)
+        out[i] = above
+        if above != below:
+            if count == len(torn):
+                grown = np.empty(2 * count, np.int64)
+                grown[:count] = torn
+                torn = grown
+            torn[count] = i
+            count += 1
+    return torn[:count]
