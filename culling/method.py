@@ -22,7 +22,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,13 +55,21 @@ QUERY_OPTIONS: dict[str, Option] = {
 }
 
 
+class Asked(NamedTuple):
+    """One call's queries: (k, 2, 3) float32 boxes as drawn, and (k,) samples that passed."""
+
+    boxes: Float32
+    samples: Int64
+    corners_only: bool
+
+
 @dataclass(eq=False)
 class Frame:
     """One camera's work. Arrays are over `ids`, the units in the view in the method's order.
 
     `boxes`: (k, 2, 3) float64, inflated, relative to the eye; `nearest`: (k,) float64, least
-    view depth; `sure`: (k,) bool, visible without a query; `drawn`, `asked`, `answers`: what
-    was drawn and asked so far, in order, a part a call.
+    view depth; `sure`: (k,) bool, visible without a query; `drawn`, `asked`: the units drawn
+    and the queries made so far, in order, a part a call.
     """
 
     view: View
@@ -72,8 +80,7 @@ class Frame:
     nearest: Float64
     sure: NDArray[np.bool_]
     drawn: list[Int64] = field(default_factory=list)
-    asked: list[Float32] = field(default_factory=list)
-    answers: list[Int64] = field(default_factory=list)
+    asked: list[Asked] = field(default_factory=list)
 
 
 class GLCuller(Culler):
@@ -225,8 +232,11 @@ class GLCuller(Culler):
         frame.drawn.append(ids)
         self.observe("draw", units=ids)
 
-    def query(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
-        """Whether the boxes of the units `frame.ids[places]` would show, asked together."""
+    def query(
+        self, frame: Frame, places: Int64, *, corners_only: bool = False
+    ) -> NDArray[np.bool_]:
+        """Whether the boxes of the units `frame.ids[places]` would show, asked together; or
+        their corners alone."""
         boxes = round_outward(frame.boxes[places])
         with phase(frame.stats, "query"):
             samples = self.queries.ask(
@@ -236,12 +246,18 @@ class GLCuller(Culler):
                 frame.stats,
                 way=self.way,
                 cull_back_faces=not self.query_back_faces,
+                corners_only=corners_only,
                 state_hook=self.query_state,
             )
         visible = self.passes(samples)
-        frame.asked.append(boxes)
-        frame.answers.append(samples)
-        self.observe("query", units=frame.ids[places], samples=samples, visible=visible)
+        frame.asked.append(Asked(boxes, samples, corners_only))
+        self.observe(
+            "query",
+            units=frame.ids[places],
+            samples=samples,
+            visible=visible,
+            corners_only=corners_only,
+        )
         return visible
 
     def observe(self, step: str, **data: Any) -> None:
@@ -254,13 +270,20 @@ class GLCuller(Culler):
         # Counted already where queries are no boxes.
         frame.stats.query_fragments = frame.stats.query_fragments or 0
         frame.stats.query_fragments_passed = frame.stats.query_fragments_passed or 0
-        if frame.asked:
-            boxes, answers = np.concatenate(frame.asked), np.concatenate(frame.answers)
-            of_box = self.queries.fragments(
-                frame.view, frame.target, boxes, cull_back_faces=not self.query_back_faces
-            )
-            frame.stats.query_fragments += int(of_box.sum())
-            frame.stats.query_fragments_passed += int(of_box[answers > 0].sum())
+        for corners_only in (False, True):
+            asked = [part for part in frame.asked if part.corners_only == corners_only]
+            if asked:
+                boxes = np.concatenate([part.boxes for part in asked])
+                passed = np.concatenate([part.samples for part in asked]) > 0
+                of_box = self.queries.fragments(
+                    frame.view,
+                    frame.target,
+                    boxes,
+                    cull_back_faces=not self.query_back_faces,
+                    corners_only=corners_only,
+                )
+                frame.stats.query_fragments += int(of_box.sum())
+                frame.stats.query_fragments_passed += int(of_box[passed].sum())
         frame.stats.depth_tests = fragments + frame.stats.query_fragments
 
 

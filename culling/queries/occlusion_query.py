@@ -7,6 +7,9 @@ Three ways, one answer:
 - "instanced": all boxes in one draw; a shader with early fragment tests counts each box's
   passing samples with an atomic. The depth and image are read only in all three.
 
+Each can ask the eight corners, a point each, in place of the box: cheaper, and a "no" says
+nothing about the box.
+
 Boxes come inflated and in float32 (see `culling.view`), wholly beyond the near plane; depth is
 clamped behind the far plane, so a box that reaches across it is not cut open.
 """
@@ -24,6 +27,7 @@ from visref.culler import QueryStats
 from visref.scene import Float32, Int64
 
 STRIP_VERTICES = 14
+CORNERS = 8
 STRIP_STRIDE = 16  # of vertex ids from a box to the next
 
 StateHook = Callable[[State], State]
@@ -37,8 +41,8 @@ class BoxQueries:
         context = device.context
         self.plain = device.program("box.vert", "plain.frag")
         self.counting = device.program("box.vert", "box_count.frag")
-        self.plain_array = context.vertex_array(self.plain, [], mode=moderngl.TRIANGLE_STRIP)
-        self.counting_array = context.vertex_array(self.counting, [], mode=moderngl.TRIANGLE_STRIP)
+        self.plain_array = context.vertex_array(self.plain, [])
+        self.counting_array = context.vertex_array(self.counting, [])
         self.boxes = context.buffer(reserve=24, dynamic=True)
         self.counts = context.buffer(reserve=4, dynamic=True)
 
@@ -51,23 +55,31 @@ class BoxQueries:
         *,
         way: str,
         cull_back_faces: bool,
+        corners_only: bool = False,
         state_hook: StateHook = lambda state: state,
     ) -> Int64:
         """Samples of each box, (k,) int64, that are not behind the target's depth.
 
         `boxes`: (k, 2, 3) float32, relative to the eye. `way` is "sync", "batch" or
-        "instanced". `state_hook` sees the GL state before it is set.
+        "instanced". `corners_only` draws corners as points. `state_hook` sees the GL state
+        before it is set.
         """
         if not len(boxes):
             return np.zeros(0, np.int64)
         if way == "instanced":
             samples, stalls, changes = self._instanced(
-                view, target, boxes, cull_back_faces, state_hook
+                view, target, boxes, cull_back_faces, corners_only, state_hook
             )
             stats.bytes_read_back = (stats.bytes_read_back or 0) + 4 * len(boxes)
         else:
             samples, stalls, changes = self._hardware(
-                view, target, boxes, cull_back_faces, state_hook, wait_for_each=way == "sync"
+                view,
+                target,
+                boxes,
+                cull_back_faces,
+                corners_only,
+                state_hook,
+                wait_for_each=way == "sync",
             )
         stats.queries = (stats.queries or 0) + len(boxes)
         stats.queries_passed = (stats.queries_passed or 0) + int(np.count_nonzero(samples))
@@ -75,12 +87,19 @@ class BoxQueries:
         stats.state_changes = (stats.state_changes or 0) + changes
         return samples
 
-    def _upload(self, program: moderngl.Program, view: View, boxes: Float32) -> None:
+    def _upload(
+        self, program: moderngl.Program, view: View, boxes: Float32, corners_only: bool
+    ) -> tuple[int, int]:
+        """Make boxes and uniforms ready; returns the primitive and its number of vertices."""
+        set_uniform(program, "corners_only", np.int32(corners_only).tobytes())
         set_uniform(program, "clip_from_relative", view.clip_from_relative_bytes)
         set_uniform(program, "depth_shift_ndc", np.float32(view.depth_shift_ndc).tobytes())
         self.boxes.orphan(max(self.boxes.size, boxes.nbytes))
         self.boxes.write(np.ascontiguousarray(boxes, np.float32).tobytes())
         self.boxes.bind_to_storage_buffer(1)
+        if corners_only:
+            return moderngl.POINTS, CORNERS
+        return moderngl.TRIANGLE_STRIP, STRIP_VERTICES
 
     def _hardware(
         self,
@@ -88,11 +107,12 @@ class BoxQueries:
         target: Target,
         boxes: Float32,
         cull_back_faces: bool,
+        corners_only: bool,
         state_hook: StateHook,
         *,
         wait_for_each: bool,
     ) -> tuple[Int64, int, int]:
-        self._upload(self.plain, view, boxes)
+        mode, vertices = self._upload(self.plain, view, boxes, corners_only)
         state = State(
             target.framebuffer,
             self.plain,
@@ -109,7 +129,7 @@ class BoxQueries:
             for place in range(in_flight):
                 with pool[place]:
                     self.plain_array.render(
-                        vertices=STRIP_VERTICES, first=STRIP_STRIDE * (start + place)
+                        mode, vertices=vertices, first=STRIP_STRIDE * (start + place)
                     )
             for place in range(in_flight):
                 # Reading the result waits until the query has finished.
@@ -122,11 +142,12 @@ class BoxQueries:
         target: Target,
         boxes: Float32,
         cull_back_faces: bool,
+        corners_only: bool,
         state_hook: StateHook,
         *,
         depth_func: str = "<=",
     ) -> tuple[Int64, int, int]:
-        self._upload(self.counting, view, boxes)
+        mode, vertices = self._upload(self.counting, view, boxes, corners_only)
         self.counts.orphan(max(self.counts.size, 4 * len(boxes)))
         self.counts.clear()
         self.counts.bind_to_storage_buffer(2)
@@ -139,21 +160,34 @@ class BoxQueries:
             clamp_depth=True,
         )
         changes = self.device.apply(state_hook(state))
-        self.counting_array.render(vertices=STRIP_VERTICES, instances=len(boxes))
+        self.counting_array.render(mode, vertices=vertices, instances=len(boxes))
         self.device.context.memory_barrier(moderngl.BUFFER_UPDATE_BARRIER_BIT)
         raw = self.counts.read(4 * len(boxes))
         return np.frombuffer(raw, np.uint32).astype(np.int64), 1, changes
 
     def fragments(
-        self, view: View, target: Target, boxes: Float32, *, cull_back_faces: bool
+        self,
+        view: View,
+        target: Target,
+        boxes: Float32,
+        *,
+        cull_back_faces: bool,
+        corners_only: bool = False,
     ) -> Int64:
         """Samples that each box covers in the viewport, (k,) int64, hidden ones included.
         An instrumented pass without a depth test: beside a frame, not in it."""
         if not len(boxes):
             return np.zeros(0, np.int64)
-        return self._instanced(
-            view, target, boxes, cull_back_faces, lambda state: state, depth_func=""
-        )[0]
+        samples, _, _ = self._instanced(
+            view,
+            target,
+            boxes,
+            cull_back_faces,
+            corners_only,
+            lambda state: state,
+            depth_func="",
+        )
+        return samples
 
     def release(self) -> None:
         self.plain_array.release()

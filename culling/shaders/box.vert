@@ -4,6 +4,7 @@
 layout(std430, binding = 1) readonly buffer Boxes { float corner_relative[]; };
 uniform mat4 clip_from_relative;
 uniform float depth_shift_ndc;
+uniform bool corners_only;  // drawn as 8 points
 flat out int box;
 
 // Which coordinate is the greater one (bit 0 x, bit 1 y, bit 2 z) at each place of the strip.
@@ -11,7 +12,7 @@ const int STRIP[14] = int[14](6, 7, 2, 3, 1, 7, 5, 6, 4, 2, 0, 1, 4, 5);
 
 void main() {
     box = (gl_VertexID >> 4) + gl_InstanceID;
-    int corner = STRIP[gl_VertexID & 15];
+    int corner = corners_only ? gl_VertexID & 7 : STRIP[gl_VertexID & 15];
     vec3 at;
     for (int axis = 0; axis < 3; axis++) {
         at[axis] = corner_relative[6 * box + 3 * ((corner >> axis) & 1) + axis];

@@ -1,0 +1,340 @@
+"""The Occupancy Map: Staneker, Bartz, Meissner, "Improving Occlusion Query Efficiency with
+Occupancy Maps", PVG 2003.
+
+The map is a bit for each tile of the screen, 2,048 bytes in all, set where something may have
+been drawn. A shape whose screen rectangle holds an unset tile cannot be hidden there, so its
+query is skipped and the shape drawn (section 3.1). A map can never cull: it only saves queries.
+
+With five maps (section 3.2) the first records what is drawn, and four arrange the rest into
+five lists: a shape joins the first list whose map has an unset tile under it, and marks that
+map; what all four show as covered joins the fifth. All queries of a list go out together, then
+its visible shapes are drawn, then comes the next list.
+
+Departures from the paper:
+
+- The text's tile of "4 * 48" pixels for 1024 x 768 is 8 x 6, 48 pixels: 128 x 128 tiles.
+- A rectangle is that of the box clipped at the near plane, so a box around the eye marks the
+  tiles that it may touch and not always all.
+- A shape whose rectangle meets no pixel is left out, as outside the view.
+- What a list's queries found visible is marked in the first map too, so that it always holds
+  everything drawn.
+- Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer
+  (corners lie in the rectangle); for the query it is `corners=true`.
+- Section 6.1 also proposes to cull by screen size from the lookup's rectangle: `min_pixels`.
+  That misses visible objects, so the method then only promises to be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
+from culling.view import View
+from visref.culler import Option, Promise
+from visref.errors import InputError
+from visref.scene import Float64, Int32, Int64
+
+TILES = 128  # a side
+WORDS_PER_ROW = TILES // 32
+WORDS = TILES * WORDS_PER_ROW  # 512 of 32 bits
+
+# What becomes of a shape; lists count from 1.
+OUTSIDE, DRAW_NOW, UNDECIDED = -1, 0, -2
+
+
+class OccupancyMapCulling(GLCuller):
+    """One map in front of the queries, or five that arrange them; see the module."""
+
+    name = "occupancy-map"
+    summary = "Staneker 2003: screen tiles tell which queries to skip, and which to ask together"
+    options: ClassVar[Mapping[str, Option]] = {
+        "maps": Option(5, "one map, or one and four that arrange five query lists", (1, 5)),
+        "query": Option(
+            "auto",
+            "wait for each query, or a batch of them, or one instanced draw; auto is sync for "
+            "one map and batch for five",
+            ("auto", "sync", "batch", "instanced"),
+        ),
+        "backfaces": QUERY_OPTIONS["backfaces"],
+        "scale": Option(
+            "window",
+            "tiles cover the window, or the scene's box on screen while it is wholly in view",
+            ("window", "scene"),
+        ),
+        "corners": Option(False, "ask a box's eight corners first, the box only if all fail"),
+        "min_pixels": Option(0, "leave out what is smaller on its longer side; not conservative"),
+        **GL_OPTIONS,
+    }
+
+    def __init__(
+        self,
+        *,
+        maps: int = 5,
+        query: str = "auto",
+        backfaces: bool = False,
+        scale: str = "window",
+        corners: bool = False,
+        min_pixels: int = 0,
+        depth: int = 24,
+        fragments: bool = False,
+    ) -> None:
+        super().__init__(depth=depth, fragments=fragments)
+        if min_pixels < 0:
+            raise InputError(
+                f"min_pixels is {min_pixels}", place="min_pixels", mend="give 0 or more pixels"
+            )
+        self.way = {1: "sync", 5: "batch"}[maps] if query == "auto" else query
+        self.query_back_faces = backfaces
+        self.scale = scale
+        self.corners = corners
+        self.min_pixels = min_pixels
+        if min_pixels:
+            self.promise = Promise.APPROXIMATE
+        self.lists = maps
+        # Only the paper's first form asks one shape at a time and looks again after each.
+        self.one_by_one = maps == 1 and self.way == "sync"
+        self.maps = np.zeros((maps, WORDS), np.uint32)
+
+    def decide(self, frame: Frame) -> None:
+        with phase(frame.stats, "arrange"):
+            self.clear_maps()
+            rectangles = self.rectangles(frame)
+            tiles = self.tiles(frame, rectangles)
+            list_of = np.full(len(frame.ids), UNDECIDED, np.int8)
+            list_of[self.left_out(frame, rectangles)] = OUTSIDE
+        self.observe("rectangles", units=frame.ids, rectangles=rectangles, tiles=tiles)
+        if self.one_by_one:
+            self.ask_one_by_one(frame, tiles, list_of)
+        else:
+            self.ask_in_lists(frame, tiles, list_of)
+        self.observe("lists", units=frame.ids, list_of=list_of, sure=frame.sure, maps=self.maps)
+        saved = (list_of == DRAW_NOW) & ~frame.sure
+        frame.stats.tests_skipped = int(np.count_nonzero(saved))
+
+    def ask_one_by_one(self, frame: Frame, tiles: Int32, list_of: NDArray[np.int8]) -> None:
+        """Section 3.1: front to back, a query wherever the map shows everything as set."""
+        start = 0
+        while start < len(list_of):
+            with phase(frame.stats, "arrange"):
+                stop = self.arrange(tiles, frame.sure, list_of, start, stop_at_list=True)
+            skipped = np.arange(start, stop)
+            self.draw(frame, skipped[list_of[start:stop] == DRAW_NOW])
+            if stop < len(list_of):
+                self.ask(frame, tiles, np.array([stop]))
+            start = stop + 1
+
+    def ask_in_lists(self, frame: Frame, tiles: Int32, list_of: NDArray[np.int8]) -> None:
+        """Section 3.2: arrange everything, draw what shows, then list after list."""
+        with phase(frame.stats, "arrange"):
+            self.arrange(tiles, frame.sure, list_of, 0, stop_at_list=False)
+        self.draw(frame, np.flatnonzero(list_of == DRAW_NOW))
+        for number in self.list_numbers():
+            self.ask(frame, tiles, np.flatnonzero(list_of == number))
+
+    def ask(self, frame: Frame, tiles: Int32, places: Int64) -> None:
+        """All queries of a list, then its visible shapes."""
+        if not len(places):
+            return
+        visible = np.zeros(len(places), np.bool_)
+        if self.corners:
+            visible |= self.query(frame, places, corners_only=True)
+        unsure = np.flatnonzero(~visible)
+        visible[unsure] = self.query(frame, places[unsure])
+        self.draw(frame, places[visible])
+        with phase(frame.stats, "arrange"):
+            self.mark_drawn(tiles, places[visible])
+
+    # The steps.
+
+    def clear_maps(self) -> None:
+        self.maps[:] = 0
+
+    def list_numbers(self) -> range:
+        """The lists in the order asked."""
+        return range(1, self.lists + 1)
+
+    def rectangles(self, frame: Frame) -> Int32:
+        """(k, 4) int32 pixels x0, y0, x1, y1, inclusive, within the window; empty where x1 <
+        x0 or y1 < y0."""
+        return screen_rectangles(frame.view, frame.boxes)
+
+    def left_out(self, frame: Frame, rectangles: Int32) -> NDArray[np.bool_]:
+        """(k,) bool: shapes that meet no pixel, or are too small to matter."""
+        extent = rectangles[:, 2:] - rectangles[:, :2] + 1
+        small = (extent.max(axis=1) < self.min_pixels) & ~frame.sure
+        result: NDArray[np.bool_] = (extent.min(axis=1) <= 0) | small
+        return result
+
+    def region(self, view: View) -> tuple[int, int, int, int]:
+        """Pixels x0, y0, x1, y1, inclusive, that the map's tiles are spread over."""
+        camera = view.camera
+        window = (0, 0, camera.width - 1, camera.height - 1)
+        if self.scale == "window" or not self.scene.triangle_count:
+            return window
+        whole = view.inflated(self.scene.bounds[None])
+        rectangle = screen_rectangles(view, whole, clip_to_window=False)[0]
+        x0, y0, x1, y1 = (int(side) for side in rectangle)
+        inside = x0 >= 0 and y0 >= 0 and x1 < camera.width and y1 < camera.height
+        in_front = view.nearest_depth(whole)[0] > camera.near
+        return (x0, y0, x1, y1) if inside and in_front else window
+
+    def tiles(self, frame: Frame, rectangles: Int32) -> Int32:
+        """(k, 4) int32 columns and rows of tiles under each rectangle, inclusive."""
+        x0, y0, x1, y1 = self.region(frame.view)
+        size = np.array([-(-(x1 - x0 + 1) // TILES), -(-(y1 - y0 + 1) // TILES)] * 2)
+        tiles = (rectangles - np.array([x0, y0, x0, y0])) // size
+        # An inflated box may reach a pixel over the scene's own rectangle.
+        result: Int32 = np.clip(tiles, 0, TILES - 1).astype(np.int32)
+        return result
+
+    def arrange(
+        self,
+        tiles: Int32,
+        sure: NDArray[np.bool_],
+        list_of: NDArray[np.int8],
+        start: int,
+        *,
+        stop_at_list: bool,
+    ) -> int:
+        """Decide shapes from `start` on, front to back, in `list_of` and the maps. Returns
+        where it stopped: at the first that needs a query, if so told, else at the end."""
+        return int(arrange(tiles, sure, self.maps, list_of, start, stop_at_list))
+
+    def mark_drawn(self, tiles: Int32, places: Int64) -> None:
+        """Record shapes that a query showed, and that are drawn, in the first map."""
+        mark_all(self.maps[0], tiles[places])
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
+    """Whether every tile of columns c0...c1 and rows r0...r1 is set in a map."""
+    first, last = c0 >> 5, c1 >> 5
+    for row in range(r0, r1 + 1):
+        for word in range(first, last + 1):
+            mask = np.uint32(0xFFFFFFFF)
+            if word == first:
+                mask &= np.uint32(0xFFFFFFFF) << np.uint32(c0 & 31)
+            if word == last:
+                mask &= np.uint32(0xFFFFFFFF) >> np.uint32(31 - (c1 & 31))
+            if words[row * WORDS_PER_ROW + word] & mask != mask:
+                return False
+    return True
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
+    """Set every tile of columns c0...c1 and rows r0...r1 in a map."""
+    first, last = c0 >> 5, c1 >> 5
+    for row in range(r0, r1 + 1):
+        for word in range(first, last + 1):
+            mask = np.uint32(0xFFFFFFFF)
+            if word == first:
+                mask &= np.uint32(0xFFFFFFFF) << np.uint32(c0 & 31)
+            if word == last:
+                mask &= np.uint32(0xFFFFFFFF) >> np.uint32(31 - (c1 & 31))
+            words[row * WORDS_PER_ROW + word] |= mask
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_all(words: NDArray[Any], tiles: NDArray[Any]) -> None:
+    for i in range(len(tiles)):
+        mark(words, tiles[i, 0], tiles[i, 1], tiles[i, 2], tiles[i, 3])
+
+
+@numba.njit(cache=True, nogil=True)
+def arrange(
+    tiles: NDArray[Any],
+    sure: NDArray[Any],
+    maps: NDArray[Any],
+    list_of: NDArray[Any],
+    start: int,
+    stop_at_list: bool,
+) -> int:
+    """The traversal of `OccupancyMapCulling.arrange`, over all shapes in one go."""
+    for i in range(start, len(tiles)):
+        if list_of[i] != UNDECIDED:
+            continue
+        c0, r0, c1, r1 = tiles[i, 0], tiles[i, 1], tiles[i, 2], tiles[i, 3]
+        if sure[i] or not covered(maps[0], c0, r0, c1, r1):
+            list_of[i] = DRAW_NOW
+            mark(maps[0], c0, r0, c1, r1)
+            continue
+        list_of[i] = len(maps)  # the last list takes what every arranging map shows covered
+        for number in range(1, len(maps)):
+            if not covered(maps[number], c0, r0, c1, r1):
+                list_of[i] = number
+                mark(maps[number], c0, r0, c1, r1)
+                break
+        if stop_at_list:
+            return i
+    return len(tiles)
+
+
+def screen_rectangles(view: View, boxes: Float64, *, clip_to_window: bool = True) -> Int32:
+    """Pixels that boxes relative to the eye may touch: (k, 4) int32 x0, y0, x1, y1, inclusive.
+
+    The rectangle of the box's part beyond the near plane, in whole pixels. Outward: every
+    pixel whose square it meets; empty (x1 < x0) where the part or the rectangle is.
+    Not clipped, it is kept within a window's side around the window.
+    """
+    camera = view.camera
+    clip = view.clip_from_relative
+    rows = np.stack([clip[0], clip[1], clip[3], np.append(view.depth_row, 0.0)])
+    window = np.array([camera.width, camera.height])
+    result = np.empty((len(boxes), 4), np.int32)
+    _screen_rectangles(boxes, rows, float(camera.near), window, 0 if clip_to_window else 1, result)
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _screen_rectangles(
+    boxes: NDArray[Any],
+    rows: NDArray[Any],
+    near: float,
+    window: NDArray[Any],
+    windows_around: int,
+    result: NDArray[Any],
+) -> None:
+    at = np.empty((8, 4))  # clip x, y, w and view depth of each corner
+    for i in range(len(boxes)):
+        for corner in range(8):
+            x = boxes[i, corner & 1, 0]
+            y = boxes[i, (corner >> 1) & 1, 1]
+            z = boxes[i, (corner >> 2) & 1, 2]
+            for k in range(4):
+                at[corner, k] = rows[k, 0] * x + rows[k, 1] * y + rows[k, 2] * z + rows[k, 3]
+        low_x = low_y = np.inf
+        high_x = high_y = -np.inf
+        for corner in range(8):
+            depth = at[corner, 3]
+            if depth >= near:
+                # Window coordinates: pixel k's square is k ... k + 1, y down.
+                x = 0.5 * window[0] * (1.0 + at[corner, 0] / at[corner, 2])
+                y = 0.5 * window[1] * (1.0 - at[corner, 1] / at[corner, 2])
+                low_x, high_x = min(low_x, x), max(high_x, x)
+                low_y, high_y = min(low_y, y), max(high_y, y)
+            for axis in range(3):
+                other = corner ^ (1 << axis)
+                other_depth = at[other, 3]
+                if depth < near <= other_depth:
+                    # Where the edge meets the near plane.
+                    t = (near - depth) / (other_depth - depth)
+                    w = at[corner, 2] + t * (at[other, 2] - at[corner, 2])
+                    x = (at[corner, 0] + t * (at[other, 0] - at[corner, 0])) / w
+                    y = (at[corner, 1] + t * (at[other, 1] - at[corner, 1])) / w
+                    x = 0.5 * window[0] * (1.0 + x)
+                    y = 0.5 * window[1] * (1.0 - y)
+                    low_x, high_x = min(low_x, x), max(high_x, x)
+                    low_y, high_y = min(low_y, y), max(high_y, y)
+        # Kept within bounds while still floating point: a far side need not fit an integer.
+        # One pixel beyond the bounds makes the rectangle empty where it lies outside them.
+        around_x, around_y = windows_around * window[0], windows_around * window[1]
+        result[i, 0] = np.floor(min(max(low_x, -around_x), around_x + window[0]))
+        result[i, 1] = np.floor(min(max(low_y, -around_y), around_y + window[1]))
+        result[i, 2] = np.floor(max(min(high_x, around_x + window[0] - 1.0), -around_x - 1.0))
+        result[i, 3] = np.floor(max(min(high_y, around_y + window[1] - 1.0), -around_y - 1.0))
