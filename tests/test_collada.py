@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,12 @@ def test_double_sided_material_stays_two_sided(tmp_path):
 def test_index_out_of_range_is_an_error(tmp_path):
     with pytest.raises(InputError, match=r"scene\.dae: "):
         load(tmp_path, dae(f'<node id="a">{INSTANCE}</node>', last=9))
+
+
+def test_without_its_library_it_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "collada", None)
+    with pytest.raises(InputError, match="reading COLLADA needs pycollada"):
+        load(tmp_path, dae(f'<node id="a">{INSTANCE}</node>'))
 
 
 def test_geometry_that_the_library_cannot_read_is_an_error(tmp_path):

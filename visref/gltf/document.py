@@ -155,7 +155,14 @@ class Document:
         view = self.entry("bufferViews", reference)
         extensions = view.get("extensions")
         compressed = extensions is not None and any(extensions.get(name) for name in MESHOPT)
-        data = self._buffer(view["buffer"], compressed=compressed)
+        buffer = self.entry("buffers", view["buffer"])
+        if compressed and buffer.get("uri") is None:
+            # With a uri the buffer is the uncompressed fallback; without one it is empty.
+            view.fail(
+                "its geometry is compressed with meshopt, which visref does not decode",
+                "export it without EXT_meshopt_compression",
+            )
+        data = self._buffer(view["buffer"])
         offset = _integer(view, "byteOffset", 0)
         length = view["byteLength"].integer(1)
         if offset + length > len(data):
@@ -165,7 +172,7 @@ class Document:
             return data[offset : offset + length], stride.integer(1, 65535)
         return data[offset : offset + length], None
 
-    def _buffer(self, reference: Json, *, compressed: bool) -> Bytes:
+    def _buffer(self, reference: Json) -> Bytes:
         index = reference.integer(0)
         if index in self._buffers:
             return self._buffers[index]
@@ -176,12 +183,6 @@ class Document:
             data = self._uri(uri)
         elif index == 0 and self._chunk is not None:
             data = self._chunk
-        elif compressed:
-            raise InputError(
-                "its geometry is compressed with meshopt, which visref does not decode",
-                place="EXT_meshopt_compression",
-                mend="export without it, or decompress with 'gltfpack -noq' or 'gltf-transform'",
-            )
         else:
             buffer.fail("the buffer has neither a uri nor bytes in the file")
         if len(data) < length:
