@@ -287,7 +287,7 @@ BAD_SCENES = [
         _set("nodes", 0, "translation", to=[1, 2, 10**400]),
         "the number is too large",
     ),
-    BadInput("zero rotation", _set("nodes", 0, "rotation", to=[0] * 4), "zero length"),
+    BadInput("zero rotation", _set("nodes", 0, "rotation", to=[0] * 4), "zero or infinite length"),
     BadInput("projective matrix", _set("nodes", 0, "matrix", to=[1] * 16), "last row"),
     BadInput("cyclic nodes", _gltf(_cycle), "the node graph has a cycle"),
     BadInput("node with two parents", _gltf(_two_parents), "has a parent already"),
