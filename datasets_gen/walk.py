@@ -25,11 +25,10 @@ def walk(
     extent = math.hypot(columns * pitch_m[0], rows * pitch_m[1])
     first = frames - frames // 3
     i, j = (columns + 1) // 2, (rows + 1) // 2
+    # The next crossing, unless that would be at the rim: two blocks have one inner crossing.
+    other = (i if columns == 2 else i - 1, j if rows == 2 else j - 1)
     cameras = []
-    for count, (column, row), way in (
-        (first, (i, j), 1.0),
-        (frames - first, (i - 1, j - 1), -1.0),
-    ):
+    for count, (column, row), way in ((first, (i, j), 1.0), (frames - first, other, -1.0)):
         corner = np.array([column * pitch_m[0], row * pitch_m[1]]) - street_m / 2
         cameras += _corner(corner, way, count, far=max(1000.0, math.ceil(extent)))
     if first < frames:
