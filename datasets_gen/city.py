@@ -8,17 +8,16 @@ triangles is stored as instances.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from datasets_gen import street
-from datasets_gen.buildings import KINDS
 from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from datasets_gen.shapes import Soup, box, boxes, lathe, merge, quarter_turn, snap
+from datasets_gen.graph import Mesh, Node
+from datasets_gen.shapes import box, boxes, lathe, merge, quarter_turn
+from datasets_gen.stock import Stock, placed, plain
 from datasets_gen.walk import walk
 from visref.errors import InputError
 
@@ -30,48 +29,6 @@ PAVEMENT_HEIGHT_M = 0.15
 PITCH_M = (BLOCK_M[0] + STREET_M, BLOCK_M[1] + STREET_M)
 LOT_WIDTHS_M = (10, 12, 14, 16, 20, 24)
 VARIANTS = 3
-
-Colour = tuple[float, float, float]
-_COLOURS: dict[str, Colour] = {
-    "base": (0.30, 0.28, 0.27),
-    "glass": (0.10, 0.16, 0.22),
-    "trim": (0.72, 0.69, 0.63),
-    "roof": (0.20, 0.18, 0.18),
-    "brick": (0.36, 0.17, 0.12),
-    "door": (0.13, 0.20, 0.17),
-    "metal": (0.16, 0.17, 0.18),
-    "rubber": (0.03, 0.03, 0.03),
-    "light": (0.95, 0.91, 0.75),
-    "brake": (0.62, 0.06, 0.05),
-    "bark": (0.25, 0.17, 0.10),
-    "skin": (0.55, 0.36, 0.26),
-    "trousers": (0.10, 0.12, 0.20),
-    "asphalt": (0.09, 0.09, 0.10),
-    "marking": (0.80, 0.80, 0.76),
-    "pavement": (0.42, 0.41, 0.39),
-    "lawn": (0.16, 0.28, 0.09),
-    "earth": (0.24, 0.23, 0.20),
-}
-_TINTS: dict[str, tuple[Colour, ...]] = {
-    "wall": (
-        (0.44, 0.20, 0.14),
-        (0.55, 0.42, 0.29),
-        (0.62, 0.58, 0.52),
-        (0.35, 0.36, 0.39),
-        (0.48, 0.30, 0.20),
-    ),
-    "awning": ((0.45, 0.08, 0.08), (0.08, 0.25, 0.16), (0.10, 0.18, 0.40)),
-    "paint": (
-        (0.60, 0.05, 0.05),
-        (0.05, 0.12, 0.34),
-        (0.72, 0.72, 0.72),
-        (0.05, 0.05, 0.06),
-        (0.80, 0.62, 0.08),
-        (0.12, 0.30, 0.22),
-    ),
-    "leaf": ((0.13, 0.28, 0.07), (0.20, 0.32, 0.08), (0.09, 0.22, 0.08)),
-    "cloth": ((0.50, 0.12, 0.10), (0.12, 0.22, 0.42), (0.62, 0.56, 0.42), (0.10, 0.10, 0.11)),
-}
 
 
 def city(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
@@ -91,109 +48,6 @@ def city(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     return Dataset("city", nodes, walk(columns, rows, PITCH_M, STREET_M, frames))
 
 
-Part = tuple[NDArray[np.float32], NDArray[np.uint32]]
-
-# Parts of buildings, cars and streets that are objects of their own.
-_SEPARATE = {"glass": "glazing", "marking": "markings"}
-
-
-def _placed(
-    name: str, meshes: tuple[Mesh, ...], at: tuple[float, float, float], turns: int = 0
-) -> Node:
-    """A node of the first mesh, with a child node for each further one."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = quarter_turn(turns)
-    matrix[:3, 3] = snap(at)
-    children = tuple(Node(f"{name}/{mesh.name.split('/')[-1]}", mesh) for mesh in meshes[1:])
-    return Node(name, meshes[0], matrix, children)
-
-
-@dataclass
-class _Stock:
-    """Meshes by name and tint, made when first asked for; tints share their geometry."""
-
-    seed: int
-    _shapes: dict[str, dict[str, Part]] = field(default_factory=dict)
-    _roofs: dict[str, tuple[float, float, float] | None] = field(default_factory=dict)
-    _meshes: dict[tuple[str, int], tuple[Mesh, ...]] = field(default_factory=dict)
-
-    def _rng(self, name: str) -> np.random.Generator:
-        # Seeded by name, so that a mesh is the same in a city of any size.
-        return np.random.Generator(np.random.PCG64([self.seed, *name.encode()]))
-
-    def building(
-        self, kind: str, width: int, variant: int, tint: int
-    ) -> tuple[tuple[Mesh, ...], float, tuple[float, float, float] | None]:
-        """The meshes, the depth in metres, and the flat roof."""
-        name = f"{kind}-{width}-{variant}"
-        rng = self._rng(name)
-        depth = float(rng.integers(14, 18)) if width < 30 else 26.0
-        if name not in self._shapes:
-            made = KINDS[kind](rng, width - 0.25, depth)
-            self._roofs[name] = made.roof
-            self._shapes[name] = _parts(made.soups())
-        return self._tinted(name, tint, separate=True), depth, self._roofs[name]
-
-    def prop(self, name: str, tint: int = 0) -> tuple[Mesh, ...]:
-        """Meshes of `datasets_gen.street`, by name there; `NAME-K` is the K-th of a kind."""
-        kind = name.split("-")[0]
-        if name not in self._shapes:
-            if kind in street.CARS:
-                made = street.car(kind)
-            elif kind in street.VARIED:
-                made = street.VARIED[kind](self._rng(name))
-            else:
-                made = street.PROPS[kind]()
-            self._shapes[name] = _parts(made)
-        return self._tinted(name, tint, separate=kind in street.CARS)
-
-    def _tinted(self, name: str, tint: int, *, separate: bool) -> tuple[Mesh, ...]:
-        shape = self._shapes[name]
-        tints = max((len(_TINTS[material]) for material in shape if material in _TINTS), default=1)
-        key = (name, tint % tints)
-        if key not in self._meshes:
-            self._meshes[key] = _meshes(f"{name}.{key[1]}", shape, key[1], separate=separate)
-        return self._meshes[key]
-
-
-def _parts(soups: dict[str, Soup]) -> dict[str, Part]:
-    """The soups on the grid, in the file's types."""
-    return {
-        material: (snap(vertices).astype(np.float32), faces.astype(np.uint32))
-        for material, (vertices, faces) in soups.items()
-    }
-
-
-def _meshes(
-    name: str, shape: dict[str, Part], tint: int = 0, *, separate: bool = True
-) -> tuple[Mesh, ...]:
-    """A mesh of all parts but the separate ones, then a mesh for each of those."""
-    made = {
-        material: Primitive(vertices, faces, _material(material, tint))
-        for material, (vertices, faces) in shape.items()
-    }
-    apart = [material for material in made if separate and material in _SEPARATE]
-    body = tuple(primitive for material, primitive in made.items() if material not in apart)
-    return (
-        Mesh(name, body),
-        *(Mesh(f"{name}/{_SEPARATE[material]}", (made[material],)) for material in apart),
-    )
-
-
-def _material(name: str, tint: int = 0) -> Material:
-    if name in _TINTS:
-        number = tint % len(_TINTS[name])
-        colour, label = _TINTS[name][number], f"{name}-{number}"
-    else:
-        colour, label = _COLOURS[name], name
-    # An awning is a sheet seen from both sides; everything else is a solid.
-    return Material(label, (*colour, 1.0), double_sided=name == "awning")
-
-
-def _plain(name: str, parts: dict[str, Soup]) -> tuple[Mesh, ...]:
-    return _meshes(name, _parts(parts))
-
-
 class _Maker:
     """Lays out one city."""
 
@@ -201,7 +55,7 @@ class _Maker:
         self.seed = seed
         self.columns = columns
         self.rows = rows
-        self.stock = _Stock(seed)
+        self.stock = Stock(seed)
 
     # -- ground and streets -------------------------------------------------------------
 
@@ -209,7 +63,7 @@ class _Maker:
         """The land around, a little below the streets."""
         low = [-400.0, -0.06, -400.0]
         high = [self.columns * PITCH_M[0] + 400.0, -0.06, self.rows * PITCH_M[1] + 400.0]
-        return _placed("ground", _plain("ground", {"earth": box(low, high, "Y")}), (0.0, 0.0, 0.0))
+        return placed("ground", plain("ground", {"earth": box(low, high, "Y")}), (0.0, 0.0, 0.0))
 
     def streets(self) -> list[Node]:
         """A node each for crossings, and for streets along x and along z."""
@@ -218,18 +72,18 @@ class _Maker:
         for j in range(self.rows + 1):
             for i in range(self.columns + 1):
                 x, z = i * PITCH_M[0] - half, j * PITCH_M[1] - half
-                nodes.append(_placed(f"crossing-{i}-{j}", self._crossing, (x, 0.0, z)))
+                nodes.append(placed(f"crossing-{i}-{j}", self._crossing, (x, 0.0, z)))
                 for k, (turns, side) in enumerate(((0, (-1.0, -1.0)), (2, (1.0, 1.0)))):
                     at = (x + side[0] * (half + 0.7), PAVEMENT_HEIGHT_M, z + side[1] * (half + 0.7))
                     if self._is_block(i - (side[0] < 0), j - (side[1] < 0)):
                         mesh = self.stock.prop("traffic_light")
-                        nodes.append(_placed(f"signal-{i}-{j}-{k}", mesh, at, turns))
+                        nodes.append(placed(f"signal-{i}-{j}-{k}", mesh, at, turns))
                 if i < self.columns:
                     at = (x + PITCH_M[0] / 2, 0.0, z)
-                    nodes.append(_placed(f"street-x-{i}-{j}", self._along_x, at))
+                    nodes.append(placed(f"street-x-{i}-{j}", self._along_x, at))
                 if j < self.rows:
                     at = (x, 0.0, z + PITCH_M[1] / 2)
-                    nodes.append(_placed(f"street-z-{i}-{j}", self._along_z, at, 1))
+                    nodes.append(placed(f"street-z-{i}-{j}", self._along_z, at, 1))
         return nodes
 
     def _is_block(self, i: int, j: int) -> bool:
@@ -238,7 +92,7 @@ class _Maker:
     @cached_property
     def _crossing(self) -> tuple[Mesh, ...]:
         half = STREET_M / 2
-        return _plain("crossing", {"asphalt": box([-half, 0, -half], [half, 0, half], "Y")})
+        return plain("crossing", {"asphalt": box([-half, 0, -half], [half, 0, half], "Y")})
 
     @cached_property
     def _along_x(self) -> tuple[Mesh, ...]:
@@ -295,13 +149,13 @@ def _street_mesh(name: str, length: float) -> tuple[Mesh, ...]:
         "Y",
     )
     asphalt = box([-length / 2, 0.0, -half], [length / 2, 0.0, half], "Y")
-    return _plain(name, {"asphalt": asphalt, "marking": merge([middle, *zebra, stops])})
+    return plain(name, {"asphalt": asphalt, "marking": merge([middle, *zebra, stops])})
 
 
 class _Site:
     """One block under construction, around its own centre."""
 
-    def __init__(self, name: str, rng: np.random.Generator, stock: _Stock) -> None:
+    def __init__(self, name: str, rng: np.random.Generator, stock: Stock) -> None:
         self.name = name
         self.rng = rng
         self.stock = stock
@@ -312,7 +166,7 @@ class _Site:
         self, kind: str, meshes: tuple[Mesh, ...], at: tuple[float, float, float], turns: int = 0
     ) -> None:
         number = self._counts[kind] = self._counts.get(kind, -1) + 1
-        self.nodes.append(_placed(f"{self.name}/{kind}-{number}", meshes, at, turns))
+        self.nodes.append(placed(f"{self.name}/{kind}-{number}", meshes, at, turns))
 
     def _tint(self) -> int:
         # A common multiple of the tints' numbers, so that each is as likely as another.
@@ -337,7 +191,7 @@ class _Site:
             at = (self.rng.uniform(-28, 28), PAVEMENT_HEIGHT_M + 0.02, self.rng.uniform(-4, 4))
             self._tree(at)
         yard = box([-31.0, 0.17, -5.5], [31.0, 0.17, 5.5], "Y")
-        self.put("yard", _plain("yard", {"lawn": yard}), (0.0, 0.0, 0.0))
+        self.put("yard", plain("yard", {"lawn": yard}), (0.0, 0.0, 0.0))
 
     def _kind(self, width: int, downtown: float) -> str:
         weights = {"walkup": 0.45}
@@ -388,10 +242,10 @@ class _Site:
             [[x + 28.0, 0.17, z + 20.0] for x in (-31.0, 3.0) for z in (-23.0, 3.0)],
             "Y",
         )
-        self.put("lawn", _plain("lawn", {"lawn": lawns}), (0.0, 0.0, 0.0))
+        self.put("lawn", plain("lawn", {"lawn": lawns}), (0.0, 0.0, 0.0))
         basin = lathe([(2.6, 0.0), (2.6, 0.5), (2.2, 0.5), (2.2, 0.3), (0.3, 0.3), (0.2, 1.6)], 16)
         water = lathe([(0.2, 1.6), (0.9, 1.5), (0.2, 1.7)], 12, caps="")
-        fountain = _plain("fountain", {"trim": basin, "metal": water})
+        fountain = plain("fountain", {"trim": basin, "metal": water})
         self.put("fountain", fountain, (0.0, PAVEMENT_HEIGHT_M, 0.0))
         for x in np.linspace(-28.0, 28.0, 9):
             for z in (-20.0, -13.0, -6.0, 6.0, 13.0, 20.0):
@@ -410,7 +264,7 @@ class _Site:
     def pavement(self) -> None:
         x, z = BLOCK_M[0] / 2, BLOCK_M[1] / 2
         slab = box([-x, 0.0, -z], [x, PAVEMENT_HEIGHT_M, z], "xXYzZ")
-        self.put("pavement", _plain("pavement", {"pavement": slab}), (0.0, 0.0, 0.0))
+        self.put("pavement", plain("pavement", {"pavement": slab}), (0.0, 0.0, 0.0))
 
     def kerbside(self) -> None:
         """Lamps, trees, furniture and people along the four sides."""
