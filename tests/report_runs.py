@@ -77,6 +77,17 @@ class Painter(TruthEngine):
         return FrameTruth(camera, self.name, VisibilityBuffer(triangle, depth), ties_complete=True)
 
 
+class SlippingPainter(Painter):
+    """Sees a hidden object at one sample, as a ray that slips through an edge does, and
+    promises nothing about ties."""
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        exact = super().frame(camera)
+        exact.buffer.triangle[16, 30] = 2 * HIDDEN
+        exact.buffer.depth[16, 30] = 15.0
+        return FrameTruth(camera, self.name, exact.buffer)
+
+
 class Scripted(Culler):
     """Draws what it was told to, frame by frame; the last list stands for the rest."""
 
@@ -117,6 +128,7 @@ def write_run(
     frames: int = 5,
     engine: str = "embree",
     pictures: Sequence[int] = (0, 3),
+    truth: type[TruthEngine] = Painter,
 ) -> Path:
     """Judge the cullers with the painter's truth and leave a run folder that says `engine`."""
     folder.mkdir(parents=True)
@@ -129,8 +141,6 @@ def write_run(
         settings={"cull_backfaces": False},
         picture_frames=pictures,
     )
-    outcome = Referee(world, lambda: Painter(world)).run(
-        cameras, range(frames), cullers, [recorder]
-    )
+    outcome = Referee(world, lambda: truth(world)).run(cameras, range(frames), cullers, [recorder])
     recorder.finish(outcome)
     return folder

@@ -132,6 +132,28 @@ def test_a_missed_blended_object_is_ringed_though_it_owns_no_sample(tmp_path):
     assert np.allclose(ring.mean(axis=0), (40, 60), atol=0.6)
 
 
+def test_a_tie_loses_no_sample_and_leaves_no_mark(tmp_path):
+    scene = scene_of_squares(0.0, 0.0)
+    frame_truth = truth([[0] * 8] * 6, ties=[(s, 2) for s in range(48)])
+    pictures = draw(tmp_path, scene, frame_truth, [0])
+    assert "errors" not in pictures.files
+
+
+@pytest.mark.parametrize("lens", [{"yfov": 0.8}, {"ymag": 4.0}])
+def test_a_face_looks_the_same_whichever_way_it_is_wound(tmp_path, lens):
+    camera = Camera(look_at((0, 0, 10.0), (0, 0, 0)), 40, 30, near=1.0, far=99.0, **lens)
+    buffer = VisibilityBuffer(np.zeros((30, 40), np.int32), np.full((30, 40), 10.0))
+    pictures = []
+    for name, step in (("ccw", 1), ("cw", -1)):
+        points, faces = square(-9.0, -9.0, 0.0, 18.0)
+        scene = Scene.from_objects([("wall", points, faces[:, ::step])])
+        drawn = draw(tmp_path / name, scene, FrameTruth(camera, "hand", buffer), [0])
+        pictures.append(rgb(tmp_path / name, drawn, "picture"))
+    assert np.array_equal(*pictures)
+    # It faces the viewer, and so the light.
+    assert pictures[0].mean() > 145
+
+
 def test_objects_have_one_colour_each_and_the_background_none(tmp_path):
     scene = scene_of_squares(*np.linspace(0.0, 3.0, 30))
     owner = np.repeat(np.arange(-1, 30), 4)

@@ -31,6 +31,7 @@ from tests.report_runs import (
     WALL,
     WIDTH,
     Scripted,
+    SlippingPainter,
     scene,
     write_run,
 )
@@ -278,6 +279,22 @@ def test_each_loss_has_its_witness_and_a_command_from_the_pages_folder(runs, tmp
     assert titles[0] == f"{pixels} samples lost over 3 frames"
 
 
+def test_losses_come_by_samples_and_name_the_first_of_equal_frames(runs, pages):
+    """LOOSE loses the pillar (100 samples a frame, always in view) and the nasty one (4)."""
+    objects = [
+        int(attrs["data-object"])
+        for attrs, _ in Reader(pages["violation"][0]).find("li")
+        if "data-object" in attrs
+    ]
+    assert objects == [NASTY_ID, PILLAR, NASTY_ID]
+    rows = pq.read_table(runs["violation"] / "objects.parquet").to_pylist()
+    equal = [row for row in rows if (row["culler"], row["object"]) == (LOOSE, PILLAR)]
+    assert len({row["pixels"] for row in equal}) == 1
+    first = min(row["frame"] for row in equal)
+    witnesses = Reader(pages["violation"][0]).find("p", **{"class": "witness"})
+    assert f"worst in frame {first} " in witnesses[1][1]
+
+
 def test_long_lists_are_cut_with_a_count(tmp_path):
     folder = write_run(tmp_path / "run", [("c", Scripted(()))], pictures=())
     rows = pq.read_table(folder / "objects.parquet")
@@ -382,6 +399,18 @@ def test_frame_browser_holds_every_picture_of_the_manifest_once(runs, pages):
     assert len(images) == len(files)
     shown = {attrs["data-frame"] for attrs, _ in Reader(pages["violation"][0]).find("article")}
     assert shown == {str(entry["frame"]) for entry in manifest["pictures"]}
+
+
+def test_pictures_show_the_samples_as_exact_arithmetic_left_them(tmp_path):
+    """The engine gives a wall's sample to what is hidden behind it; the verdict takes it back,
+    and the picture must not show it as lost."""
+    folder = write_run(
+        tmp_path / "run", [("c", Scripted(VISIBLE))], frames=1, truth=SlippingPainter
+    )
+    (row,) = pq.read_table(folder / "frames.parquet").to_pylist()
+    assert (row["corrections"], row["missed_pixels"]) == (1, 0)
+    (entry,) = json.loads((folder / "manifest.json").read_text())["pictures"]
+    assert "errors" not in entry["files"]
 
 
 def test_of_many_pictured_frames_the_worst_are_kept(tmp_path):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera, CameraPath
 from visref.culler import Culler, CullerError, DrawnSet, Promise, check_drawn
-from visref.disputes import Rulings, find_disputes, settle
+from visref.disputes import Rulings, corrected, find_disputes, settle
 from visref.engines.base import TruthEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
@@ -175,6 +175,7 @@ class Referee:
                 verdict = judge(
                     self.scene, truth, job.units, drawn_units, job.record.promise, rulings
                 )
+                truth = corrected(truth, rulings)
             differ = None
             if self.image_check is not None:
                 differ = self.image_check.pixels_differ(camera, drawn)
