@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.gltf_files import Gltf
-from visref.camera import CameraPath
+from visref.camera import CameraPath, look_at
 from visref.errors import InputError
 from visref.loading import load_path
 
@@ -83,10 +83,8 @@ def test_scale_of_a_camera_is_ignored_but_moves_what_hangs_below(tmp_path):
 
 
 def test_matrix_of_six_digits_is_rigid_enough(tmp_path):
-    angle = 0.7
-    turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0]])
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.round([turn[0], turn[1], np.cross(turn[0], turn[1])], 6)
+    matrix = look_at((3, 5, 7), (-1, 0.4, 2)).round(6)
+    assert np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3)).max() > 1e-7
     (camera,) = load(camera_file(matrix=matrix.T.reshape(-1).tolist()), tmp_path)
     axes = camera.world_from_camera[:3, :3]
     assert np.abs(axes.T @ axes - np.eye(3)).max() < 1e-15
@@ -108,20 +106,29 @@ def test_step_holds_until_the_next_key(tmp_path):
     assert xs == [0, 0, 0, 0, 1, 1, 1, 1, 2]
 
 
-def test_cubic_spline_reproduces_a_cubic(tmp_path):
-    # x(t) = t^3 - 2t with its own slopes as tangents: a Hermite spline is exact on cubics.
+def test_cubic_spline_reproduces_cubics_on_both_sides_of_a_kink(tmp_path):
+    # A Hermite spline is exact on cubics; the two meet at t = 1 with different slopes.
     def x(t):
-        return t**3 - 2 * t
-
-    def slope(t):
-        return 3 * t**2 - 2
+        return t**3 - 2 * t if t <= 1 else -1 + 5 * (t - 1) - (t - 1) ** 3
 
     gltf = camera_file()
-    keys = [0.0, 1.0, 3.0]
-    values = [[v, 0, 0] for t in keys for v in (slope(t), x(t), slope(t))]
-    animate(gltf, 0, "translation", keys, values, "CUBICSPLINE")
+    slopes = [(9, -2), (1, 5), (5 - 3 * 2**2, 9)]  # before and after each key; the 9s are unused
+    values = [
+        [v, 0, 0]
+        for t, (before, after) in zip((0, 1, 3), slopes, strict=True)
+        for v in (before, x(t), after)
+    ]
+    animate(gltf, 0, "translation", [0.0, 1.0, 3.0], values, "CUBICSPLINE")
     got = [eye[0] for eye in eyes(load(gltf, tmp_path, fps=8.0))]
     assert np.allclose(got, [x(k / 8) for k in range(25)], rtol=0, atol=1e-12)
+
+
+def test_last_tick_is_kept_where_a_float32_time_falls_short_of_it(tmp_path):
+    gltf = camera_file()
+    animate(gltf, 0, "translation", [0, 0.7], [[0, 0, 0], [7, 0, 0]])
+    xs = [eye[0] for eye in eyes(load(gltf, tmp_path, fps=10.0))]
+    assert len(xs) == 8
+    assert xs[-1] == 7.0
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -659,6 +659,9 @@ def test_clean_up_of_other_loaders_is_off(tmp_path):
     file.write_text("OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 0\n3 0 1 2\n3 0 1 2\n3 0 3 1\n")
     scene = load_scene(file)
     assert scene.triangle_count == 3
+    file.write_text("OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 nan 0\n3 0 1 2\n3 0 1 3\n")
+    with pytest.raises(InputError, match="NaN"):
+        load_scene(file)
 
 
 def test_what_a_loader_only_logs_is_a_finding(tmp_path, capfd):
