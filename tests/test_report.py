@@ -360,6 +360,15 @@ def test_what_is_not_claimed_depends_on_the_engine(pages):
     assert "The truth is exact" in pages["clean"][0]
 
 
+def test_a_culler_that_broke_down_is_not_praised_for_its_first_frames(pages):
+    reader = Reader(pages["violation"][0])
+    (falls,) = [text for _, text in reader.find("div", data_culler_name="falls")]
+    assert "Inconclusive" in falls
+    assert "Then it broke down" in falls
+    assert "No violation found" not in falls
+    assert "No frame was judged" in pages["inconclusive"][0]
+
+
 def test_a_culler_that_promised_nothing_gets_no_tick(pages):
     reader = Reader(pages["violation"][0])
     (loose,) = [text for _, text in reader.find("div", data_culler_name=LOOSE)]

@@ -20,7 +20,7 @@ from visref.report import words
 from visref.report.measures import Measures, best, measure
 from visref.report.plots import STYLES, Plot, Series
 from visref.report.records import LostObject, Row, RunRecord
-from visref.rules import RULES, Rule
+from visref.rules import RULES, Rule, Severity
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8
@@ -387,12 +387,13 @@ def _shown(code: str) -> int:
 
 
 def _findings(run: RunRecord) -> list[FindingGroup]:
-    """Findings by code, in the catalogue's order."""
+    """Findings by code, the gravest first, else in the catalogue's order."""
     by_code: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for finding in run.verdict["findings"]:
         by_code[finding["code"]].append(finding)
+    gravity = {severity: rank for rank, severity in enumerate(Severity)}
     return [
         FindingGroup(rule, found[: (shown := _shown(code))], max(0, len(found) - shown))
-        for code, rule in RULES.items()
+        for code, rule in sorted(RULES.items(), key=lambda item: gravity[item[1].severity])
         if (found := by_code.get(code))
     ]

@@ -101,7 +101,7 @@ class RunRecord:
             for frame in self.frame_numbers
         }
         if len(sizes) != 1:
-            return "several sizes" if sizes else "no frame"
+            return "several sizes"
         width, height = sizes.pop()
         return f"{width} × {height}"
 

@@ -108,6 +108,8 @@ def culler_sentence(row: Measures) -> str:
         text += f" Cleared: {' and '.join(filter(None, cleared))}."
     if counts["undecided"]:
         text += f" Undecided: {count(counts['undecided'])}."
+    if row.status == "inconclusive":
+        text += " Then it broke down; see the findings."
     return text
 
 
@@ -146,6 +148,8 @@ def run_sentence(run: RunRecord, rows: Sequence[Measures]) -> str:
 def not_claimed(run: RunRecord) -> list[str]:
     """What a reader must not take from the verdict, by the engine that cast the truth."""
     engine = run.manifest["engine"]
+    if not run.frame_numbers:
+        return ["No frame was judged, so nothing is claimed at all."]
     claims = [
         f"Only the samples (pixel centres) of {counted(len(run.frame_numbers), 'frame')} at "
         f"{run.resolution()} were judged: not what lies between them, nor other views."

@@ -44,6 +44,11 @@
         show(culler, frames[frames.indexOf(frame) + Number(step.dataset.step)]);
       });
     }
+    // A picture of few samples is enlarged: show the samples as squares.
+    for (const image of root.querySelectorAll("img")) {
+      const mark = () => image.classList.toggle("small", image.naturalWidth < 400);
+      if (image.complete) mark(); else image.addEventListener("load", mark);
+    }
     for (const zoom of root.querySelectorAll(".zoom")) {
       zoom.addEventListener("click", () => zoom.parentElement.classList.toggle("wide"));
     }
