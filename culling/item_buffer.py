@@ -7,7 +7,9 @@ the last one owns the sample.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import moderngl
 import numpy as np
@@ -17,7 +19,7 @@ from culling.device import Device, State, Target, device
 from culling.geometry import occluders, view_uniforms
 from culling.view import FLOAT32_UNIT, View
 from visref.camera import Camera
-from visref.culler import Raster, RasterTolerance
+from visref.culler import Option, Raster, RasterTolerance
 from visref.engines.base import TruthEngine
 from visref.scene import Alpha, Float32, Float64, Int32, Int64, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
@@ -161,11 +163,14 @@ class ItemBufferEngine(TruthEngine):
     """Truth as this rasteriser sees it: quick, and wrong wherever snapping or depth rounds."""
 
     name = "gl"
-    summary = "OpenGL item buffer: snapped to sub-pixels, float32 depth; one GL thread"
+    summary = "OpenGL item buffer: snapped to sub-pixels, rounded depth; one GL thread"
+    options: ClassVar[Mapping[str, Option]] = {
+        "depth": Option(32, "bits of the depth buffer: 24 fixed point, 32 floating point", (24, 32))
+    }
 
-    def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
+    def __init__(self, scene: Scene, *, threads: int | None = None, depth: int = 32) -> None:
         super().__init__(scene, threads=threads)
-        self.items = ItemBuffer(device(), scene, depth_bits=32)
+        self.items = ItemBuffer(device(), scene, depth_bits=depth)
         self.masked = self.items.upload(scene.alpha == Alpha.MASK)
 
     def describe(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from visref.camera import Camera, CameraPath, look_at
 from visref.culler import Culler, Promise, RasterTolerance
-from visref.engines import ENGINES, TruthEngine, engine_names, make_engine
+from visref.engines import TruthEngine, check_engine, engine_names, make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.files import replacing_file, replacing_folder
 from visref.loading import load_path, load_scene
@@ -71,7 +71,7 @@ def open_inputs(
     if threads is not None and threads < 1:
         raise InputError(f"--threads is {threads}", mend="give 1 or more")
     # An unknown engine is said before a large scene is read.
-    load_entry(ENGINES, engine, kind="engine")
+    check_engine(engine)
     loaded, own_path, notes = _open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
     if path is not None:
         cameras = load_path(path)

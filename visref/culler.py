@@ -124,7 +124,7 @@ class Raster(ABC):
 
 @dataclass(frozen=True)
 class Option:
-    """One option of a culler, for `NAME:option=value` and `visref cullers`.
+    """One option of a culler or an engine, for `NAME:option=value` and `visref cullers`.
 
     Its type is its default's; `choices`, where given, are all it may be.
     """

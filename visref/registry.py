@@ -1,4 +1,4 @@
-"""Finding cullers by name, and reading `NAME:option=value,…`.
+"""Finding cullers by name, and reading `NAME:option=value,…` (engines are named so too).
 
 A name comes from the entry-point group `visref.cullers`, or is `module:Class` for a culler
 that nobody installed.
@@ -50,7 +50,7 @@ def make_culler(spec: str) -> Culler:
         found = load_entry(CULLERS, name, kind="culler")
     if not (isinstance(found, type) and issubclass(found, Culler)):
         raise InputError(f"'{spec}' is not a subclass of visref.culler.Culler", mend="derive it")
-    return found(**_options(spec, found.options, rest))
+    return found(**read_options(spec, found.options, rest))
 
 
 def _import(module: str, attribute: str) -> object:
@@ -72,9 +72,13 @@ def _import(module: str, attribute: str) -> object:
         ) from error
 
 
-def _options(
+def read_options(
     spec: str, known: Mapping[str, Option], text: str
 ) -> dict[str, bool | int | float | str]:
+    """The options `text`, `option=value,…`, that `spec` ends in; those not given are left out.
+
+    Raises InputError for an unknown option and for a value that the option cannot be.
+    """
     values: dict[str, bool | int | float | str] = {}
     for part in filter(None, text.split(",")):
         name, equals, value = part.partition("=")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from visref.engines.base import TruthEngine
 from visref.errors import InputError
-from visref.registry import available, load_entry
+from visref.registry import available, load_entry, read_options
 from visref.scene import Scene
 
-__all__ = ["ENGINES", "TruthEngine", "engine_names", "make_engine"]
+__all__ = ["ENGINES", "TruthEngine", "check_engine", "engine_names", "make_engine"]
 
 ENGINES = "visref.engines"
 
@@ -17,18 +20,29 @@ def engine_names() -> list[str]:
     return list(available(ENGINES))
 
 
-def make_engine(name: str, scene: Scene, *, threads: int | None = None) -> TruthEngine:
-    """The engine of that name over a scene; `threads` None means all cores.
+def make_engine(spec: str, scene: Scene, *, threads: int | None = None) -> TruthEngine:
+    """The engine of a spec `NAME[:option=value,…]` over a scene; `threads` None means all cores.
 
-    Raises InputError for an unknown name, for a number of threads below one, and where the
-    engine's library is not installed.
+    Raises InputError for an unknown name, option or value, for a number of threads below one,
+    and where the engine's library is not installed.
     """
     if threads is not None and threads < 1:
         raise InputError(f"threads is {threads}", place="threads", mend="give 1 or more")
+    found, options = _read_spec(spec)
+    return found(scene, threads=threads, **options)
+
+
+def check_engine(spec: str) -> None:
+    """Raise InputError where `make_engine` would, for what the spec alone tells."""
+    _read_spec(spec)
+
+
+def _read_spec(spec: str) -> tuple[Callable[..., TruthEngine], dict[str, Any]]:
+    name, _, rest = spec.partition(":")
     found = load_entry(ENGINES, name, kind="engine")
     if not (isinstance(found, type) and issubclass(found, TruthEngine)):
         raise InputError(
             f"engine '{name}' is not a subclass of visref.engines.base.TruthEngine",
             mend="derive it",
         )
-    return found(scene, threads=threads)
+    return found, read_options(spec, found.options, rest)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 from visref.camera import Camera
+from visref.culler import Option
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 
@@ -15,11 +17,13 @@ class TruthEngine(ABC):
 
     Made once for a scene (this is where acceleration structures are built). `threads` None
     means all cores; the answer is the same for any number. Found by name through the
-    entry-point group `visref.engines`.
+    entry-point group `visref.engines`, and named as `NAME[:option=value,…]`: the values of
+    its `options` are further keyword arguments of the constructor.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    options: ClassVar[Mapping[str, Option]] = {}
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         self.scene = scene

@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from visref.culler import Option
 from visref.engines.embree_packets import PacketScene, load_library
 from visref.engines.rays import RayEngine
-from visref.scene import Float32, Int32
+from visref.scene import Float32, Int32, Scene
 
 
 class EmbreeEngine(RayEngine):
-    """Embree in its robust mode, a thread a core: packets of eight rays where embreex
-    brings the library for it, else single rays."""
+    """Embree, a thread a core: packets of eight rays where embreex brings the library for it,
+    else single rays.
+
+    `robust` is Embree's scene flag of that name. Without it the tests of triangles and boxes
+    are rounded as comes, so that rays slip through shared edges and past thin boxes.
+    """
 
     name = "embree"
     summary = "Embree rays (float32, robust mode), decided in float64"
+    options: ClassVar[Mapping[str, Option]] = {
+        "robust": Option(True, "Embree's robust mode; without it rays slip through shared edges")
+    }
+
+    def __init__(self, scene: Scene, *, threads: int | None = None, robust: bool = True) -> None:
+        self._robust = robust
+        super().__init__(scene, threads=threads)
 
     def _build(self, vertices: Float32, triangles: Int32) -> None:
         library = load_library()
         self._casts = (
-            SingleRays(vertices, triangles)
+            SingleRays(vertices, triangles, robust=self._robust)
             if library is None
-            else PacketScene(library, vertices, triangles)
+            else PacketScene(library, vertices, triangles, robust=self._robust)
         )
 
     def _nearest(self, rays: Float32) -> Int32:
@@ -31,11 +46,11 @@ class EmbreeEngine(RayEngine):
 
 
 class SingleRays:
-    """Triangles in Embree, robust mode, cast a ray at a time by embreex."""
+    """Triangles in Embree, cast a ray at a time by embreex."""
 
-    def __init__(self, vertices: Float32, triangles: Int32) -> None:
-        # Robust is stated, never left to a default: without it rays slip through edges.
-        self._scene = EmbreeScene(robust=True)
+    def __init__(self, vertices: Float32, triangles: Int32, *, robust: bool) -> None:
+        # Stated, never left to the library's default.
+        self._scene = EmbreeScene(robust=robust)
         self._geometry = TriangleMesh(self._scene, vertices, triangles)
         # The first cast builds the hierarchy, which two threads must not do at once.
         self.nearest(np.array([[0, 0, 0, 0, 0, 1]], np.float32))

@@ -96,13 +96,15 @@ def _has_packets(library: ctypes.CDLL) -> bool:
 
 
 class PacketScene:
-    """Triangles in Embree, robust mode, cast eight rays at a time.
+    """Triangles in Embree, cast eight rays at a time.
 
     `vertices` (v, 3) float32, `triangles` (t, 3) int32; both are copied. Raises MemoryError
     where Embree cannot build its hierarchy.
     """
 
-    def __init__(self, library: ctypes.CDLL, vertices: Float32, triangles: Int32) -> None:
+    def __init__(
+        self, library: ctypes.CDLL, vertices: Float32, triangles: Int32, *, robust: bool
+    ) -> None:
         self._library = library
         # Embree reads a vertex with 16 bytes: one beyond the last must be there.
         self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
@@ -110,8 +112,8 @@ class PacketScene:
         device = library.rtcNewDevice(None)
         self._scene = library.rtcNewScene(device)
         weakref.finalize(self, _release, library, self._scene, device)
-        # Robust is stated, never left to a default: without it rays slip through edges.
-        library.rtcSetSceneFlags(self._scene, _SCENE_ROBUST)
+        # Stated, never left to the library's default.
+        library.rtcSetSceneFlags(self._scene, _SCENE_ROBUST if robust else 0)
         geometry = library.rtcNewGeometry(device, _GEOMETRY_TRIANGLE)
         for kind, form, array, rows in (
             (_BUFFER_VERTEX, _FORMAT_FLOAT3, self._vertices, len(vertices)),
