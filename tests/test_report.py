@@ -68,7 +68,7 @@ def runs(tmp_path_factory):
                 ("falls", Scripted(EVERYTHING, fails_at=2)),
             ],
         ),
-        "clean": write_run(root / "clean", [("only", Scripted(VISIBLE))], engine="exact"),
+        "clean": write_run(root / "clean", [("only", Scripted(VISIBLE))], engine="exact:tile=64"),
         "loose": write_run(
             root / "loose", [("loose", Scripted((WALL,), promise=Promise.AGGRESSIVE))]
         ),

@@ -154,7 +154,7 @@ def not_claimed(run: RunRecord) -> list[str]:
         f"Only the samples (pixel centres) of {counted(len(run.frame_numbers), 'frame')} at "
         f"{run.resolution()} were judged: not what lies between them, nor other views."
     ]
-    if engine == "exact":
+    if engine.partition(":")[0] == "exact":
         claims.append(
             "The truth is exact: the owner of every sample was decided in exact arithmetic, so "
             "every miss and every tie at these samples is listed."
