@@ -107,11 +107,12 @@ class GLCuller(Culler):
         self.bounds = self.unit_bounds(scene, self.units)
         self.tree = BoxTree(self.bounds)
         self.geometry = geometry.Geometry(self.device, scene, self.units, self.occluders(scene))
-        self.raster: GLRaster = GLRaster(scene, self.depth_bits)
+        self.raster: GLRaster | None = self.raster_of(scene)
         return self.units
 
     def cull(self, camera: Camera) -> DrawnSet:
-        self.raster.see(camera)
+        if self.raster is not None:
+            self.raster.see(camera)
         self.device.context.finish()
         started = time.perf_counter()
         frame = self.begin(camera)
@@ -134,7 +135,8 @@ class GLCuller(Culler):
     def _release(self) -> None:
         if self.geometry is not None:
             self.geometry.release()
-            self.raster.close()
+            if self.raster is not None:
+                self.raster.close()
             self.geometry = None
 
     # The steps.
@@ -149,6 +151,10 @@ class GLCuller(Culler):
     def occluders(self, scene: Scene) -> NDArray[np.bool_]:
         """(t,) bool, the triangles that write depth."""
         return geometry.occluders(scene)
+
+    def raster_of(self, scene: Scene) -> GLRaster | None:
+        """The rasteriser whose depth decides, None for a method that asks none."""
+        return GLRaster(scene, self.depth_bits)
 
     def view_of(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)

@@ -38,6 +38,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from culling.item_buffer import GLRaster
 from culling.lazy_grid.boxes import triangle_boxes
 from culling.lazy_grid.coverage import add_coverage
 from culling.lazy_grid.grid import DepthGrid, Grid, OcclusionGrid
@@ -163,6 +164,9 @@ class LazyGridCulling(GLCuller):
         occludes = self.occluders(self.scene)
         return SoftwareBuffer(self.scene, self.units, occludes, marks_only=self.occlusion_buffer)
 
+    def raster_of(self, scene: Scene) -> GLRaster | None:
+        return None if self.query_way == "software" else super().raster_of(scene)
+
     def new_grid(self, width: int, height: int) -> Grid:
         assert self.areas is not None
         if self.occlusion_buffer:
@@ -250,6 +254,7 @@ class LazyGridCulling(GLCuller):
         with phase(frame.stats, "sort"):
             walk = self.walk(frame)
         frame.ids = np.arange(self.units.count)
+        self.observe("grid", grid=walk.grid)
         if self.update == "none":
             self.draw(frame, walk.nodes.unit[walk.nodes.unit != INNER])
             return

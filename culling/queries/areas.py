@@ -138,7 +138,7 @@ class Readback(PixelQueries):
     def pixels(self, area: Area) -> Float32:
         x0, y0, x1, y1 = area
         raw = self.target.framebuffer.read(
-            viewport=(x0, self.bottom(y1), x1 - x0, y1 - y0),
+            viewport=(x0, self.bottom(area), x1 - x0, y1 - y0),
             components=1,
             attachment=-1,
             dtype="f4",
@@ -146,9 +146,9 @@ class Readback(PixelQueries):
         )
         return self.decoded(np.frombuffer(raw, np.float32))
 
-    def bottom(self, y1: int) -> int:
+    def bottom(self, area: Area) -> int:
         """The area's lowest row as GL counts, from below."""
-        return self.view.camera.height - y1
+        return self.view.camera.height - area[3]
 
     def decoded(self, depths: Float32) -> Float32:
         return depths

@@ -1,0 +1,59 @@
+"""Every broken lazy grid is caught where it should be, and the sound one passes there."""
+
+from functools import cache
+
+import pytest
+
+from tests.bad_cullers import COMMON
+from tests.bad_lazy_grid import ALL, EQUIVALENT, MUTANTS, NOT_HERE, OF_THE_METHOD, OWN
+from tests.lazy_grid_contract import watched
+from visref.conformance import Check, Status, _judge_on, case, check_culler, conformance_checks
+
+pytestmark = pytest.mark.gl
+
+CHECKS = {check.name: check for check in conformance_checks()}
+CHECKS |= {m.name: Check(m.name, m.claim, m.trap, _judge_on(m)) for m in OWN.values()}
+UNSAFE = [mutant for mutant in MUTANTS if mutant.caught_by]
+WASTEFUL = [mutant for mutant in MUTANTS if mutant.contract]
+METHODS = {method.name: method for method in ALL}
+
+
+@cache
+def sound_result(method, check):
+    return check_culler(METHODS[method].make, checks=[CHECKS[check]])[0]
+
+
+@pytest.mark.parametrize("mutant", UNSAFE, ids=str)
+def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
+    (found,) = check_culler(mutant.make, checks=[CHECKS[mutant.caught_by]])
+    assert found.status is Status.FAILED
+    assert found.missed > 0
+    assert "MISSED_OBJECT" in found.problems[0]
+    sound = sound_result(mutant.method.name, mutant.caught_by)
+    assert sound.status is Status.PASSED, sound.problems
+
+
+@pytest.mark.parametrize("method", ALL, ids=lambda method: method.name)
+@pytest.mark.parametrize("update", ["lazy", "busy"])
+def test_sound_method_keeps_its_contract(method, update):
+    options = {**method.options, "update": update}
+    for name in ("walk_through_a_city", "crowd", "odd_viewports"):
+        scene, path = case(name)
+        watch, _ = watched(method.culler(**options), scene, path, **options)
+        assert watch.problems == []
+        assert watch.tests > 20
+
+
+@pytest.mark.parametrize("mutant", WASTEFUL, ids=str)
+def test_wasteful_mutant_breaks_its_rule_and_misses_nothing(mutant):
+    scene, path = case("walk_through_a_city")
+    watch, _ = watched(mutant.make(), scene, path, **mutant.options)
+    assert mutant.contract in {problem.split(":")[0] for problem in watch.problems}
+    (found,) = check_culler(mutant.make, checks=[CHECKS["walk_through_a_city"]])
+    assert found.status is Status.PASSED, found.problems
+
+
+def test_every_mutant_is_tried_or_has_a_reason():
+    ids = {mutant.id for mutant in MUTANTS} | set(EQUIVALENT) | set(NOT_HERE)
+    assert sorted({*COMMON, *OF_THE_METHOD} - ids) == []
+    assert not {mutant.id for mutant in MUTANTS} & {*EQUIVALENT, *NOT_HERE}
