@@ -66,12 +66,16 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
                 if slope == 0 or (scene.one_sided[index] and slope > 0):
                     continue
                 height = _dot(n, _minus(v[0], o))
-                t = Fraction(height, slope)
-                if t < near or (far is not None and t > far):
+                if slope < 0:
+                    slope, height = -slope, -height
+                # t = height / slope.
+                if height * near.denominator < near.numerator * slope:
+                    continue
+                if far is not None and height * far.denominator > far.numerator * slope:
                     continue
                 # The point met, times `slope`.
                 point = [o[i] * slope + d[i] * height for i in range(3)]
-                side = [
+                turns = [
                     _dot(
                         n,
                         _cross(
@@ -81,8 +85,8 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
                     )
                     for i in range(3)
                 ]
-                if all(s * slope >= 0 for s in side):
-                    found.append((t, index))
+                if min(turns) >= 0:
+                    found.append((Fraction(height, slope), index))
             result.append(found)
     return result
 

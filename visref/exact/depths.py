@@ -195,7 +195,8 @@ def depths(
         if above != below:
             if count == len(torn):
                 grown = np.empty(2 * count, np.int64)
-                grown[:count] = torn
+                for k in range(count):
+                    grown[k] = torn[k]
                 torn = grown
             torn[count] = i
             count += 1

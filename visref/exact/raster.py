@@ -266,7 +266,9 @@ def _with_room(out: NDArray[Any], count: int, more: int) -> NDArray[Any]:
     if count + more <= len(out):
         return out
     grown = np.empty((max(2 * len(out), count + more), 4))
-    grown[:count] = out[:count]
+    for index in range(count):
+        for k in range(4):
+            grown[index, k] = out[index, k]
     return grown
 
 
@@ -484,7 +486,8 @@ def rasterise(
             sample = int(out[index, 0])
             place = ((sample // width - top) << TILE_SHIFT) + sample % width - left
             if not out[index, 3] < low[place]:
-                out[kept] = out[index]
+                for column in range(4):
+                    out[kept, column] = out[index, column]
                 kept += 1
         count = kept
         if not collect:

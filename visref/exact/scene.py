@@ -38,6 +38,7 @@ Part = TypeVar("Part")
 CLUSTER = 32
 # Work is cut into this many parts whatever the number of threads, so that no array depends on it.
 PARTS = 32
+LEAST_CLUSTERS = 16
 UNKNOWN_PLANE = -1
 
 
@@ -242,7 +243,8 @@ class ExactScene:
             )  # fmt: skip
             return found[:count], boxes[:count], keys[:count]
 
-        results = self._in_parallel(part_of, np.array_split(order, PARTS))
+        parts = max(1, min(PARTS, len(order) // LEAST_CLUSTERS))
+        results = self._in_parallel(part_of, np.array_split(order, parts))
         found, boxes, keys = (np.concatenate(x) for x in zip(*results, strict=True))
         return found, boxes, keys
 
