@@ -32,6 +32,7 @@ import numpy as np
 
 from culling.baselines import SingleQueryCulling
 from culling.device import Target
+from culling.method import GLCuller
 from tests.toy_culler import ToyCuller
 from visref.culler import Culler
 
@@ -65,6 +66,9 @@ class Method:
     def make(self) -> Culler:
         return self.culler(**self.options)
 
+    def __str__(self) -> str:
+        return self.name
+
 
 @dataclass(frozen=True)
 class Mutant:
@@ -87,6 +91,9 @@ class Mutant:
 
 MUTANTS: list[Mutant] = []
 
+# The steps broken in COMMON's mutants, for `common` to try on further methods.
+_STEPS: dict[str, list[tuple[type, str, dict[str, Any]]]] = {}
+
 # (id, method's name) -> the reason.
 EQUIVALENT: dict[tuple[str, str], str] = {}
 NOT_HERE: dict[tuple[str, str], str] = {}
@@ -100,6 +107,9 @@ def mutant(
         raise ValueError("a mutant is caught by the verdict or by a contract")
 
     def register(step: type) -> type:
+        gl = any(issubclass(method.culler, GLCuller) for method in of)
+        if gl and step not in [known for known, _, _ in _STEPS.get(id, [])]:
+            _STEPS.setdefault(id, []).append((step, caught_by, options))
         for method in of:
             broken = type(step.__name__, (step, method.culler), {"__doc__": step.__doc__})
             about = " ".join((step.__doc__ or "").split())
@@ -108,6 +118,13 @@ def mutant(
         return step
 
     return register
+
+
+def common(ids: str, of: tuple[Method, ...]) -> None:
+    """Try the steps broken for GL queries in these of COMMON's mutants on more methods."""
+    for id in ids.split():
+        for step, caught_by, options in _STEPS[id]:
+            mutant(id, of=of, caught_by=caught_by, **options)(step)
 
 
 def not_here(ids: str, of: tuple[Method, ...], reason: str) -> None:
@@ -200,7 +217,7 @@ class GlassOccludes:
         return np.ones(scene.triangle_count, bool)
 
 
-@mutant("G14", of=QUERIES, caught_by="crowd")
+@mutant("G14", of=QUERIES, caught_by="stacks_of_sheets")
 class UnfinishedQueryReadAsZero:
     """The last query sent has no answer yet, and is taken to say zero."""
 
@@ -346,8 +363,8 @@ class DepthOfTheLastFrame:
 class GlassWritesDepth:
     """Every triangle is rasterised into the depth buffer."""
 
-    def occludes(self, triangle):
-        return True
+    def occludes(self, triangles):
+        return np.ones(len(triangles), bool)
 
 
 not_here("G2", TOY, "no box is rasterised, so no face of one is culled")

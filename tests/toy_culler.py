@@ -90,33 +90,36 @@ class ToyCuller(Culler):
     def passes(self, depth, nearest):
         return np.count_nonzero(depth >= nearest * (1.0 - DEPTH)) > 0
 
-    def occludes(self, triangle):
-        return self.scene.alpha[triangle] == Alpha.OPAQUE
+    def occludes(self, triangles):
+        return self.scene.alpha[triangles] == Alpha.OPAQUE
 
     def rasterise(self, camera, unit, depth):
-        for triangle in range(*self.scene.object_offsets[unit : unit + 2]):
-            if self.occludes(triangle):
-                fill(camera, self.scene, triangle, depth)
+        own = np.arange(*self.scene.object_offsets[unit : unit + 2])
+        fill(camera, self.scene, own[self.occludes(own)], depth)
 
 
-def fill(camera, scene, triangle, depth):
-    """Write a triangle's depth at the samples well inside it."""
-    points = scene.vertices[scene.triangles[triangle]].astype(np.float64) - camera.eye
+def fill(camera, scene, triangles, depth):
+    """Write the depth of triangles at the samples well inside them."""
+    points = scene.vertices[scene.triangles[triangles]].astype(np.float64) - camera.eye
     local = points @ camera.world_from_camera[:3, :3]
     step = np.linalg.norm(camera.right_step)
-    t = -local[:, 2]
-    homogeneous = np.stack([local[:, 0] / step, local[:, 1] / step, t], axis=1)
+    t = -local[:, :, 2]
+    homogeneous = np.stack([local[:, :, 0] / step, local[:, :, 1] / step, t], axis=2)
     if not camera.is_perspective:
-        homogeneous[:, 2] = 1.0
-    edges = np.cross(np.roll(homogeneous, -1, axis=0), np.roll(homogeneous, -2, axis=0))
-    whole = homogeneous[0] @ edges[0]
-    if whole == 0.0 or (scene.one_sided[triangle] and whole < 0.0):
-        return
-    a, b = camera.column_a[None, :, None], camera.row_b[:, None, None]
-    weights = (a * edges[:, 0] + b * edges[:, 1] + edges[:, 2]) * np.sign(whole)
-    total = weights.sum(axis=2)
-    inside = (weights > EDGE * np.abs(weights).sum(axis=2, keepdims=True)).all(axis=2)
+        homogeneous[:, :, 2] = 1.0
+    edges = np.cross(np.roll(homogeneous, -1, axis=1), np.roll(homogeneous, -2, axis=1))
+    whole = (homogeneous[:, 0] * edges[:, 0]).sum(axis=1)
+    seen = (whole != 0.0) & ~(scene.one_sided[triangles] & (whole < 0.0))
+    # Per triangle, row and column the three weights, positive inside.
+    samples = np.stack(np.broadcast_arrays(camera.column_a, camera.row_b[:, None], 1.0), axis=2)
+    signed = edges[seen] * np.sign(whole[seen])[:, None, None]
+    weights = np.einsum("yxk,tik->tiyx", samples, signed)
+    total = weights.sum(axis=1)
+    inside = (weights > EDGE * np.abs(weights).sum(axis=1, keepdims=True)).all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        at = abs(whole) / total if camera.is_perspective else weights @ t / total
-    inside &= (at >= camera.near) & (at <= camera.far) & (at < depth)
-    depth[inside] = at[inside]
+        if camera.is_perspective:
+            at = np.abs(whole[seen])[:, None, None] / total
+        else:
+            at = np.einsum("tiyx,ti->tyx", weights, t[seen]) / total
+        inside &= (at >= camera.near) & (at <= camera.far)
+    np.minimum(depth, np.where(inside, at, np.inf).min(axis=0, initial=np.inf), out=depth)

@@ -217,6 +217,13 @@ def eye_inside_an_object(rng: np.random.Generator) -> Case:
         ("hall", box((-10.0, -4.0, -10.0), (10.0, 4.0, 10.0))),
         ("outside", box((-3.0, -2.0, -20.0), (3.0, 2.0, -12.0))),
         ("cage", box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))),
+        # Its box, but none of its triangles, is around the eye of most views.
+        (
+            "gate",
+            together(
+                box((-2.5, -2.0, 3.0), (-2.0, 2.0, 3.5)), box((2.0, -2.0, 5.5), (2.5, 2.0, 6.0))
+            ),
+        ),
     ]
     for _ in range(8):
         centre = rng.uniform((-8.0, -3.0, -9.0), (8.0, 3.0, -3.0))
@@ -329,6 +336,8 @@ def rows_and_columns_at_the_border(rng: np.random.Generator) -> Case:
         ("right", pixel_panel(view, (w - 12.0, w - 0.6), (10.0, 30.0), 7.0)),
         ("top", pixel_panel(view, (9.0, 30.0), (-0.4, 12.0), 8.0)),
         ("bottom", pixel_panel(view, (25.0, 44.0), (h - 14.0, h - 0.6), 6.0)),
+        ("last column", pixel_panel(view, (w - 1.3, w - 0.6), (2.0, 8.0), 6.0)),
+        ("last row", pixel_panel(view, (4.0, 9.0), (h - 1.3, h - 0.6), 6.0)),
     ]
     return case(objects, [view, rolled(view, math.pi)])
 
@@ -348,6 +357,28 @@ def gap_narrower_than_a_texel(rng: np.random.Generator) -> Case:
         objects.append(("in the gap", pixel_panel(view, (gap - 5.0, gap + 6.0), middle, 8.0)))
         objects.append(("hidden", pixel_panel(view, (gap + 3.0, gap + 9.0), middle, 9.0)))
     return case(objects, [*views, rolled(view, math.pi / 2)])
+
+
+@_scene("what shows beside a stack of half-covering sheets is drawn", "last batch of queries lost")
+def stacks_of_sheets(rng: np.random.Generator) -> Case:
+    view = camera()
+    objects = []
+    for column in range(4):
+        for row in range(3):
+            left, top = 16.0 * column + 1.2, 16.0 * row + 1.2
+            right, bottom = left + 13.0, top + 13.0
+            # Triangles that all leave the lower right half open, though their rectangles do not.
+            for sheet in range(7):
+                depth = 4.0 + 0.5 * sheet + rng.uniform(0.0, 0.4)
+                inset = 0.2 * sheet
+                corners = [(left + inset, top + inset), (left + inset, bottom - inset)]
+                corners.append((right - inset, top + inset))
+                points = np.array([pixel_point(view, x, y, depth) for x, y in corners])
+                objects.append(("sheet", (points, np.array([[0, 1, 2]]))))
+            x, y = rng.uniform((left + 8.0, top + 8.0), (left + 9.0, top + 9.0))
+            seen = pixel_panel(view, (x, x + 2.0), (y, y + 2.0), 9.0)
+            objects.append(("beside", seen))
+    return case(objects, [view, rolled(view, math.pi)])
 
 
 @_scene("a large object at the screen's edge is drawn", "distance compared with depth")

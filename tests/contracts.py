@@ -1,0 +1,412 @@
+"""What a method promises to save, checked by watching its steps.
+
+A wasteful mutant draws the right picture, so no verdict can see it. `watch` records what a
+method tells its observer, with its state; the checkers below read such a trace, compute in
+plain Python from the scene and the camera what should have happened, and return a line for
+each departure. None of them uses the method's own code.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from visref.camera import Camera
+from visref.culler import QueryStats
+from visref.scene import Scene
+
+TILES = 128
+
+# How far a method's inflated box may stand off the true one, in pixels: twice the rasteriser's
+# snap of half a 256th and the float32 roundings of a small window come to less than half.
+SLACK_PX = 0.02
+
+
+@dataclass
+class Event:
+    """One step: its name, its data, and the maps as they were then."""
+
+    step: str
+    data: dict[str, Any]
+    maps: np.ndarray
+
+
+@dataclass
+class Trace:
+    """One frame of a method, as its observer saw it."""
+
+    scene: Scene
+    camera: Camera
+    options: dict[str, Any]
+    events: list[Event] = field(default_factory=list)
+    drawn: list[int] = field(default_factory=list)
+    stats: QueryStats = field(default_factory=QueryStats)
+
+    def of(self, step: str) -> list[Event]:
+        return [event for event in self.events if event.step == step]
+
+
+def watch(culler: Any, scene: Scene, cameras: Iterable[Camera], **options: Any) -> list[Trace]:
+    """Run a method over the cameras and record each frame. `options` are those it runs with."""
+    traces: list[Trace] = []
+
+    def observer(step: str, data: Any) -> None:
+        kept = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in data.items()}
+        traces[-1].events.append(Event(step, kept, culler.maps.copy()))
+
+    culler.prepare(scene)
+    culler.observer = observer
+    for camera in cameras:
+        traces.append(Trace(scene, camera, options))
+        answer = culler.cull(camera)
+        traces[-1].drawn, traces[-1].stats = answer.unit_ids.tolist(), answer.stats
+    culler.close()
+    return traces
+
+
+# The Occupancy Map.
+
+Checker = Callable[[Trace], Iterator[str]]
+OCCUPANCY_MAP: dict[str, Checker] = {}
+
+
+def _contract(check: Checker) -> Checker:
+    OCCUPANCY_MAP[check.__name__] = check
+    return check
+
+
+def broken_contracts(traces: Iterable[Trace]) -> dict[str, list[str]]:
+    """The contracts that some frame departs from, and how."""
+    found: dict[str, list[str]] = {}
+    for frame, trace in enumerate(traces):
+        for name, check in OCCUPANCY_MAP.items():
+            lines = [f"frame {frame}: {line}" for line in check(trace)]
+            if lines:
+                found.setdefault(name, []).extend(lines)
+    return found
+
+
+@_contract
+def all_bits_are_cleared_at_the_start(trace: Trace) -> Iterator[str]:
+    (first,) = trace.of("rectangles")
+    if first.maps.any():
+        yield f"{bits(first.maps)} bits are set before the first shape is decided"
+
+
+@_contract
+def bits_are_only_ever_set(trace: Trace) -> Iterator[str]:
+    start = trace.events.index(trace.of("rectangles")[0])
+    for before, after in itertools.pairwise(trace.events[start:]):
+        if (before.maps & ~after.maps).any():
+            yield f"bits are unset between '{before.step}' and '{after.step}'"
+
+
+@_contract
+def rectangles_hold_the_box_and_little_more(trace: Trace) -> Iterator[str]:
+    """Outward for safety and tight for the saving."""
+    (event,) = trace.of("rectangles")
+    limit = np.array([trace.camera.width, trace.camera.height])
+    for unit, found in zip(event.data["units"], event.data["rectangles"], strict=True):
+        low, high, slack = true_rectangle(trace, int(unit))
+        least = _pixels(low, high, limit)
+        most = _pixels(low - slack, high + slack, limit)
+        inside = (found[:2] <= least[:2]).all() and (found[2:] >= least[2:]).all()
+        if least_is_empty(least):
+            inside = True
+        tight = (found[:2] >= most[:2]).all() and (found[2:] <= most[2:]).all()
+        if not (inside and tight):
+            yield f"unit {unit}: {found.tolist()} is not between {least} and {most}"
+
+
+@_contract
+def tiles_hold_every_pixel_of_the_rectangle(trace: Trace) -> Iterator[str]:
+    (event,) = trace.of("rectangles")
+    shown = ~empty(event.data["rectangles"])
+    found = event.data["tiles"][shown]
+    expected = [tiles[shown] for tiles in possible_tiles(trace)]
+    if not any(np.array_equal(found, tiles) for tiles in expected):
+        at = int(np.argmax((found != expected[0]).any(axis=1)))
+        unit = event.data["units"][shown][at]
+        yield f"unit {unit}: tiles {found[at].tolist()}, not {expected[0][at].tolist()}"
+
+
+@_contract
+def shapes_come_front_to_back(trace: Trace) -> Iterator[str]:
+    (event,) = trace.of("rectangles")
+    before = (-np.inf, 0.0, -1)
+    for unit in event.data["units"].tolist():
+        points = corners(trace.scene, unit)
+        depth, slack = trace.camera.pixel_of(points)[1], inflation(trace.camera, points)
+        if depth.min() < before[0] - before[1] - slack:
+            yield f"unit {unit} at depth {depth.min():.6g} comes after unit {before[2]}"
+        before = (float(depth.min()), slack, unit)
+    order = {unit: place for place, unit in enumerate(event.data["units"].tolist())}
+    for query in trace.of("query"):
+        places = [order[unit] for unit in query.data["units"].tolist()]
+        if places != sorted(places):
+            yield "a list's queries are not in the order of the traversal"
+
+
+@_contract
+def each_shape_is_decided_exactly_once(trace: Trace) -> Iterator[str]:
+    (event,) = trace.of("rectangles")
+    asked = asked_units(trace)
+    for name, units in (("drawn", trace.drawn), ("asked", asked)):
+        twice = {unit for unit in units if units.count(unit) > 1}
+        if twice:
+            yield f"units {sorted(twice)} are {name} more than once"
+    shown = event.data["units"][~empty(event.data["rectangles"])].tolist()
+    undecided = set(shown) - set(trace.drawn) - set(asked)
+    if undecided:
+        yield f"units {sorted(undecided)} are neither drawn nor asked"
+    unheard = set(trace.drawn) & set(asked) ^ set(passed_units(trace))
+    if unheard:
+        yield f"the answers for units {sorted(unheard)} are not followed"
+
+
+@_contract
+def outside_shapes_cost_nothing(trace: Trace) -> Iterator[str]:
+    (event,) = trace.of("rectangles")
+    outside = set(event.data["units"][empty(event.data["rectangles"])].tolist())
+    costly = outside & (set(trace.drawn) | set(asked_units(trace)))
+    if costly:
+        yield f"units {sorted(costly)} meet no pixel and are drawn or asked"
+
+
+@_contract
+def drawn_shapes_mark_every_tile(trace: Trace) -> Iterator[str]:
+    """At the end the first map holds the tiles of what was drawn, and no others."""
+    found = grid_of(trace.of("lists")[0].maps[0])
+    (event,) = trace.of("rectangles")
+    units = event.data["units"].tolist()
+    drawn = set(trace.drawn)
+    complaints = []
+    for tiles in possible_tiles(trace):
+        expected = np.zeros((TILES, TILES), bool)
+        for unit, row in zip(units, tiles, strict=True):
+            if unit in drawn:
+                expected[under(row)] = True
+        if np.array_equal(expected, found):
+            return
+        complaints.append(
+            f"{(expected & ~found).sum()} tiles of drawn shapes are unset, "
+            f"{(found & ~expected).sum()} set with nothing drawn there"
+        )
+    yield complaints[0]
+
+
+@_contract
+def query_is_skipped_if_and_only_if_a_tile_is_unset(trace: Trace) -> Iterator[str]:
+    asked = asked_units(trace)
+    complaints: list[str] = []
+    for expected in (replay(trace, tiles) for tiles in possible_tiles(trace)):
+        too_many, too_few = set(asked) - set(expected), set(expected) - set(asked)
+        if not too_many and not too_few:
+            return
+        complaints.append(
+            f"asked in vain: units {sorted(too_many)}; skipped though covered: {sorted(too_few)}"
+        )
+    yield complaints[0]
+
+
+@_contract
+def lists_are_arranged_as_the_paper_says(trace: Trace) -> Iterator[str]:
+    (lists,) = trace.of("lists")
+    found = dict(zip(lists.data["units"].tolist(), lists.data["list_of"].tolist(), strict=True))
+    complaints: list[str] = []
+    for expected in (replay(trace, tiles) for tiles in possible_tiles(trace)):
+        wrong = {unit: (found[unit], k) for unit, k in expected.items() if found[unit] != k}
+        if not wrong:
+            break
+        unit, (got, want) = next(iter(wrong.items()))
+        complaints.append(f"{len(wrong)} units; first is {unit} in list {got}, not {want}")
+    else:
+        yield complaints[0]
+    # What goes out together is a list, whole.
+    if not one_by_one(trace):
+        together = [event.data["units"].tolist() for event in box_queries(trace)]
+        of_list = {k: [u for u in found if found[u] == k] for k in set(found.values()) if k > 0}
+        if not trace.options.get("corners") and together != [of_list[k] for k in sorted(of_list)]:
+            yield "the queries that go out together are not the lists"
+
+
+@_contract
+def no_more_batches_than_lists(trace: Trace) -> Iterator[str]:
+    lists = trace.options.get("maps", 5)
+    rounds = 2 if trace.options.get("corners") else 1
+    if one_by_one(trace):
+        return
+    if len(trace.of("query")) > lists * rounds:
+        yield f"{len(trace.of('query'))} times queries go out, for {lists} lists"
+    waits = trace.options.get("query", "auto") in ("auto", "batch", "instanced")
+    if waits and (trace.stats.batches or 0) > lists * rounds:
+        yield f"{trace.stats.batches} stalls for {lists} lists"
+
+
+# What should have happened, in plain Python.
+
+
+def replay(trace: Trace, tiles: np.ndarray) -> dict[int, int]:
+    """The list that each shape belongs to, of those that need a query: section 3."""
+    (event,) = trace.of("rectangles")
+    (lists,) = trace.of("lists")
+    maps = np.zeros((trace.options.get("maps", 5), TILES, TILES), bool)
+    visible = set(passed_units(trace))
+    list_of: dict[int, int] = {}
+    rows = zip(
+        event.data["units"].tolist(),
+        empty(event.data["rectangles"]).tolist(),
+        map(under, tiles),
+        lists.data["sure"].tolist(),
+        strict=True,
+    )
+    for unit, outside, at, sure in rows:
+        if outside:
+            continue
+        if sure or not maps[0][at].all():
+            maps[0][at] = True
+            continue
+        number = 1
+        while number < len(maps) and maps[number][at].all():
+            number += 1
+        list_of[unit] = number
+        if number < len(maps):
+            maps[number][at] = True
+        if one_by_one(trace) and unit in visible:
+            maps[0][at] = True
+    return list_of
+
+
+def possible_tiles(trace: Trace) -> list[np.ndarray]:
+    """(k, 4) columns and rows of tiles under each observed rectangle. More than one answer
+    where the tiles are spread over the scene, whose rectangle is known to a pixel only."""
+    (event,) = trace.of("rectangles")
+    camera = trace.camera
+    regions = [np.array([0, 0, camera.width - 1, camera.height - 1])]
+    if trace.options.get("scale") == "scene":
+        low, high, _ = rectangle_of(camera, *trace.scene.bounds)
+        around = np.floor([*low, *high])
+        inside = (low >= 1).all() and (high < [camera.width - 1, camera.height - 1]).all()
+        if inside and rectangle_depth(camera, *trace.scene.bounds) > camera.near:
+            offsets = itertools.product((0, -1), (0, -1), (0, 1), (0, 1))
+            regions = [(around + offset).astype(int) for offset in offsets]
+    found = []
+    for region in regions:
+        extent = region[2:] - region[:2] + 1
+        size = np.ceil(extent / TILES).astype(int)
+        low = (event.data["rectangles"][:, :2] - region[:2]) // size
+        high = (event.data["rectangles"][:, 2:] - region[:2]) // size
+        found.append(np.clip(np.concatenate([low, high], axis=1), 0, TILES - 1))
+    return found
+
+
+def corners(scene: Scene, unit: int) -> np.ndarray:
+    return np.array(list(itertools.product(*scene.object_bounds[unit].T)))
+
+
+def rectangle_depth(camera: Camera, low: np.ndarray, high: np.ndarray) -> float:
+    points = np.array(list(itertools.product(*np.stack([low, high]).T)))
+    return float(camera.pixel_of(points)[1].min())
+
+
+def rectangle_of(
+    camera: Camera, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least and greatest window coordinates (pixel k is k ... k + 1) of a box's part beyond
+    the near plane, and the slack that its inflation earns; (inf, -inf) if there is none."""
+    points = np.array(list(itertools.product(*np.stack([low, high]).T)))
+    depth = camera.pixel_of(points)[1]
+    kept = list(points[depth >= camera.near])
+    for i, j in itertools.combinations(range(8), 2):
+        # Corners i and j share an edge if their numbers differ in one bit.
+        if (i ^ j).bit_count() == 1 and (depth[i] < camera.near) != (depth[j] < camera.near):
+            t = (camera.near - depth[i]) / (depth[j] - depth[i])
+            kept.append(points[i] + t * (points[j] - points[i]))
+    if not kept:
+        return np.full(2, np.inf), np.full(2, -np.inf), 0.0
+    at, depth_kept = camera.pixel_of(np.array(kept))
+    # A step of the box's inflation in pixels where it is nearest; an edge that leaves the
+    # window is longer there by as much.
+    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    pixel *= float(depth_kept.min()) if camera.is_perspective else 1.0
+    steep = 1.0 + float(np.abs(at).max()) / camera.height
+    slack = SLACK_PX + steep * inflation(camera, points) / pixel
+    return at.min(axis=0) + 0.5, at.max(axis=0) + 0.5, slack
+
+
+def inflation(camera: Camera, points: np.ndarray) -> float:
+    """By how much a box may be inflated, in world units: a share of a pixel, and of what
+    float32 rounds, at its farthest corner."""
+    reach = float(np.linalg.norm(points - camera.eye, axis=1).max())
+    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    return SLACK_PX * pixel * (reach if camera.is_perspective else 1.0) + 1e-5 * reach
+
+
+def true_rectangle(trace: Trace, unit: int) -> tuple[np.ndarray, np.ndarray, float]:
+    return rectangle_of(trace.camera, *trace.scene.object_bounds[unit])
+
+
+def _pixels(low: np.ndarray, high: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """x0, y0, x1, y1 of the pixels that window coordinates meet, within the window."""
+    first = np.floor(np.clip(low, 0, limit))
+    last = np.floor(np.clip(high, -1, limit - 1))
+    return np.concatenate([first, last]).astype(int)
+
+
+def least_is_empty(rectangle: np.ndarray) -> bool:
+    return bool(empty(rectangle[None])[0])
+
+
+def empty(rectangles: np.ndarray) -> np.ndarray:
+    return (rectangles[:, 2] < rectangles[:, 0]) | (rectangles[:, 3] < rectangles[:, 1])
+
+
+def under(row: np.ndarray) -> tuple[slice, slice]:
+    """The part of a grid under columns and rows c0, r0, c1, r1, inclusive."""
+    c0, r0, c1, r1 = row.tolist()
+    return slice(r0, r1 + 1), slice(c0, c1 + 1)
+
+
+def grid_of(words: np.ndarray) -> np.ndarray:
+    """(rows, columns) bool of a map: rows of 128 bits, the least bit first."""
+    unpacked = np.unpackbits(words.astype("<u4").view(np.uint8), bitorder="little")
+    return unpacked.reshape(TILES, TILES).astype(bool)
+
+
+def bits(maps: np.ndarray) -> int:
+    return int(np.unpackbits(np.ascontiguousarray(maps).view(np.uint8)).sum())
+
+
+def one_by_one(trace: Trace) -> bool:
+    sync = trace.options.get("query", "auto") in ("auto", "sync")
+    return bool(trace.options.get("maps", 5) == 1 and sync)
+
+
+def box_queries(trace: Trace) -> list[Event]:
+    return [e for e in trace.of("query") if not e.data["corners_only"] and len(e.data["units"])]
+
+
+def asked_units(trace: Trace) -> list[int]:
+    """Units asked, by box or by corners, each asking once."""
+    by_box = [unit for event in box_queries(trace) for unit in event.data["units"].tolist()]
+    settled = [
+        unit
+        for event in trace.of("query")
+        if event.data["corners_only"]
+        for unit, seen in zip(event.data["units"].tolist(), event.data["visible"], strict=True)
+        if seen
+    ]
+    return by_box + settled
+
+
+def passed_units(trace: Trace) -> list[int]:
+    return [
+        unit
+        for event in trace.of("query")
+        for unit, seen in zip(event.data["units"].tolist(), event.data["visible"], strict=True)
+        if seen
+    ]
