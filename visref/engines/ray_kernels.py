@@ -56,7 +56,11 @@ class Mesh(NamedTuple):
 
 class Grid(NamedTuple):
     """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
-    with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth."""
+    with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth.
+
+    `scattered` makes it no grid but single points of the image, (column_a[i], row_b[i]) each:
+    the flat index is i.
+    """
 
     axes: NDArray[np.float64]
     perspective: bool
@@ -64,6 +68,7 @@ class Grid(NamedTuple):
     far: float
     column_a: NDArray[np.float64]
     row_b: NDArray[np.float64]
+    scattered: bool = False
 
 
 class Layers(NamedTuple):
@@ -195,7 +200,7 @@ def fill_rays(
     y, x = start // width, start % width
     eye = (m[0, 0] - origin[0], m[0, 1] - origin[1], m[0, 2] - origin[2])
     for k in range(count):
-        side = _offset(grid, grid.column_a[x], grid.row_b[y])
+        side = _offset(grid, grid.column_a[x], grid.row_b[x if grid.scattered else y])
         for i in range(3):
             if grid.perspective:
                 d = m[1, i] + side[i]
@@ -254,7 +259,8 @@ def resolve(
                 low = min(z0, z1, z2) - depth_slack
                 high = max(z0, z1, z2) + depth_slack
                 one_sided = mesh.one_sided[t]
-            numerator, denominator = _plane(facet, grid, grid.column_a[x], grid.row_b[y])
+            b = grid.row_b[x if grid.scattered else y]
+            numerator, denominator = _plane(facet, grid, grid.column_a[x], b)
             z = numerator / denominator
             covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
             true_hit = covers and z >= low and z <= high
@@ -285,8 +291,8 @@ def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(inline="always")
-def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
-    """Pixel bounds x0, x1, y0, y1 (x1 and y1 excluded) of what a triangle may cover."""
+def _extent(grid, corners):  # type: ignore[no-untyped-def]
+    """Bounds low_a, high_a, low_b, high_b of what a triangle may cover."""
     m = grid.axes
     # Half of near: far from any rounding of a depth that counts.
     clip = 0.5 * grid.near
@@ -309,6 +315,13 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
             b = ((1.0 - w) * _dot(p, m[6]) + w * _dot(q, m[6])) / clip
             low_a, high_a = min(low_a, a), max(high_a, a)
             low_b, high_b = min(low_b, b), max(high_b, b)
+    return low_a, high_a, low_b, high_b
+
+
+@numba.njit(inline="always")
+def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
+    """Pixel bounds x0, x1, y0, y1 (x1 and y1 excluded) of what a triangle may cover."""
+    low_a, high_a, low_b, high_b = _extent(grid, corners)
     width, height = len(grid.column_a), len(grid.row_b)
     x0 = (low_a - grid.column_a[0]) / 2.0 - RECTANGLE_MARGIN_PX
     x1 = (high_a - grid.column_a[0]) / 2.0 + RECTANGLE_MARGIN_PX
@@ -398,3 +411,54 @@ def splat(
                     layers.nearest_depth[o] = z
                     layers.nearest_sample[o] = s
                     layers.nearest_triangle[o] = t
+
+
+@numba.njit(inline="always")
+def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
+    """Whether a ray meets the closed triangle, from a side that counts."""
+    low, high = np.inf, -np.inf
+    for k in range(3):
+        e = _edge(grid, corners[k], corners[(k + 1) % 3])
+        s = e[0] + (a * e[1] + b * e[2])
+        low, high = min(low, s), max(high, s)
+    denominator = _plane(_facet(mesh, grid, t), grid, a, b)[1]
+    one_side = low >= 0.0 or high <= 0.0
+    return one_side and (denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t]))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def settle_points(
+    which: NDArray[Any],
+    mesh: Mesh,
+    grid: Grid,
+    by_a: NDArray[Any],
+    triangle: NDArray[Any],
+    depth: NDArray[Any],
+) -> None:
+    """`splat`'s OWN for some points of a scattered grid: `by_a` are their indices, sorted by a.
+
+    Ties go to the least id, so `which` is in ascending order.
+    """
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    sorted_a = grid.column_a[by_a]
+    margin = 2.0 * RECTANGLE_MARGIN_PX
+    for t in which:
+        p0 = _minus(_corner(mesh, t, 0), eye)
+        p1 = _minus(_corner(mesh, t, 1), eye)
+        p2 = _minus(_corner(mesh, t, 2), eye)
+        low_a, high_a, low_b, high_b = _extent(grid, (p0, p1, p2))
+        first = np.searchsorted(sorted_a, low_a - margin)
+        for k in range(first, len(by_a)):
+            if sorted_a[k] > high_a + margin:
+                break
+            i = by_a[k]
+            a, b = grid.column_a[i], grid.row_b[i]
+            if b < low_b - margin or b > high_b + margin:
+                continue
+            if not _covers(mesh, grid, t, (p0, p1, p2), a, b):
+                continue
+            z = _depth_interval(_facet(mesh, grid, t), grid, a, b)[0]
+            if z >= grid.near and z <= grid.far and z < depth[i]:
+                triangle[i] = t
+                depth[i] = z

@@ -114,6 +114,27 @@ class RayEngine(TruthEngine):
         buffer = VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape))
         return FrameTruth(camera, self.name, buffer, undecided=undecided, blend=blend)
 
+    def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
+        """Who is seen at any points of the continuous image, as `frame` sees its samples.
+
+        `a`, `b`: (k,) float64 each, the points' coordinates as `visref.camera` defines them
+        (need not be those of a sample, or within the image). Returns (k,) int32, the nearest
+        opaque triangle within near and far, one-sided ones from their front only,
+        `BACKGROUND` for none. Masked and blended triangles are not looked at.
+        """
+        grid = sample_grid(camera)._replace(
+            column_a=np.ascontiguousarray(a, np.float64),
+            row_b=np.ascontiguousarray(b, np.float64),
+            scattered=True,
+        )
+        triangle, depth = np.empty(len(a), np.int32), np.empty(len(a))
+        if len(a) and self._cast(grid, triangle, depth):
+            pending = np.flatnonzero(triangle == PENDING)
+            triangle[pending] = BACKGROUND
+            by_a = pending[np.argsort(grid.column_a[pending], kind="stable")]
+            ray_kernels.settle_points(self._solid, self._mesh, grid, by_a, triangle, depth)
+        return triangle
+
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown()
@@ -167,8 +188,8 @@ class RayEngine(TruthEngine):
         corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
         nearest = float(((corners - grid.axes[0]) @ grid.axes[4]).min())
         depth = max(grid.near, nearest)
-        side = abs(grid.axes[2]) * np.abs(grid.column_a[[0, -1]]).max()
-        side += abs(grid.axes[3]) * np.abs(grid.row_b[[0, -1]]).max()
+        side = abs(grid.axes[2]) * np.abs(grid.column_a).max()
+        side += abs(grid.axes[3]) * np.abs(grid.row_b).max()
         centre = np.abs(grid.axes[0] - self.rebase + depth * grid.axes[1])
         spread = depth if grid.perspective else 1.0
         slack = DEPTH_SLACK * max(self._reach, float((centre + spread * side).max()))
