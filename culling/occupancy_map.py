@@ -16,6 +16,10 @@ Departures from the paper:
 - A rectangle is that of the box clipped at the near plane, so a box around the eye marks the
   tiles that it may touch and not always all.
 - A shape whose rectangle meets no pixel is left out, as outside the view.
+- The paper says that the first map stores where geometry was rendered, not how it learns that.
+  Here a drawn shape marks the tiles under each of its parts: its triangles by the cells of a
+  grid over its box, `parts` a side, a box each. With `parts=1` it marks under its whole box;
+  two a side are what gives the paper's saving on a model like its vessels (see the benchmark).
 - What a list's queries found visible is marked in the first map too, so that it always holds
   everything drawn.
 - Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer
@@ -27,6 +31,7 @@ Departures from the paper:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numba
@@ -34,14 +39,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
+from culling.rectangles import screen_rectangles
 from culling.view import View
 from visref.culler import Option, Promise
 from visref.errors import InputError
-from visref.scene import Float64, Int32, Int64
+from visref.scene import Float64, Int32, Int64, Scene, Units
 
 TILES = 128  # a side
 WORDS_PER_ROW = TILES // 32
 WORDS = TILES * WORDS_PER_ROW  # 512 of 32 bits
+
+# Of a shape's grid, a side; finer ones cost more to mark than their queries do.
+MOST_CELLS = 32
 
 # What becomes of a shape; lists count from 1.
 OUTSIDE, DRAW_NOW, UNDECIDED = -1, 0, -2
@@ -61,6 +70,7 @@ class OccupancyMapCulling(GLCuller):
             ("auto", "sync", "batch", "instanced"),
         ),
         "backfaces": QUERY_OPTIONS["backfaces"],
+        "parts": Option(2, "a drawn shape marks by the cells of a grid of so many a side"),
         "scale": Option(
             "window",
             "tiles cover the window, or the scene's box on screen while it is wholly in view",
@@ -77,6 +87,7 @@ class OccupancyMapCulling(GLCuller):
         maps: int = 5,
         query: str = "auto",
         backfaces: bool = False,
+        parts: int = 2,
         scale: str = "window",
         corners: bool = False,
         min_pixels: int = 0,
@@ -88,6 +99,11 @@ class OccupancyMapCulling(GLCuller):
             raise InputError(
                 f"min_pixels is {min_pixels}", place="min_pixels", mend="give 0 or more pixels"
             )
+        if not 1 <= parts <= MOST_CELLS:
+            raise InputError(
+                f"parts is {parts}", place="parts", mend=f"give 1 to {MOST_CELLS} cells a side"
+            )
+        self.cells = parts
         self.way = {1: "sync", 5: "batch"}[maps] if query == "auto" else query
         self.query_back_faces = backfaces
         self.scale = scale
@@ -100,6 +116,12 @@ class OccupancyMapCulling(GLCuller):
         self.one_by_one = maps == 1 and self.way == "sync"
         self.maps = np.zeros((maps, WORDS), np.uint32)
 
+    def prepare(self, scene: Scene) -> Units:
+        units = super().prepare(scene)
+        self.part_bounds, offsets = parts_of(scene, units, self.cells)
+        self.parts = Units(offsets, np.arange(len(self.part_bounds), dtype=np.int32), "part")
+        return units
+
     def decide(self, frame: Frame) -> None:
         with phase(frame.stats, "arrange"):
             self.clear_maps()
@@ -107,7 +129,7 @@ class OccupancyMapCulling(GLCuller):
             tiles = self.tiles(frame, rectangles)
             list_of = np.full(len(frame.ids), UNDECIDED, np.int8)
             list_of[self.left_out(frame, rectangles)] = OUTSIDE
-        self.observe("rectangles", units=frame.ids, rectangles=rectangles, tiles=tiles)
+        self.observe("tiles", units=frame.ids, rectangles=rectangles, tiles=tiles)
         if self.one_by_one:
             self.ask_one_by_one(frame, tiles, list_of)
         else:
@@ -116,7 +138,7 @@ class OccupancyMapCulling(GLCuller):
         saved = (list_of == DRAW_NOW) & ~frame.sure
         frame.stats.tests_skipped = int(np.count_nonzero(saved))
 
-    def ask_one_by_one(self, frame: Frame, tiles: Int32, list_of: NDArray[np.int8]) -> None:
+    def ask_one_by_one(self, frame: Frame, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
         """Section 3.1: front to back, a query wherever the map shows everything as set."""
         start = 0
         while start < len(list_of):
@@ -128,7 +150,7 @@ class OccupancyMapCulling(GLCuller):
                 self.ask(frame, tiles, np.array([stop]))
             start = stop + 1
 
-    def ask_in_lists(self, frame: Frame, tiles: Int32, list_of: NDArray[np.int8]) -> None:
+    def ask_in_lists(self, frame: Frame, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
         """Section 3.2: arrange everything, draw what shows, then list after list."""
         with phase(frame.stats, "arrange"):
             self.arrange(tiles, frame.sure, list_of, 0, stop_at_list=False)
@@ -136,7 +158,7 @@ class OccupancyMapCulling(GLCuller):
         for number in self.list_numbers():
             self.ask(frame, tiles, np.flatnonzero(list_of == number))
 
-    def ask(self, frame: Frame, tiles: Int32, places: Int64) -> None:
+    def ask(self, frame: Frame, tiles: Tiles, places: Int64) -> None:
         """All queries of a list, then its visible shapes."""
         if not len(places):
             return
@@ -183,18 +205,30 @@ class OccupancyMapCulling(GLCuller):
         in_front = view.nearest_depth(whole)[0] > camera.near
         return (x0, y0, x1, y1) if inside and in_front else window
 
-    def tiles(self, frame: Frame, rectangles: Int32) -> Int32:
-        """(k, 4) int32 columns and rows of tiles under each rectangle, inclusive."""
+    def tiles(self, frame: Frame, rectangles: Int32) -> Tiles:
+        """What each shape asks about and what it would mark."""
+        ids = frame.ids
+        boxes = frame.view.inflated(self.part_bounds[self.parts.gather(ids.astype(np.int32))])
+        first_part = np.concatenate([[0], np.cumsum(self.parts.sizes[ids])])
+        parts = screen_rectangles(frame.view, boxes)
+        return Tiles(
+            self.tiles_under(frame, rectangles), self.tiles_under(frame, parts), first_part
+        )
+
+    def tiles_under(self, frame: Frame, rectangles: Int32) -> Int32:
+        """(k, 4) int32 columns and rows of tiles under rectangles of pixels."""
         x0, y0, x1, y1 = self.region(frame.view)
         size = np.array([-(-(x1 - x0 + 1) // TILES), -(-(y1 - y0 + 1) // TILES)] * 2)
         tiles = (rectangles - np.array([x0, y0, x0, y0])) // size
         # An inflated box may reach a pixel over the scene's own rectangle.
         result: Int32 = np.clip(tiles, 0, TILES - 1).astype(np.int32)
+        empty = (rectangles[:, 2:] < rectangles[:, :2]).any(axis=1)
+        result[empty] = (0, 0, -1, -1)
         return result
 
     def arrange(
         self,
-        tiles: Int32,
+        tiles: Tiles,
         sure: NDArray[np.bool_],
         list_of: NDArray[np.int8],
         start: int,
@@ -203,11 +237,64 @@ class OccupancyMapCulling(GLCuller):
     ) -> int:
         """Decide shapes from `start` on, front to back, in `list_of` and the maps. Returns
         where it stopped: at the first that needs a query, if so told, else at the end."""
-        return int(arrange(tiles, sure, self.maps, list_of, start, stop_at_list))
+        return int(
+            arrange(
+                tiles.under,
+                tiles.parts,
+                tiles.first_part,
+                sure,
+                self.maps,
+                list_of,
+                start,
+                stop_at_list,
+            )
+        )
 
-    def mark_drawn(self, tiles: Int32, places: Int64) -> None:
+    def mark_drawn(self, tiles: Tiles, places: Int64) -> None:
         """Record shapes that a query showed, and that are drawn, in the first map."""
-        mark_all(self.maps[0], tiles[places])
+        mark_shapes(self.maps[0], tiles.parts, tiles.first_part, places)
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """Columns and rows of tiles, inclusive (c0, r0, c1, r1), of the k shapes of a frame.
+
+    `under`: (k, 4) int32, under each shape's rectangle, which is what a lookup asks about.
+    `parts`: (q, 4) int32, under the rectangle of each part of each shape, which is what
+    drawing it marks; empty (c1 < c0) for a part out of view. Shape i has the parts
+    `first_part[i]:first_part[i + 1]`.
+    """
+
+    under: Int32
+    parts: Int32
+    first_part: Int64
+
+
+def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
+    """Cut each unit into boxes of its triangles, by the cell of a grid over the unit's box that
+    a triangle's middle lies in, `cells` a side. Returns bounds (m, 2, 3) float64 and offsets
+    (u + 1,) int64; together a unit's boxes hold all of it."""
+    corners = scene.vertices[scene.triangles[units.triangles]].astype(np.float64)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    unit = np.repeat(np.arange(units.count), units.sizes)
+    bounds = scene.bounds_of(units)[unit]
+    extent = bounds[:, 1] - bounds[:, 0]
+    at = (0.5 * low + 0.5 * high - bounds[:, 0]) / np.where(extent > 0.0, extent, 1.0)
+    cell = np.minimum((at * cells).astype(np.int64), cells - 1)
+    key = unit * cells**3 + (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    if not len(starts):
+        return np.zeros((0, 2, 3)), np.zeros(units.count + 1, np.int64)
+    boxes = np.stack(
+        [
+            np.minimum.reduceat(low[order], starts, axis=0),
+            np.maximum.reduceat(high[order], starts, axis=0),
+        ],
+        axis=1,
+    )
+    offsets = np.searchsorted(unit[order][starts], np.arange(units.count + 1))
+    return boxes, offsets
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -241,14 +328,20 @@ def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def mark_all(words: NDArray[Any], tiles: NDArray[Any]) -> None:
-    for i in range(len(tiles)):
-        mark(words, tiles[i, 0], tiles[i, 1], tiles[i, 2], tiles[i, 3])
+def mark_shapes(
+    words: NDArray[Any], parts: NDArray[Any], first_part: NDArray[Any], places: NDArray[Any]
+) -> None:
+    """Set the tiles of every part of some shapes in a map."""
+    for place in places:
+        for p in range(first_part[place], first_part[place + 1]):
+            mark(words, parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])
 
 
 @numba.njit(cache=True, nogil=True)
 def arrange(
-    tiles: NDArray[Any],
+    under: NDArray[Any],
+    parts: NDArray[Any],
+    first_part: NDArray[Any],
     sure: NDArray[Any],
     maps: NDArray[Any],
     list_of: NDArray[Any],
@@ -256,13 +349,14 @@ def arrange(
     stop_at_list: bool,
 ) -> int:
     """The traversal of `OccupancyMapCulling.arrange`, over all shapes in one go."""
-    for i in range(start, len(tiles)):
+    for i in range(start, len(under)):
         if list_of[i] != UNDECIDED:
             continue
-        c0, r0, c1, r1 = tiles[i, 0], tiles[i, 1], tiles[i, 2], tiles[i, 3]
+        c0, r0, c1, r1 = under[i, 0], under[i, 1], under[i, 2], under[i, 3]
         if sure[i] or not covered(maps[0], c0, r0, c1, r1):
             list_of[i] = DRAW_NOW
-            mark(maps[0], c0, r0, c1, r1)
+            for p in range(first_part[i], first_part[i + 1]):
+                mark(maps[0], parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])
             continue
         list_of[i] = len(maps)  # the last list takes what every arranging map shows covered
         for number in range(1, len(maps)):
@@ -272,69 +366,4 @@ def arrange(
                 break
         if stop_at_list:
             return i
-    return len(tiles)
-
-
-def screen_rectangles(view: View, boxes: Float64, *, clip_to_window: bool = True) -> Int32:
-    """Pixels that boxes relative to the eye may touch: (k, 4) int32 x0, y0, x1, y1, inclusive.
-
-    The rectangle of the box's part beyond the near plane, in whole pixels. Outward: every
-    pixel whose square it meets; empty (x1 < x0) where the part or the rectangle is.
-    Not clipped, it is kept within a window's side around the window.
-    """
-    camera = view.camera
-    clip = view.clip_from_relative
-    rows = np.stack([clip[0], clip[1], clip[3], np.append(view.depth_row, 0.0)])
-    window = np.array([camera.width, camera.height])
-    result = np.empty((len(boxes), 4), np.int32)
-    _screen_rectangles(boxes, rows, float(camera.near), window, 0 if clip_to_window else 1, result)
-    return result
-
-
-@numba.njit(cache=True, nogil=True)
-def _screen_rectangles(
-    boxes: NDArray[Any],
-    rows: NDArray[Any],
-    near: float,
-    window: NDArray[Any],
-    windows_around: int,
-    result: NDArray[Any],
-) -> None:
-    at = np.empty((8, 4))  # clip x, y, w and view depth of each corner
-    for i in range(len(boxes)):
-        for corner in range(8):
-            x = boxes[i, corner & 1, 0]
-            y = boxes[i, (corner >> 1) & 1, 1]
-            z = boxes[i, (corner >> 2) & 1, 2]
-            for k in range(4):
-                at[corner, k] = rows[k, 0] * x + rows[k, 1] * y + rows[k, 2] * z + rows[k, 3]
-        low_x = low_y = np.inf
-        high_x = high_y = -np.inf
-        for corner in range(8):
-            depth = at[corner, 3]
-            if depth >= near:
-                # Window coordinates: pixel k's square is k ... k + 1, y down.
-                x = 0.5 * window[0] * (1.0 + at[corner, 0] / at[corner, 2])
-                y = 0.5 * window[1] * (1.0 - at[corner, 1] / at[corner, 2])
-                low_x, high_x = min(low_x, x), max(high_x, x)
-                low_y, high_y = min(low_y, y), max(high_y, y)
-            for axis in range(3):
-                other = corner ^ (1 << axis)
-                other_depth = at[other, 3]
-                if depth < near <= other_depth:
-                    # Where the edge meets the near plane.
-                    t = (near - depth) / (other_depth - depth)
-                    w = at[corner, 2] + t * (at[other, 2] - at[corner, 2])
-                    x = (at[corner, 0] + t * (at[other, 0] - at[corner, 0])) / w
-                    y = (at[corner, 1] + t * (at[other, 1] - at[corner, 1])) / w
-                    x = 0.5 * window[0] * (1.0 + x)
-                    y = 0.5 * window[1] * (1.0 - y)
-                    low_x, high_x = min(low_x, x), max(high_x, x)
-                    low_y, high_y = min(low_y, y), max(high_y, y)
-        # Kept within bounds while still floating point: a far side need not fit an integer.
-        # One pixel beyond the bounds makes the rectangle empty where it lies outside them.
-        around_x, around_y = windows_around * window[0], windows_around * window[1]
-        result[i, 0] = np.floor(min(max(low_x, -around_x), around_x + window[0]))
-        result[i, 1] = np.floor(min(max(low_y, -around_y), around_y + window[1]))
-        result[i, 2] = np.floor(max(min(high_x, around_x + window[0] - 1.0), -around_x - 1.0))
-        result[i, 3] = np.floor(max(min(high_y, around_y + window[1] - 1.0), -around_y - 1.0))
+    return len(under)

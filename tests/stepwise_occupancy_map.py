@@ -9,7 +9,7 @@ a test can break:
 | `clear_maps` | the maps at the frame's start (shipped) |
 | `address` | word and bit of a tile |
 | `covered` | whether every tile under a rectangle is set |
-| `tiles_to_mark` | which tiles a shape marks |
+| `tiles_to_mark` | which tiles a rectangle marks |
 | `mark_skipped` | that a shape drawn without a query marks |
 | `mark_arranged` | that a shape joining a list marks |
 | `mark_drawn` | that a shape found visible marks |
@@ -31,30 +31,34 @@ class StepwiseOccupancyMap(OccupancyMapCulling):
         super().decide(frame)
 
     def arrange(self, tiles, sure, list_of, start, *, stop_at_list):
-        for place in range(start, len(tiles)):
+        for place in range(start, len(tiles.under)):
             if list_of[place] != UNDECIDED:
                 continue
-            if sure[place] or not self.look_up(place, 0, tiles[place]):
+            if sure[place] or not self.look_up(place, 0, tiles.under[place]):
                 list_of[place] = DRAW_NOW
-                self.mark_skipped(place, tiles[place])
+                self.mark_skipped(place, tiles)
                 continue
             for number in range(1, self.lists):
-                if not self.look_up(place, number, tiles[place]):
+                if not self.look_up(place, number, tiles.under[place]):
                     list_of[place] = number
-                    self.mark_arranged(place, number, tiles[place])
+                    self.mark_arranged(place, number, tiles.under[place])
                     break
             else:
                 list_of[place] = self.last_list()
             if stop_at_list:
                 return place
-        return len(tiles)
+        return len(tiles.under)
 
     def mark_drawn(self, tiles, places):
         for place in places:
-            self.mark(place, 0, tiles[place])
+            self.mark_parts(place, tiles)
 
     def mark_skipped(self, place, tiles):
-        self.mark(place, 0, tiles)
+        self.mark_parts(place, tiles)
+
+    def mark_parts(self, place, tiles):
+        for part in range(tiles.first_part[place], tiles.first_part[place + 1]):
+            self.mark(place, 0, tiles.parts[part])
 
     def mark_arranged(self, place, number, tiles):
         self.mark(place, number, tiles)

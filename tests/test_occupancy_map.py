@@ -15,22 +15,23 @@ from culling.occupancy_map import (
     OccupancyMapCulling,
     covered,
     mark,
-    screen_rectangles,
+    parts_of,
 )
+from culling.rectangles import screen_rectangles
 from culling.view import View
 from tests.culling_scenes import box, ortho, perspective, quad, random_camera, random_scene
 from tests.stepwise_occupancy_map import StepwiseOccupancyMap, each_tile
 from visref.camera import Camera
 from visref.culler import Promise
 from visref.errors import InputError
-from visref.scene import Scene
+from visref.scene import Scene, Units
 
 EMPTY = Scene.from_objects([])
 OPTIONS = [
     {},
     {"maps": 1},
-    {"maps": 1, "query": "batch"},
-    {"query": "sync", "scale": "scene"},
+    {"maps": 1, "query": "batch", "parts": 1},
+    {"query": "sync", "scale": "scene", "parts": 5},
     {"query": "instanced", "backfaces": True},
     {"corners": True},
     {"maps": 1, "corners": True, "scale": "scene"},
@@ -91,68 +92,6 @@ def test_one_unset_tile_at_any_end_of_a_row_is_seen(c0, c1):
         holed[7 * 4 + column // 32] &= ~np.uint32(1 << (column % 32))
         assert not covered(holed, c0, 5, c1, 9)
         assert covered(holed, c0, 8, c1, 9)
-
-
-# Rectangles.
-
-
-@settings(deadline=None)  # the first call compiles
-@given(st.integers(0, 10**6))
-def test_rectangle_holds_every_pixel_of_the_box_and_is_no_larger_than_its_part_in_view(seed):
-    rng = np.random.default_rng(seed)
-    camera = random_camera(rng, 48, 32)
-    view = View.of(camera, EMPTY, 8)
-    bounds = np.sort(rng.normal(size=(1, 2, 3)), axis=1)
-    relative = view.inflated(bounds)
-    x0, y0, x1, y1 = screen_rectangles(view, relative)[0]
-    points = rng.uniform(bounds[0, 0], bounds[0, 1], (400, 3))
-    pixels, depth = camera.pixel_of(points)
-    shown = pixels[depth >= camera.near]
-    inside = (np.abs(shown - (23.5, 15.5)) <= (24.0, 16.0)).all(axis=1)
-    for x, y in np.floor(shown[inside] + 0.5):
-        assert x0 <= min(x, 47) <= x1
-        assert y0 <= min(y, 31) <= y1
-    corners = np.stack(np.meshgrid(*bounds[0].T), axis=-1).reshape(-1, 3)
-    exact, depth = camera.pixel_of(corners)
-    if depth.min() > max(camera.near, 0.5):  # nearer, a sub-pixel far away is more than a pixel
-        low, high = np.floor(exact.min(axis=0) + 0.4), np.floor(exact.max(axis=0) + 0.6)
-        assert x1 <= max(high[0], -1)
-        assert y1 <= max(high[1], -1)
-        assert x0 >= min(low[0], 48)
-        assert y0 >= min(low[1], 32)
-
-
-@pytest.mark.parametrize("make", [ortho, perspective])
-def test_rectangles_known_by_hand(make):
-    view = View.of(make(16, 12), EMPTY, 8)
-    pixel = 1.0 if make is ortho else 2.0 * 4.0 / 12
-    inset = 0.25 * pixel
-
-    def at(x0, y0, x1, y1):
-        """The box of these pixels, right edge exclusive, a quarter pixel inside them."""
-        low = ((x0 - 8) * pixel + inset, (6 - y1) * pixel + inset, -4.0)
-        high = ((x1 - 8) * pixel - inset, (6 - y0) * pixel - inset, -4.0)
-        return low, high
-
-    bounds = np.array([at(2, 3, 5, 4), at(-5, -5, 3, 2), at(20, 2, 25, 4), at(0, -9, 4, -3)])
-    rectangles = screen_rectangles(view, view.inflated(bounds))
-    assert rectangles[0].tolist() == [2, 3, 4, 3]
-    assert rectangles[1].tolist() == [0, 0, 2, 1]
-    assert rectangles[2][2] < rectangles[2][0]
-    assert rectangles[3][3] < rectangles[3][1]
-
-
-def test_rectangle_of_a_box_across_the_near_plane_is_that_of_its_part_beyond():
-    view = View.of(perspective(16, 16, near=1.0), EMPTY, 8)
-    floor = np.array([[(-0.5, -0.9, -8.0), (0.5, -0.5, 3.0)]])  # passes under the eye
-    behind = np.array([[(-9.0, -9.0, 1.0), (9.0, 9.0, 2.0)]])
-    around = np.array([[(-9.0, -9.0, -9.0), (9.0, 9.0, 9.0)]])
-    x0, y0, x1, y1 = screen_rectangles(view, view.inflated(floor))[0]
-    assert (x0, x1, y1) == (3, 12, 15)
-    assert y0 == 8  # the far edge, at 0.5 / 8 below the middle
-    x0, y0, x1, y1 = screen_rectangles(view, view.inflated(behind))[0]
-    assert x1 < x0
-    assert screen_rectangles(view, view.inflated(around))[0].tolist() == [0, 0, 15, 15]
 
 
 # Safety.
@@ -233,6 +172,53 @@ def test_compiled_traversal_decides_as_the_stepwise_one(options):
         assert results[: len(cameras)] == results[len(cameras) :]
 
 
+# Parts.
+
+
+@pytest.mark.parametrize("cells", [1, 2, 7])
+def test_parts_hold_their_shape_and_lie_in_its_box(cells):
+    scene = random_scene(np.random.default_rng(cells))
+    units = Units(np.array([0, 5, 5, 40]), np.arange(40, dtype=np.int32))
+    boxes, offsets = parts_of(scene, units, cells)
+    assert offsets.tolist()[0] == 0
+    assert offsets[1] == offsets[2]
+    assert len(boxes) == offsets[-1] <= 40
+    for unit in (0, 2):
+        own = boxes[offsets[unit] : offsets[unit + 1]]
+        bounds = scene.bounds_of(units)[unit]
+        assert own[:, 0].min(axis=0).tolist() == bounds[0].tolist()
+        assert own[:, 1].max(axis=0).tolist() == bounds[1].tolist()
+        for triangle in units.gather(np.array([unit], np.int32)):
+            corners = scene.vertices[scene.triangles[triangle]]
+            holds = (own[:, 0] <= corners.min(axis=0)) & (corners.max(axis=0) <= own[:, 1])
+            assert holds.all(axis=1).any()
+    assert len(boxes) == 2 if cells == 1 else len(boxes) > 2
+
+
+@pytest.mark.gl
+def test_drawn_shapes_mark_every_tile_that_they_touch():
+    """Against the picture: wherever depth was written, the first map is set."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        culler = OccupancyMapCulling(parts=1 + seed % 3)
+        scene = crowd(seed, wall=False)
+        culler.prepare(scene)
+        camera = perspective(300, 200) if seed % 2 else random_camera(rng, 300, 200)
+        culler.cull(camera)
+        rows, columns = np.nonzero(culler.target_for(camera).read_depth() < 1.0)
+        assert len(rows) > 100
+        bits = np.unpackbits(culler.maps[0].view(np.uint8), bitorder="little").reshape(TILES, TILES)
+        assert bits[rows // 2, columns // 3].all()  # 2 and 3 pixels a tile
+        assert not bits.all()
+        culler.close()
+
+
+def test_parts_out_of_range_are_bad_input():
+    for parts in (0, 33):
+        with pytest.raises(InputError, match=f"parts is {parts}"):
+            OccupancyMapCulling(parts=parts)
+
+
 # The saving.
 
 
@@ -240,7 +226,7 @@ def check_contract(steps, lists_count):
     """Replay the decisions on sets of tiles: a query is skipped if and only if some tile under
     the rectangle is unset (or the box needs none), lists fill as the paper says, each shape is
     decided once."""
-    (rectangles,) = (data for step, data in steps if step == "rectangles")
+    (tiles,) = (data["tiles"] for step, data in steps if step == "tiles")
     (lists,) = (data for step, data in steps if step == "lists")
     asked = [u for s, d in steps if s == "query" and not d["corners_only"] for u in d["units"]]
     shown = {
@@ -253,15 +239,17 @@ def check_contract(steps, lists_count):
     maps = [set() for _ in range(lists_count)]
     one_by_one = lists_count == 1
     skipped = set()
-    for unit, tiles, sure, number in zip(
-        rectangles["units"], rectangles["tiles"], lists["sure"], lists["list_of"], strict=True
-    ):
+    for place, unit in enumerate(lists["units"]):
+        sure, number = lists["sure"][place], lists["list_of"][place]
         if number == OUTSIDE:
             continue
-        under = set(each_tile(tiles))
+        under = set(each_tile(tiles.under[place]))
+        parts = range(tiles.first_part[place], tiles.first_part[place + 1])
+        touched = {tile for part in parts for tile in each_tile(tiles.parts[part])}
+        assert touched <= under
         if sure or under - maps[0]:
             assert number == DRAW_NOW
-            maps[0] |= under
+            maps[0] |= touched
             skipped.add(int(unit))
             continue
         free = [m for m in range(1, lists_count) if under - maps[m]]
@@ -269,7 +257,7 @@ def check_contract(steps, lists_count):
         if free:
             maps[free[0]] |= under
         if one_by_one and int(unit) in shown:
-            maps[0] |= under
+            maps[0] |= touched
     drawn = [int(u) for step, data in steps if step == "draw" for u in data["units"]]
     assert len(asked) == len(set(asked))
     assert not skipped & {int(u) for u in asked}
@@ -410,7 +398,8 @@ def test_paper_window_has_tiles_of_48_pixels():
     culler = OccupancyMapCulling()
     culler.prepare(scene)
     frame = culler.begin(perspective(1024, 768))
-    rectangles = np.array([[0, 0, 7, 5], [8, 6, 8, 6], [0, 0, 1023, 767]], np.int32)
-    tiles = culler.tiles(frame, rectangles)
-    assert tiles.tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 127, 127]]
+    rectangles = np.array([[0, 0, 7, 5], [8, 6, 8, 6], [0, 0, 1023, 767], [9, 9, 8, 9]], np.int32)
+    tiles = culler.tiles_under(frame, rectangles)
+    assert tiles[:3].tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 127, 127]]
+    assert each_tile(tiles[3]) == []
     culler.close()
