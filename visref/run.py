@@ -272,7 +272,8 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
             if miss.kind is MissKind.CONFIRMED:
                 frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
     for pixels, frame, miss in record.losses():
-        text = f"{pixels} samples lost over {frames_of[miss.object]} frames, worst in frame {frame}"
+        lost, seen = _count(pixels, "sample"), _count(frames_of[miss.object], "frame")
+        text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
     for kind, code in _CODES.items():
@@ -295,13 +296,17 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     ]
     corrections = sum(row.corrections for row in record.frames)
     if corrections:
-        found.append(Finding("ENGINE_CORRECTED", f"{corrections} samples", record.spec))
+        found.append(Finding("ENGINE_CORRECTED", _count(corrections, "sample"), record.spec))
     differ = [row for row in record.frames if row.image_pixels_differ]
     if differ:
         pixels = sum(row.image_pixels_differ or 0 for row in differ)
-        text = f"{pixels} pixels over {len(differ)} frames"
+        text = f"{_count(pixels, 'pixel')} over {_count(len(differ), 'frame')}"
         found.append(Finding("IMAGE_DIFFERS", text, record.spec, differ[0].frame))
     if not record.failed and not record.totals.visible:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
         found.append(Finding("NOTHING_JUDGED", text, record.spec))
     return found
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
