@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -17,6 +18,7 @@ from visref import commands
 from visref.culler import Promise
 from visref.errors import InputError, NothingToJudge
 from visref.gate import Exit
+from visref.hardcases_page import culler_summary
 from visref.outcome import RunOutcome
 from visref.run import Job, JudgedFrame
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -29,7 +31,7 @@ _OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty(
 class _Bar:
     """Progress over frames, as a run's listener; silent when standard error is no terminal."""
 
-    def __init__(self, progress: Progress, frames: int) -> None:
+    def __init__(self, progress: Progress, frames: int | None) -> None:
         self._progress = progress
         self._task = progress.add_task("judging", total=frames)
 
@@ -44,7 +46,7 @@ class _Bar:
 
 
 @contextmanager
-def _progress(frames: int) -> Iterator[_Bar]:
+def _progress(frames: int | None) -> Iterator[_Bar]:
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -91,6 +93,12 @@ def _parser() -> argparse.ArgumentParser:
     truth = commands_.add_parser("truth", help="cast who owns which samples, to a Parquet file")
     _scene_arguments(truth)
     truth.add_argument("--out", type=Path, required=True, metavar="FILE.parquet")
+    truth.add_argument(
+        "--geometric",
+        type=Path,
+        metavar="FILE.parquet",
+        help="look between the samples too: who is visible anywhere in the image, with a witness",
+    )
     truth.set_defaults(command=_truth)
 
     run = commands_.add_parser("run", help="judge cullers on a scene and a camera path")
@@ -140,6 +148,20 @@ def _parser() -> argparse.ArgumentParser:
     cullers.add_argument("--json", action="store_true", help="for programs")
     cullers.set_defaults(command=_cullers)
 
+    hard = commands_.add_parser(
+        "hardcases", help="try engines and cullers on the hard numerical cases"
+    )
+    hard.add_argument(
+        "--engine", action="append", metavar="NAME[:option=value]", help="repeat for several"
+    )
+    hard.add_argument(
+        "--culler", action="append", metavar="NAME[:option=value,…]", help="repeat for several"
+    )
+    hard.add_argument("--only", action="append", metavar="CASE", help="repeat for several")
+    hard.add_argument("--json", action="store_true", help="for programs")
+    hard.add_argument("--out", type=Path, metavar="FILE.md", help="write a page as well")
+    hard.set_defaults(command=_hardcases)
+
     doctor = commands_.add_parser("doctor", help="say what works on this machine")
     doctor.set_defaults(command=_doctor)
     return parser
@@ -155,7 +177,9 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
         "--path", metavar="PATH", help="a camera path (JSON), or a glTF file with cameras"
     )
     parser.add_argument("--frames", metavar="A:B:STEP", help="a part of the path, as a slice")
-    parser.add_argument("--engine", default="embree", metavar="NAME", help="embree, exact, …")
+    parser.add_argument(
+        "--engine", default="embree", metavar="NAME[:option=value]", help="embree, exact, …"
+    )
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(
         "--cull-backfaces",
@@ -204,7 +228,7 @@ def _demo(given: argparse.Namespace) -> Exit:
 def _truth(given: argparse.Namespace) -> Exit:
     inputs = _inputs(given)
     with _progress(len(inputs.frames)) as bar:
-        summary = commands.cast_truth(inputs, given.out, [bar])
+        summary = commands.cast_truth(inputs, given.out, [bar], geometric=given.geometric)
     _OUT.print(summary, markup=False)
     return Exit.NO_VIOLATION
 
@@ -275,6 +299,29 @@ def _cullers(given: argparse.Namespace) -> Exit:
             line = f"    {name}={choices} (default {option['default']}): {option['help']}"
             _OUT.print(line, markup=False)
     return Exit.NO_VIOLATION
+
+
+def _hardcases(given: argparse.Namespace) -> Exit:
+    with _progress(len(given.only or ()) or None) as bar:
+        table = commands.hard_cases(
+            given.engine,
+            given.culler,
+            only=given.only,
+            out=given.out,
+            on_case=lambda name: bar.on_frame_done(0),
+        )
+    if given.json:
+        _OUT.print_json(json.dumps(table.to_json()))
+        return table.exit
+    shown = Table("case", *table.engines, *(["cullers"] if table.cullers else []), box=None)
+    for case in table.cases:
+        cells = [str(table.cells[case.name][spec]) for spec in table.engines]
+        cullers = [culler_summary(table, case.name)] if table.cullers else []
+        shown.add_row(*map(escape, [case.name, *cells, *cullers]))
+    _OUT.print(shown)
+    for reason in table.reasons():
+        _OUT.print(reason, markup=False)
+    return table.exit
 
 
 def _doctor(given: argparse.Namespace) -> Exit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -12,9 +12,14 @@ import numpy as np
 
 from visref.camera import Camera, CameraPath, look_at
 from visref.culler import Culler, Promise, RasterTolerance
-from visref.engines import TruthEngine, check_engine, engine_names, make_engine
+from visref.engines import ENGINES, TruthEngine, check_engine, engine_names, make_engine
+from visref.engines.rays import RayEngine
 from visref.errors import InputError, NothingToJudge
+from visref.exact import ExactScene
 from visref.files import replacing_file, replacing_folder
+from visref.geometric import FrameGeometry, GeometricSearch, geometric_line, write_geometric
+from visref.hardcases import HardCaseTable, every_spec, run_hard_cases
+from visref.hardcases_page import hard_cases_page
 from visref.loading import load_path, load_scene
 from visref.outcome import RunOutcome
 from visref.record import MANIFEST, Recorder
@@ -145,29 +150,53 @@ def _frames(text: str | None, count: int) -> range:
     return picked
 
 
-def cast_truth(inputs: Inputs, out: Path, listeners: Sequence[Listener] = ()) -> str:
-    """`visref truth`: cast the frames and write the file; returns a line for the reader."""
+def cast_truth(
+    inputs: Inputs, out: Path, listeners: Sequence[Listener] = (), *, geometric: Path | None = None
+) -> str:
+    """`visref truth`: cast the frames and write the file, and with `geometric` who shows between
+    the samples to another; returns a line for the reader."""
+    if geometric is not None and geometric.resolve() == out.resolve():
+        raise InputError("--geometric and --out are the same file", mend="name two")
     table = TruthTable(inputs.scene)
     ties_complete = False
     owners = np.zeros(inputs.scene.object_count, np.bool_)
+    found: list[tuple[int, FrameGeometry]] = []
     with replacing_file(out) as file:
         engine = inputs.make_engine()
+        search = _geometric_search(inputs, engine) if geometric is not None else None
         try:
             for frame in inputs.frames:
                 truth = engine.frame(inputs.path.frames[frame])
                 seen = objects_seen(truth, inputs.scene)
                 table.add(frame, truth.camera.width, seen)
                 owners |= seen.visible
+                if search is not None:
+                    found.append((frame, search.frame(frame, truth.camera, seen)))
                 ties_complete = truth.ties_complete
                 for listener in listeners:
                     listener.on_frame_done(frame)
         finally:
             engine.close()
+            if search is not None:
+                search.close()
+        if geometric is not None:
+            with replacing_file(geometric) as beside:
+                write_geometric(beside, inputs.scene, inputs.path, found, engine=inputs.engine)
         table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=ties_complete)
     return (
         f"{out}: {len(inputs.frames)} frames, {np.count_nonzero(owners)} of "
         f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})"
+        + (f"\n{geometric}: {geometric_line([one for _, one in found])}" if geometric else "")
     )
+
+
+def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
+    """Over the engine's own rays, or Embree's where it casts none."""
+    exact = ExactScene(inputs.scene, threads=inputs.threads)
+    if isinstance(engine, RayEngine):
+        return GeometricSearch(inputs.scene, engine, exact)
+    prober = cast(RayEngine, make_engine("embree", inputs.scene, threads=inputs.threads))
+    return GeometricSearch(inputs.scene, prober, exact)
 
 
 def make_cullers(specs: Sequence[str]) -> list[tuple[str, Culler]]:
@@ -291,6 +320,26 @@ def list_cullers() -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def hard_cases(
+    engines: Sequence[str] | None,
+    cullers: Sequence[str] | None,
+    *,
+    only: Sequence[str] | None = None,
+    out: Path | None = None,
+    on_case: Callable[[str], None] = lambda name: None,
+) -> HardCaseTable:
+    """`visref hardcases`: the named engines and cullers, or if none is named all there are."""
+    if engines is None and cullers is None:
+        engines, cullers = every_spec(ENGINES), every_spec(CULLERS)
+    table = run_hard_cases(engines or (), cullers or (), only=only, on_case=on_case)
+    if out is not None:
+        checks = [_check_engine(name) for name in engine_names()]
+        machine = [f"{check.name}: {check.detail}" for check in checks if check.works]
+        with replacing_file(out) as file:
+            file.write_text(hard_cases_page(table, machine), encoding="utf-8")
+    return table
 
 
 @dataclass(frozen=True)
