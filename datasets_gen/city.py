@@ -42,13 +42,13 @@ def city(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     count = max(1, round(BLOCKS_AT_SCALE_1 * scale))
     columns = math.ceil(math.sqrt(count))
     rows = math.ceil(count / columns)
-    maker = _Maker(seed, columns, rows)
+    maker = CityMaker(seed, columns, rows)
     blocks = [maker.block(index) for index in range(count)]
     nodes = (maker.ground(), *maker.streets(), *blocks)
     return Dataset("city", nodes, walk(columns, rows, PITCH_M, STREET_M, frames))
 
 
-class _Maker:
+class CityMaker:
     """Lays out one city."""
 
     def __init__(self, seed: int, columns: int, rows: int) -> None:

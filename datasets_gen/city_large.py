@@ -1,0 +1,83 @@
+"""The city data set at the size of Hey, Tobler, Purgathofer 2001: 34,034,176 triangles.
+
+"Real-Time Occlusion Culling With A Lazy Occlusion Grid" (TR-186-2-01-02, section 7) walks
+through a city of so many triangles, made of several copies of a model of Vienna. This one is
+`datasets_gen.city` with as many blocks as fit, instanced, and a field on the first plot that is
+left, tessellated so that the number is exact.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from datasets_gen.city import BLOCK_M, PITCH_M, STREET_M, CityMaker
+from datasets_gen.dataset import Dataset
+from datasets_gen.graph import Node
+from datasets_gen.shapes import Float64
+from datasets_gen.stock import placed, plain
+from datasets_gen.terrain import patch
+from datasets_gen.walk import walk
+from visref.errors import InputError
+
+TRIANGLES_AT_SCALE_1 = 34_034_176
+
+# A little less than a block has with its streets, so that some plots are left over.
+LEAST_A_BLOCK = 21_000
+
+
+def city_large(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
+    """34,034,176 triangles at scale 1, and `scale` times as many, rounded, at another.
+
+    The path (1280 by 960) is the city's: round a corner, a cut, round another. Raises
+    InputError for a scale that leaves no room for a block, or a path without frames.
+    """
+    if not 0.0 < scale <= 4.0:
+        raise InputError(
+            f"the city's scale is {scale}", place="scale", mend="give more than 0, at most 4"
+        )
+    total = round(TRIANGLES_AT_SCALE_1 * scale)
+    plots = max(1, -(-total // LEAST_A_BLOCK))
+    columns = math.ceil(math.sqrt(plots))
+    rows = math.ceil(plots / columns)
+    maker = CityMaker(seed, columns, rows)
+    nodes = [maker.ground(), *maker.streets()]
+    left = total - sum(map(triangles_of, nodes))
+    built = 0
+    while built < columns * rows:
+        block = maker.block(built)
+        size = triangles_of(block)
+        if size > left:
+            break
+        nodes.append(block)
+        left -= size
+        built += 1
+    if not built:
+        raise InputError(
+            f"{total} triangles are not enough for a block",
+            place="scale",
+            mend="give a greater scale",
+        )
+    if left:
+        i, j = built % columns, built // columns
+        nodes.append(_field((i + 0.5) * PITCH_M[0], (j + 0.5) * PITCH_M[1], left))
+    return Dataset("city_large", tuple(nodes), walk(columns, rows, PITCH_M, STREET_M, frames))
+
+
+def triangles_of(node: Node) -> int:
+    """Triangles of a node and all below it."""
+    own = sum(len(part.triangles) for part in node.mesh.primitives) if node.mesh else 0
+    return own + sum(map(triangles_of, node.children))
+
+
+def _field(x: float, z: float, triangles: int) -> Node:
+    """A ploughed field on a plot around (x, z)."""
+    half = (BLOCK_M[0] / 2, BLOCK_M[1] / 2)
+
+    def furrows(x: Float64, z: Float64) -> Float64:
+        result: Float64 = 0.02 + 0.06 * np.sin(7.0 * x) ** 2 + 0.0 * z
+        return result
+
+    soup = patch((-half[0], -half[1]), half, triangles, furrows)
+    return placed("field", plain("field", {"earth": soup}), (x, 0.0, z))

@@ -1,0 +1,50 @@
+"""Ground with heights, of exactly as many triangles as asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from datasets_gen.shapes import EMPTY, Float64, Soup, merge, quads
+
+Height = Callable[[Float64, Float64], Float64]  # y from x and z
+
+
+def patch(
+    low: tuple[float, float], high: tuple[float, float], triangles: int, height: Height
+) -> Soup:
+    """A piece of ground between two (x, z) corners, seen from above, of `triangles` triangles.
+
+    Rows of quads of two triangles each; an odd one out makes three of the last quad, by a
+    point on its outer side.
+    """
+    if triangles < 2:
+        if not triangles:
+            return EMPTY
+        (x, z), (x1, z1) = low, high
+        corner = np.array([[x, 0.0, z], [x, 0.0, z1], [x1, 0.0, z]])
+        corner[:, 1] = height(corner[:, 0], corner[:, 2])
+        return corner, np.array([[0, 1, 2]])
+    count = triangles // 2
+    columns = math.isqrt(count)
+    rows = -(-count // columns)
+    place = np.arange(count)
+    # A last row that is not full is cut into wider quads.
+    last = count - (rows - 1) * columns
+    row = place // columns
+    in_row = np.where(row == rows - 1, last, columns)
+    x = low[0] + (high[0] - low[0]) * np.stack(
+        [(place - row * columns) / in_row, (place - row * columns + 1) / in_row], axis=1
+    )
+    z = low[1] + (high[1] - low[1]) * np.stack([row / rows, (row + 1) / rows], axis=1)
+    corners = np.empty((count, 4, 3))
+    for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (1, 0))):
+        corners[:, k, 0], corners[:, k, 2] = x[:, i], z[:, j]
+    corners[..., 1] = height(corners[..., 0], corners[..., 2])
+    if triangles % 2 == 0:
+        return quads(corners)
+    a, b, c, d = corners[-1]
+    points = np.array([a, b, (b + c) / 2.0, c, d])
+    return merge([quads(corners[:-1]), (points, np.array([[2, 3, 4], [2, 4, 0], [2, 0, 1]]))])
