@@ -12,13 +12,14 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.exact import raster
+from visref.exact.contests import Contest, group, level_groups
 from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
 from visref.exact.rational import ExactFrame, lowest_bit, plane_names
@@ -56,15 +57,6 @@ class Owners:
     triangles: Int32
     depth: Float64
     rational: int
-
-
-@dataclass(frozen=True, eq=False)
-class _Contest:
-    """Samples and triangles, one pair each: `sample`, `triangle` (ids), `state` as raster's."""
-
-    sample: Int64
-    triangle: Int64
-    state: NDArray[np.uint8]
 
 
 class ExactScene:
@@ -147,7 +139,7 @@ class ExactScene:
             camera=camera,
             engine="exact",
             buffer=VisibilityBuffer(owner, depth.reshape(owner.shape)),
-            ties=Ties(at, triangle.astype(np.int32)),
+            ties=Ties(at, triangle),
             ties_complete=True,
             undecided=undecided,
             blend=blend,
@@ -155,7 +147,7 @@ class ExactScene:
 
     def _owners(
         self, camera: Camera, wanted: Bool, include: Bool | None
-    ) -> tuple[Int32, Int64, Int64, int, tuple[Float64, Float64]]:
+    ) -> tuple[Int32, Int64, Int32, int, tuple[Float64, Float64]]:
         """Owners among the opaque: ((height, width) int32 ids, the further tied triangles as
         samples and ids sorted by both, exact decisions, bounds of the owners' keys)."""
         usable = self.scene.alpha == Alpha.OPAQUE
@@ -166,18 +158,16 @@ class ExactScene:
         bounds = np.full(shape, -np.inf), np.full(shape, -np.inf)
         owner, contest = self._contend(camera, wanted, usable, bounds, collect=False)
         flat = owner.reshape(-1)
-        # The certain owner of a contested sample joins the contest.
-        contested = np.unique(contest.sample)
+        contest, rational = self._covering(camera, Contest(*group(*contest, flat, raster.COVERING)))
         if keep_bounds:
-            bounds[1].reshape(-1)[contested] = np.inf
-        first = contested[flat[contested] != BACKGROUND]
-        contest = _Contest(
-            np.concatenate([contest.sample, first]),
-            np.concatenate([contest.triangle, flat[first]]),
-            np.concatenate([contest.state, np.full(len(first), raster.COVERING, np.uint8)]),
-        )
-        flat[contested] = BACKGROUND
-        sample, triangle, rational = self._nearest(camera, contest)
+            bounds[1].reshape(-1)[contest.sample] = np.inf
+        flat[contest.sample] = BACKGROUND
+        level = self._level(contest)
+        if not level.all():
+            nearest, exact = self._nearest(camera, contest.where(~level))
+            rational += exact
+            level[~level] = nearest
+        sample, triangle, _ = contest.where(level)
         leads = np.append(True, sample[1:] != sample[:-1])[: len(sample)]
         flat[sample[leads]] = triangle[leads]
         return owner, sample[~leads], triangle[~leads], rational, bounds
@@ -190,7 +180,7 @@ class ExactScene:
         bounds: tuple[Float64, Float64],
         *,
         collect: bool,
-    ) -> tuple[Int32, _Contest]:
+    ) -> tuple[Int32, Contest]:
         """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
         view = view_of(camera)
         found, boxes, keys = self.project(view, usable[self.order], 0.0)
@@ -205,22 +195,25 @@ class ExactScene:
         owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
         a, b = camera.column_a, camera.row_b
 
-        def fill(part: Int64) -> Float64:
-            result: Float64 = raster.rasterise(
+        def fill(part: Int64) -> Contest:
+            contenders = raster.rasterise(
                 part, columns, view, a, b, self.corners, self.one_sided, found, boxes, keys,
                 bin_offsets, bin_entries, wanted, collect, owner, *bounds,
             )  # fmt: skip
-            return result
+            # Samples and triangles are far below 2^53, so float64 held them.
+            place = contenders[:, 1].astype(np.int64)
+            state = contenders[:, 2].astype(np.uint8)
+            return Contest(contenders[:, 0].astype(np.int64), self.order[place], state)
 
         parts = np.array_split(np.flatnonzero(tiles), PARTS)
         results = self._in_parallel(fill, (part for part in parts if len(part)))
-        # Samples and triangles are far below 2^53, so float64 holds them.
-        contenders = np.concatenate([np.zeros((0, 4)), *results])
-        sample, place = contenders[:, 0].astype(np.int64), contenders[:, 1].astype(np.int64)
-        state = contenders[:, 2].astype(np.uint8)
         seen = owner >= 0
         owner[seen] = self.order[owner[seen]]
-        return owner, _Contest(sample, self.order[place].astype(np.int64), state)
+        if not results:
+            return owner, Contest(
+                np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
+            )
+        return owner, Contest(*(np.concatenate(x) for x in zip(*results, strict=True)))
 
     def project(self, view: View, usable: Bool, grow: float) -> tuple[Int32, Int32, Float64]:
         """Triangles that may own a sample, nearest clusters first: place, box, key bound.
@@ -254,13 +247,13 @@ class ExactScene:
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(work, parts))
 
-    def _exact(self, camera: Camera, triangles: Int64) -> tuple[ExactFrame, Int64]:
+    def _exact(self, camera: Camera, triangles: Int32) -> tuple[ExactFrame, Int64]:
         """The exact frame of some triangles, and the place of each in it."""
         unique, which = np.unique(triangles, return_inverse=True)
         corners = self.scene.vertices[self.scene.triangles[unique]]
         return ExactFrame(camera, corners, self.scene.one_sided[unique]), which
 
-    def _covering(self, camera: Camera, contest: _Contest) -> tuple[_Contest, int]:
+    def _covering(self, camera: Camera, contest: Contest) -> tuple[Contest, int]:
         """The contest without the pairs that do not cover, and how many needed exactness."""
         doubtful = np.flatnonzero(contest.state == raster.POSSIBLE)
         if not len(doubtful):
@@ -268,16 +261,18 @@ class ExactScene:
         exact, which = self._exact(camera, contest.triangle[doubtful])
         covers = np.ones(len(contest.sample), np.bool_)
         covers[doubtful] = exact.covers(which, contest.sample[doubtful])
-        left = _Contest(contest.sample[covers], contest.triangle[covers], contest.state[covers])
-        return left, len(doubtful)
+        return contest.where(covers), len(doubtful)
 
-    def _nearest(self, camera: Camera, contest: _Contest) -> tuple[Int64, Int64, int]:
-        """All co-nearest pairs of a contest, sorted by sample and triangle."""
-        contest, rational = self._covering(camera, contest)
-        order = np.lexsort((contest.triangle, contest.sample))
-        sample, triangle = contest.sample[order], contest.triangle[order]
-        if not len(sample):
-            return sample, triangle, rational
+    def _level(self, contest: Contest) -> Bool:
+        """Which pairs of a contest of covering triangles stand at samples with one plane."""
+        self._find_planes(contest.triangle)
+        level: Bool = level_groups(contest.sample, contest.triangle, self._plane_of_triangle)
+        return level
+
+    def _nearest(self, camera: Camera, contest: Contest) -> tuple[Bool, int]:
+        """Which pairs of a grouped contest of covering triangles are at their sample's least
+        depth, and how many exact comparisons that took."""
+        sample, triangle, rational = contest.sample, contest.triangle, 0
         starts = np.flatnonzero(np.append(True, sample[1:] != sample[:-1]))
         sizes = np.diff(np.append(starts, len(sample)))
         # Each sample's champion so far, against its next contender, all samples at once. A pair
@@ -287,19 +282,18 @@ class ExactScene:
         level = np.full(len(sample), -1, np.int64)
         level[starts] = 0
         for rank in range(1, int(sizes.max())):
-            group = np.flatnonzero(sizes > rank)
-            entry = starts[group] + rank
-            result, exact = self._compare(camera, triangle[entry], champion[group], sample[entry])
+            rivals = np.flatnonzero(sizes > rank)
+            entry = starts[rivals] + rank
+            result, exact = self._compare(camera, triangle[entry], champion[rivals], sample[entry])
             rational += exact
             nearer = result < 0
-            generation[group[nearer]] += 1
-            champion[group[nearer]] = triangle[entry[nearer]]
-            level[entry[result <= 0]] = generation[group[result <= 0]]
-        kept = level == np.repeat(generation, sizes)
-        return sample[kept], triangle[kept], rational
+            generation[rivals[nearer]] += 1
+            champion[rivals[nearer]] = triangle[entry[nearer]]
+            level[entry[result <= 0]] = generation[rivals[result <= 0]]
+        return level == np.repeat(generation, sizes), rational
 
     def _compare(
-        self, camera: Camera, first: Int64, second: Int64, samples: Int64
+        self, camera: Camera, first: Int32, second: Int32, samples: Int64
     ) -> tuple[NDArray[np.int8], int]:
         """Exact order of depth of pairs that cover their samples; how many were not coplanar."""
         self._find_planes(np.concatenate([first, second]))
@@ -311,16 +305,17 @@ class ExactScene:
             result[open_] = exact.compare(which[:half], which[half:], samples[open_])
         return result, len(open_)
 
-    def _find_planes(self, triangles: Int64) -> None:
-        fresh = np.unique(triangles)
-        fresh = fresh[self._plane_of_triangle[fresh] == UNKNOWN_PLANE]
+    def _find_planes(self, triangles: Int32) -> None:
+        unknown = np.zeros(len(self._plane_of_triangle), np.bool_)
+        unknown[triangles] = True
+        fresh = np.flatnonzero(unknown & (self._plane_of_triangle == UNKNOWN_PLANE))
         if not len(fresh):
             return
         names = plane_names(self.scene.vertices[self.scene.triangles[fresh]], self._unit)
         table = self._plane_of_name
         self._plane_of_triangle[fresh] = [table.setdefault(name, len(table)) for name in names]
 
-    def _depth(self, camera: Camera, samples: Int64, triangles: NDArray[Any]) -> Float64:
+    def _depth(self, camera: Camera, samples: Int64, triangles: Int32) -> Float64:
         """The exact view depth of each triangle's plane at its sample, rounded to nearest."""
         view = view_of(camera)
         result = np.empty(len(samples))
@@ -338,7 +333,7 @@ class ExactScene:
         torn = self._in_parallel(part_of, (part for part in parts if len(part)))
         left = np.concatenate([np.zeros(0, np.int64), *torn])
         if len(left):
-            exact, which = self._exact(camera, triangles[left].astype(np.int64))
+            exact, which = self._exact(camera, triangles[left])
             result[left] = exact.depth(which, samples[left])
         return result
 
@@ -350,7 +345,7 @@ class ExactScene:
         bounds: tuple[Float64, Float64],
         *,
         closed: bool,
-    ) -> _Contest:
+    ) -> Contest:
         """Every hit of a triangle of this alpha that lies before its sample's opaque owner, or
         with `closed` level with it too."""
         everything = np.zeros((0, 0), np.bool_)
@@ -358,16 +353,16 @@ class ExactScene:
             camera, everything, self.scene.alpha == alpha, bounds, collect=True
         )
         contest, _ = self._covering(camera, contest)
-        behind = owner[contest.sample].astype(np.int64)
+        behind = owner[contest.sample]
         kept = np.ones(len(contest.sample), np.bool_)
         close = np.flatnonzero((contest.state != raster.NEARER) & (behind != BACKGROUND))
         result, _ = self._compare(
             camera, contest.triangle[close], behind[close], contest.sample[close]
         )
         kept[close] = result <= 0 if closed else result < 0
-        return _Contest(contest.sample[kept], contest.triangle[kept], contest.state[kept])
+        return contest.where(kept)
 
-    def _by_object(self, camera: Camera, seen: _Contest) -> BlendVisibility:
+    def _by_object(self, camera: Camera, seen: Contest) -> BlendVisibility:
         objects = self.scene.object_of_triangle[seen.triangle]
         order = np.lexsort((seen.triangle, seen.sample, objects))
         objects = objects[order]

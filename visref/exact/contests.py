@@ -1,0 +1,81 @@
+"""Contests: the samples that the bounds leave open, with every triangle that may own them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.scene import Int32, Int64
+
+
+class Contest(NamedTuple):
+    """(sample, triangle) pairs: `sample` (k,) int64 flat indices, `triangle` (k,) int32 ids,
+    `state` (k,) uint8, what `visref.exact.raster` knows of each."""
+
+    sample: Int64
+    triangle: Int32
+    state: NDArray[np.uint8]
+
+    def where(self, kept: NDArray[Any]) -> Contest:
+        return Contest(self.sample[kept], self.triangle[kept], self.state[kept])
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def group(
+    sample: NDArray[Any],
+    triangle: NDArray[Any],
+    state: NDArray[Any],
+    owner: NDArray[Any],
+    owner_state: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """A contest sorted by sample, then triangle, each sample's `owner` (-1 for none) among them."""
+    ends = np.zeros(len(owner) + 1, np.int64)
+    for s in sample:
+        if ends[s + 1] == 0 and owner[s] >= 0:
+            ends[s + 1] = 1
+        ends[s + 1] += 1
+    for s in range(len(owner)):
+        ends[s + 1] += ends[s]
+    total = ends[len(owner)]
+    out_sample = np.full(total, -1, np.int64)
+    out_triangle = np.empty(total, np.int32)
+    out_state = np.empty(total, np.uint8)
+    # Owners come first; then `ends[s]` moves on to the end of s's group.
+    for s in range(len(owner)):
+        if ends[s + 1] > ends[s] and owner[s] >= 0:
+            out_sample[ends[s]], out_triangle[ends[s]] = s, owner[s]
+            out_state[ends[s]] = owner_state
+            ends[s] += 1
+    for index in range(len(sample)):
+        s = sample[index]
+        place = ends[s]
+        ends[s] += 1
+        t, what = triangle[index], state[index]
+        while place > 0 and out_sample[place - 1] == s and out_triangle[place - 1] > t:
+            out_triangle[place] = out_triangle[place - 1]
+            out_state[place] = out_state[place - 1]
+            out_sample[place] = s
+            place -= 1
+        out_sample[place], out_triangle[place], out_state[place] = s, t, what
+    return out_sample, out_triangle, out_state
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def level_groups(
+    sample: NDArray[Any], triangle: NDArray[Any], plane: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Of a grouped contest of covering triangles, which pairs belong to samples where all lie in
+    one plane: they tie."""
+    result = np.zeros(len(sample), np.bool_)
+    start = 0
+    while start < len(sample):
+        end, level = start + 1, True
+        while end < len(sample) and sample[end] == sample[start]:
+            level = level and plane[triangle[end]] == plane[triangle[start]]
+            end += 1
+        result[start:end] = level
+        start = end
+    return result
