@@ -92,14 +92,14 @@ def broken_contracts(traces: Iterable[Trace]) -> dict[str, list[str]]:
 
 @_contract
 def all_bits_are_cleared_at_the_start(trace: Trace) -> Iterator[str]:
-    (first,) = trace.of("rectangles")
+    (first,) = trace.of("tiles")
     if first.maps.any():
         yield f"{bits(first.maps)} bits are set before the first shape is decided"
 
 
 @_contract
 def bits_are_only_ever_set(trace: Trace) -> Iterator[str]:
-    start = trace.events.index(trace.of("rectangles")[0])
+    start = trace.events.index(trace.of("tiles")[0])
     for before, after in itertools.pairwise(trace.events[start:]):
         if (before.maps & ~after.maps).any():
             yield f"bits are unset between '{before.step}' and '{after.step}'"
@@ -108,10 +108,10 @@ def bits_are_only_ever_set(trace: Trace) -> Iterator[str]:
 @_contract
 def rectangles_hold_the_box_and_little_more(trace: Trace) -> Iterator[str]:
     """Outward for safety and tight for the saving."""
-    (event,) = trace.of("rectangles")
+    (event,) = trace.of("tiles")
     limit = np.array([trace.camera.width, trace.camera.height])
     for unit, found in zip(event.data["units"], event.data["rectangles"], strict=True):
-        low, high, slack = true_rectangle(trace, int(unit))
+        low, high, slack = rectangle_of(trace.camera, corners(trace.scene, int(unit)))
         least = _pixels(low, high, limit)
         most = _pixels(low - slack, high + slack, limit)
         inside = (found[:2] <= least[:2]).all() and (found[2:] >= least[2:]).all()
@@ -124,10 +124,13 @@ def rectangles_hold_the_box_and_little_more(trace: Trace) -> Iterator[str]:
 
 @_contract
 def tiles_hold_every_pixel_of_the_rectangle(trace: Trace) -> Iterator[str]:
-    (event,) = trace.of("rectangles")
+    """What a lookup asks about."""
+    (event,) = trace.of("tiles")
     shown = ~empty(event.data["rectangles"])
-    found = event.data["tiles"][shown]
-    expected = [tiles[shown] for tiles in possible_tiles(trace)]
+    found = event.data["tiles"].under[shown]
+    expected = [
+        tiles_under(event.data["rectangles"][shown], region) for region in possible_regions(trace)
+    ]
     if not any(np.array_equal(found, tiles) for tiles in expected):
         at = int(np.argmax((found != expected[0]).any(axis=1)))
         unit = event.data["units"][shown][at]
@@ -135,8 +138,30 @@ def tiles_hold_every_pixel_of_the_rectangle(trace: Trace) -> Iterator[str]:
 
 
 @_contract
+def marks_hold_every_triangle_and_no_more_than_the_box(trace: Trace) -> Iterator[str]:
+    """What drawing a shape would mark: every tile that one of its triangles may touch."""
+    (event,) = trace.of("tiles")
+    complaints: list[str] = []
+    for region in possible_regions(trace):
+        lines = []
+        for place, unit in enumerate(event.data["units"].tolist()):
+            marked = grid_of_marks(event, place)
+            box = grid(event.data["tiles"].under[place : place + 1])
+            touched = grid(tiles_under(triangle_rectangles(trace, unit), region))
+            if (touched & ~marked).any() or (marked & ~box).any():
+                lines.append(
+                    f"unit {unit}: {(touched & ~marked).sum()} tiles under its triangles are left "
+                    f"out, {(marked & ~box).sum()} outside its box's marked"
+                )
+        if not lines:
+            return
+        complaints = complaints or lines
+    yield from complaints
+
+
+@_contract
 def shapes_come_front_to_back(trace: Trace) -> Iterator[str]:
-    (event,) = trace.of("rectangles")
+    (event,) = trace.of("tiles")
     before = (-np.inf, 0.0, -1)
     for unit in event.data["units"].tolist():
         points = corners(trace.scene, unit)
@@ -153,7 +178,7 @@ def shapes_come_front_to_back(trace: Trace) -> Iterator[str]:
 
 @_contract
 def each_shape_is_decided_exactly_once(trace: Trace) -> Iterator[str]:
-    (event,) = trace.of("rectangles")
+    (event,) = trace.of("tiles")
     asked = asked_units(trace)
     for name, units in (("drawn", trace.drawn), ("asked", asked)):
         twice = {unit for unit in units if units.count(unit) > 1}
@@ -170,7 +195,7 @@ def each_shape_is_decided_exactly_once(trace: Trace) -> Iterator[str]:
 
 @_contract
 def outside_shapes_cost_nothing(trace: Trace) -> Iterator[str]:
-    (event,) = trace.of("rectangles")
+    (event,) = trace.of("tiles")
     outside = set(event.data["units"][empty(event.data["rectangles"])].tolist())
     costly = outside & (set(trace.drawn) | set(asked_units(trace)))
     if costly:
@@ -180,52 +205,38 @@ def outside_shapes_cost_nothing(trace: Trace) -> Iterator[str]:
 @_contract
 def drawn_shapes_mark_every_tile(trace: Trace) -> Iterator[str]:
     """At the end the first map holds the tiles of what was drawn, and no others."""
-    found = grid_of(trace.of("lists")[0].maps[0])
-    (event,) = trace.of("rectangles")
-    units = event.data["units"].tolist()
+    found = bits_of(trace.of("lists")[0].maps[0])
+    (event,) = trace.of("tiles")
     drawn = set(trace.drawn)
-    complaints = []
-    for tiles in possible_tiles(trace):
-        expected = np.zeros((TILES, TILES), bool)
-        for unit, row in zip(units, tiles, strict=True):
-            if unit in drawn:
-                expected[under(row)] = True
-        if np.array_equal(expected, found):
-            return
-        complaints.append(
+    expected = np.zeros((TILES, TILES), bool)
+    for place, unit in enumerate(event.data["units"].tolist()):
+        if unit in drawn:
+            expected |= grid_of_marks(event, place)
+    if not np.array_equal(expected, found):
+        yield (
             f"{(expected & ~found).sum()} tiles of drawn shapes are unset, "
             f"{(found & ~expected).sum()} set with nothing drawn there"
         )
-    yield complaints[0]
 
 
 @_contract
 def query_is_skipped_if_and_only_if_a_tile_is_unset(trace: Trace) -> Iterator[str]:
-    asked = asked_units(trace)
-    complaints: list[str] = []
-    for expected in (replay(trace, tiles) for tiles in possible_tiles(trace)):
-        too_many, too_few = set(asked) - set(expected), set(expected) - set(asked)
-        if not too_many and not too_few:
-            return
-        complaints.append(
-            f"asked in vain: units {sorted(too_many)}; skipped though covered: {sorted(too_few)}"
+    asked, expected = set(asked_units(trace)), set(replay(trace))
+    if asked != expected:
+        yield (
+            f"asked in vain: units {sorted(asked - expected)}; "
+            f"skipped though covered: {sorted(expected - asked)}"
         )
-    yield complaints[0]
 
 
 @_contract
 def lists_are_arranged_as_the_paper_says(trace: Trace) -> Iterator[str]:
     (lists,) = trace.of("lists")
     found = dict(zip(lists.data["units"].tolist(), lists.data["list_of"].tolist(), strict=True))
-    complaints: list[str] = []
-    for expected in (replay(trace, tiles) for tiles in possible_tiles(trace)):
-        wrong = {unit: (found[unit], k) for unit, k in expected.items() if found[unit] != k}
-        if not wrong:
-            break
+    wrong = {unit: (found[unit], k) for unit, k in replay(trace).items() if found[unit] != k}
+    if wrong:
         unit, (got, want) = next(iter(wrong.items()))
-        complaints.append(f"{len(wrong)} units; first is {unit} in list {got}, not {want}")
-    else:
-        yield complaints[0]
+        yield f"{len(wrong)} units; first is {unit} in list {got}, not {want}"
     # What goes out together is a list, whole.
     if not one_by_one(trace):
         together = [event.data["units"].tolist() for event in box_queries(trace)]
@@ -250,25 +261,21 @@ def no_more_batches_than_lists(trace: Trace) -> Iterator[str]:
 # What should have happened, in plain Python.
 
 
-def replay(trace: Trace, tiles: np.ndarray) -> dict[int, int]:
-    """The list that each shape belongs to, of those that need a query: section 3."""
-    (event,) = trace.of("rectangles")
+def replay(trace: Trace) -> dict[int, int]:
+    """The list that each shape belongs to, of those that need a query: section 3. It takes the
+    tiles of lookups and marks as told; those have contracts of their own."""
+    (event,) = trace.of("tiles")
     (lists,) = trace.of("lists")
     maps = np.zeros((trace.options.get("maps", 5), TILES, TILES), bool)
     visible = set(passed_units(trace))
     list_of: dict[int, int] = {}
-    rows = zip(
-        event.data["units"].tolist(),
-        empty(event.data["rectangles"]).tolist(),
-        map(under, tiles),
-        lists.data["sure"].tolist(),
-        strict=True,
-    )
-    for unit, outside, at, sure in rows:
-        if outside:
+    outside = empty(event.data["rectangles"])
+    for place, unit in enumerate(event.data["units"].tolist()):
+        if outside[place]:
             continue
-        if sure or not maps[0][at].all():
-            maps[0][at] = True
+        at = part_of_grid(event.data["tiles"].under[place])
+        if lists.data["sure"][place] or not maps[0][at].all():
+            maps[0] |= grid_of_marks(event, place)
             continue
         number = 1
         while number < len(maps) and maps[number][at].all():
@@ -277,53 +284,62 @@ def replay(trace: Trace, tiles: np.ndarray) -> dict[int, int]:
         if number < len(maps):
             maps[number][at] = True
         if one_by_one(trace) and unit in visible:
-            maps[0][at] = True
+            maps[0] |= grid_of_marks(event, place)
     return list_of
 
 
-def possible_tiles(trace: Trace) -> list[np.ndarray]:
-    """(k, 4) columns and rows of tiles under each observed rectangle. More than one answer
-    where the tiles are spread over the scene, whose rectangle is known to a pixel only."""
-    (event,) = trace.of("rectangles")
+def possible_regions(trace: Trace) -> list[np.ndarray]:
+    """Pixels x0, y0, x1, y1 that the tiles are spread over. More than one answer where that is
+    the scene's rectangle, which is known to a pixel only."""
     camera = trace.camera
-    regions = [np.array([0, 0, camera.width - 1, camera.height - 1])]
-    if trace.options.get("scale") == "scene":
-        low, high, _ = rectangle_of(camera, *trace.scene.bounds)
-        around = np.floor([*low, *high])
-        inside = (low >= 1).all() and (high < [camera.width - 1, camera.height - 1]).all()
-        if inside and rectangle_depth(camera, *trace.scene.bounds) > camera.near:
-            offsets = itertools.product((0, -1), (0, -1), (0, 1), (0, 1))
-            regions = [(around + offset).astype(int) for offset in offsets]
-    found = []
-    for region in regions:
-        extent = region[2:] - region[:2] + 1
-        size = np.ceil(extent / TILES).astype(int)
-        low = (event.data["rectangles"][:, :2] - region[:2]) // size
-        high = (event.data["rectangles"][:, 2:] - region[:2]) // size
-        found.append(np.clip(np.concatenate([low, high], axis=1), 0, TILES - 1))
-    return found
+    window = np.array([0, 0, camera.width - 1, camera.height - 1])
+    if trace.options.get("scale") != "scene":
+        return [window]
+    low, high, _ = rectangle_of(camera, box_corners(*trace.scene.bounds))
+    inside = (low >= 1).all() and (high < [camera.width - 1, camera.height - 1]).all()
+    depth = camera.pixel_of(box_corners(*trace.scene.bounds))[1]
+    if not inside or depth.min() <= camera.near:
+        return [window]
+    around = np.floor([*low, *high]).astype(int)
+    return [around + offset for offset in itertools.product((0, -1), (0, -1), (0, 1), (0, 1))]
 
 
-def corners(scene: Scene, unit: int) -> np.ndarray:
-    return np.array(list(itertools.product(*scene.object_bounds[unit].T)))
+def tiles_under(rectangles: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """(k, 4) columns and rows of tiles under rectangles of pixels."""
+    size = np.ceil((region[2:] - region[:2] + 1) / TILES).astype(int)
+    low, high = (rectangles[:, i : i + 2] - region[:2] for i in (0, 2))
+    tiles = np.clip(np.concatenate([low // size, high // size], axis=1), 0, TILES - 1)
+    tiles[empty(rectangles)] = (0, 0, -1, -1)
+    return tiles
 
 
-def rectangle_depth(camera: Camera, low: np.ndarray, high: np.ndarray) -> float:
-    points = np.array(list(itertools.product(*np.stack([low, high]).T)))
-    return float(camera.pixel_of(points)[1].min())
+def triangle_rectangles(trace: Trace, unit: int) -> np.ndarray:
+    """(k, 4) pixels that the bounding rectangle of each of a unit's triangles meets."""
+    scene, camera = trace.scene, trace.camera
+    own = scene.triangles[slice(*scene.object_offsets[unit : unit + 2])]
+    points = scene.vertices[own].astype(np.float64)
+    at, depth = camera.pixel_of(points.reshape(-1, 3))
+    at, depth = at.reshape(-1, 3, 2) + 0.5, depth.reshape(-1, 3)
+    low, high = at.min(axis=1), at.max(axis=1)
+    for triangle in np.flatnonzero(depth.min(axis=1) < camera.near):
+        low[triangle], high[triangle], _ = rectangle_of(camera, points[triangle])
+    return _pixels(low, high, np.array([camera.width, camera.height]))
 
 
-def rectangle_of(
-    camera: Camera, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Least and greatest window coordinates (pixel k is k ... k + 1) of a box's part beyond
-    the near plane, and the slack that its inflation earns; (inf, -inf) if there is none."""
-    points = np.array(list(itertools.product(*np.stack([low, high]).T)))
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(8, 3), corner numbers differing in one bit where they share an edge."""
+    return np.array(list(itertools.product(*np.stack([low, high]).T)))
+
+
+def rectangle_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least and greatest window coordinates (pixel k is k ... k + 1) of the part beyond the
+    near plane of the hull of some points, and the slack that a box's inflation earns; (inf,
+    -inf) if there is none."""
     depth = camera.pixel_of(points)[1]
     kept = list(points[depth >= camera.near])
-    for i, j in itertools.combinations(range(8), 2):
-        # Corners i and j share an edge if their numbers differ in one bit.
-        if (i ^ j).bit_count() == 1 and (depth[i] < camera.near) != (depth[j] < camera.near):
+    # Where any two points' connection crosses: the hull's part lies between those.
+    for i, j in itertools.combinations(range(len(points)), 2):
+        if (depth[i] < camera.near) != (depth[j] < camera.near):
             t = (camera.near - depth[i]) / (depth[j] - depth[i])
             kept.append(points[i] + t * (points[j] - points[i]))
     if not kept:
@@ -338,6 +354,10 @@ def rectangle_of(
     return at.min(axis=0) + 0.5, at.max(axis=0) + 0.5, slack
 
 
+def corners(scene: Scene, unit: int) -> np.ndarray:
+    return box_corners(*scene.object_bounds[unit])
+
+
 def inflation(camera: Camera, points: np.ndarray) -> float:
     """By how much a box may be inflated, in world units: a share of a pixel, and of what
     float32 rounds, at its farthest corner."""
@@ -346,15 +366,11 @@ def inflation(camera: Camera, points: np.ndarray) -> float:
     return SLACK_PX * pixel * (reach if camera.is_perspective else 1.0) + 1e-5 * reach
 
 
-def true_rectangle(trace: Trace, unit: int) -> tuple[np.ndarray, np.ndarray, float]:
-    return rectangle_of(trace.camera, *trace.scene.object_bounds[unit])
-
-
 def _pixels(low: np.ndarray, high: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """x0, y0, x1, y1 of the pixels that window coordinates meet, within the window."""
+    """(..., 4) x0, y0, x1, y1 of the pixels that window coordinates (..., 2) meet."""
     first = np.floor(np.clip(low, 0, limit))
     last = np.floor(np.clip(high, -1, limit - 1))
-    return np.concatenate([first, last]).astype(int)
+    return np.concatenate([first, last], axis=-1).astype(int)
 
 
 def least_is_empty(rectangle: np.ndarray) -> bool:
@@ -365,13 +381,27 @@ def empty(rectangles: np.ndarray) -> np.ndarray:
     return (rectangles[:, 2] < rectangles[:, 0]) | (rectangles[:, 3] < rectangles[:, 1])
 
 
-def under(row: np.ndarray) -> tuple[slice, slice]:
+def part_of_grid(row: np.ndarray) -> tuple[slice, slice]:
     """The part of a grid under columns and rows c0, r0, c1, r1, inclusive."""
     c0, r0, c1, r1 = row.tolist()
     return slice(r0, r1 + 1), slice(c0, c1 + 1)
 
 
-def grid_of(words: np.ndarray) -> np.ndarray:
+def grid(rows: np.ndarray) -> np.ndarray:
+    """(rows, columns) bool, True under any of some tiles' rows (c0, r0, c1, r1)."""
+    result = np.zeros((TILES, TILES), bool)
+    for row in rows:
+        result[part_of_grid(row)] = True
+    return result
+
+
+def grid_of_marks(event: Event, place: int) -> np.ndarray:
+    """What drawing a shape marks, as the method told."""
+    tiles = event.data["tiles"]
+    return grid(tiles.parts[tiles.first_part[place] : tiles.first_part[place + 1]])
+
+
+def bits_of(words: np.ndarray) -> np.ndarray:
     """(rows, columns) bool of a map: rows of 128 bits, the least bit first."""
     unpacked = np.unpackbits(words.astype("<u4").view(np.uint8), bitorder="little")
     return unpacked.reshape(TILES, TILES).astype(bool)
