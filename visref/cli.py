@@ -313,7 +313,9 @@ def _hardcases(given: argparse.Namespace) -> Exit:
     if given.json:
         _OUT.print_json(json.dumps(table.to_json()))
         return table.exit
-    shown = Table("case", *table.engines, *(["cullers"] if table.cullers else []), box=None)
+    shown = Table(box=None, pad_edge=False)
+    for heading in ("case", *table.engines, *(["cullers"] if table.cullers else [])):
+        shown.add_column(heading, no_wrap=heading == "case", overflow="fold")
     for case in table.cases:
         cells = [str(table.cells[case.name][spec]) for spec in table.engines]
         cullers = [culler_summary(table, case.name)] if table.cullers else []

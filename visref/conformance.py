@@ -26,11 +26,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from visref.camera import Camera, CameraPath
+from visref.camera import CameraPath
 from visref.conformance_scenes import SCENES, Case, SceneMaker
 from visref.culler import Culler, check_drawn
-from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
+from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
 from visref.outcome import CullerRecord
 from visref.rules import Severity
@@ -185,26 +185,11 @@ def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
     return built, truths
 
 
-class _CastBefore(TruthEngine):
-    """The exact engine's truths, already cast."""
-
-    name = "exact"
-    summary = "exact truths cast before"
-
-    def __init__(self, built: Case, truths: tuple[FrameTruth, ...]) -> None:
-        super().__init__(built.scene)
-        # The path keeps its cameras alive, so their identities are good keys.
-        self._truths = {id(c): truth for c, truth in zip(built.path, truths, strict=True)}
-
-    def frame(self, camera: Camera) -> FrameTruth:
-        return self._truths[id(camera)]
-
-
 def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, ...], int]]:
     def run(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
         built, truths = _truths(made, seed)
         culler = make_culler()
-        referee = Referee(built.scene, lambda: _CastBefore(built, truths))
+        referee = Referee(built.scene, lambda: RecalledTruths(built.scene, built.path, truths))
         try:
             outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
         except InputError as error:

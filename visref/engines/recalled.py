@@ -1,0 +1,29 @@
+"""Truths that were cast before, as an engine: one cast serves however many cullers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from visref.camera import Camera, CameraPath
+from visref.engines.base import TruthEngine
+from visref.scene import Scene
+from visref.visibility import FrameTruth
+
+
+class RecalledTruths(TruthEngine):
+    """The exact engine's truths of a path's frames, in their order, already cast.
+
+    It knows the cameras of that path and no others.
+    """
+
+    name = "exact"
+    summary = "exact truths cast before"
+
+    def __init__(self, scene: Scene, path: CameraPath, truths: Sequence[FrameTruth]) -> None:
+        super().__init__(scene)
+        # The path keeps its cameras alive, so their identities are good keys.
+        self._path = path
+        self._truths = {id(c): truth for c, truth in zip(path, truths, strict=True)}
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        return self._truths[id(camera)]
