@@ -18,7 +18,7 @@ error, so that the list never outlives its reasons.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import StrEnum
@@ -175,38 +175,50 @@ def _built(made: SceneMaker, seed: int) -> Case:
     return made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
 
 
+def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
+    """The exact engine's truth of each frame of a case."""
+    engine = ExactEngine(built.scene)
+    truths = tuple(engine.frame(camera).copy() for camera in built.path)
+    engine.close()
+    return truths
+
+
 @lru_cache(maxsize=128)
 def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
     """A check's scene with its exact truth, cast once for however many cullers."""
     built = _built(made, seed)
-    engine = ExactEngine(built.scene)
-    truths = tuple(engine.frame(camera).copy() for camera in built.path)
-    engine.close()
-    return built, truths
+    return built, exact_truths(built)
 
 
 def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, ...], int]]:
     def run(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
-        built, truths = _truths(made, seed)
-        culler = make_culler()
-        referee = Referee(built.scene, lambda: RecalledTruths(built.scene, built.path, truths))
-        try:
-            outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
-        except InputError as error:
-            # The units were refused.
-            return (str(error),), 0
-        record = outcome.cullers[0]
-        problems = [
-            f"{finding.code}: {finding.message}"
-            for finding in outcome.findings
-            if finding.code == "NO_GL"
-            or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
-        ]
-        if record.promise.convicts:
-            problems += _losses(record, built)
-        return tuple(problems), record.totals.confirmed
+        return judge_on(make_culler, *_truths(made, seed))
 
     return run
+
+
+def judge_on(
+    make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
+) -> tuple[tuple[str, ...], int]:
+    """Judge a culler on a case whose exact truths are known, one a frame: what is wrong, in
+    readable lines, and how many objects were missed in full over all frames."""
+    culler = make_culler()
+    referee = Referee(built.scene, lambda: RecalledTruths(built.scene, built.path, truths))
+    try:
+        outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
+    except InputError as error:
+        # The units were refused.
+        return (str(error),), 0
+    record = outcome.cullers[0]
+    problems = [
+        f"{finding.code}: {finding.message}"
+        for finding in outcome.findings
+        if finding.code == "NO_GL"
+        or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
+    ]
+    if record.promise.convicts:
+        problems += _losses(record, built)
+    return tuple(problems), record.totals.confirmed
 
 
 def _losses(record: CullerRecord, built: Case) -> list[str]:
