@@ -61,7 +61,9 @@ def _screen_rectangles(
                 if depth < near <= other_depth:
                     # Where the edge meets the near plane.
                     t = (near - depth) / (other_depth - depth)
-                    w = at[corner, 2] + t * (at[other, 2] - at[corner, 2])
+                    # There w is view depth, thus near; interpolating it loses that in a
+                    # box of 1e30. An orthographic w is 1.
+                    w = 1.0 if rows[2, 3] == 1.0 else near
                     x = (at[corner, 0] + t * (at[other, 0] - at[corner, 0])) / w
                     y = (at[corner, 1] + t * (at[other, 1] - at[corner, 1])) / w
                     x = 0.5 * window[0] * (1.0 + x)

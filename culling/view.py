@@ -45,6 +45,14 @@ TRANSFORM_ROUNDINGS = 7 * math.sqrt(3.0)
 # sum (1), and the rounding to a fixed-point step (1/2); the plane's slope is part 2.
 DEPTH_STEPS = 5
 
+# Clipping at the side planes: per plane the two distances to it (2 roundings of up to twice the
+# larger coordinate M), their quotient, the difference, product and sum of the new position come
+# to 14 units of M in x and as much in w; a corner of the image is made by two planes: 56.
+CLIP_ROUNDINGS = 64
+# A polygon over the whole image that is clipped short by less than this still covers the
+# samples at its rim.
+RIM_PX = 0.5
+
 # Coordinates farther from the eye than this would overflow float32 when the shader multiplies
 # them by a matrix entry; what reaches there is drawn without asking.
 FARTHEST_QUERY = 1e30
@@ -183,11 +191,33 @@ class View:
         return result
 
     def needs_no_query(self, relative: Float64) -> NDArray[np.bool_]:
-        """(k,) bool, True where a box holds the eye, crosses the near plane, or is too far
-        away for float32: visible without asking, since GL cannot draw such a box whole."""
-        crosses = self.nearest_depth(relative) <= self.camera.near
-        result: NDArray[np.bool_] = crosses | (np.abs(relative).max(axis=(1, 2)) > FARTHEST_QUERY)
+        """(k,) bool, True where a box holds the eye, crosses the near plane, is too far away
+        for float32, or reaches so far beside the image that clipping it may lose samples at
+        the rim: visible without asking, since GL cannot draw such a box whole."""
+        nearest = self.nearest_depth(relative)
+        result: NDArray[np.bool_] = nearest <= self.camera.near
+        result |= np.abs(relative).max(axis=(1, 2)) > FARTHEST_QUERY
+        result |= self._clipping_error_px(relative, nearest) >= RIM_PX
         return result
+
+    def _clipping_error_px(self, relative: Float64, nearest: Float64) -> Float64:
+        """(k,) float64: by how much clipping may move a box's corners on the image's rim."""
+        half_side = 0.5 * max(self.camera.width, self.camera.height)
+        axes = self.camera_from_relative
+        # The greatest of each coordinate over a box, then of them all, in pixels times w.
+        pick = axes[:, None, :] > 0.0
+        low, high = relative[None, :, 0], relative[None, :, 1]
+        most = np.sum(axes[:, None, :] * np.where(pick, high, low), axis=2)
+        least = np.sum(axes[:, None, :] * np.where(pick, low, high), axis=2)
+        sizes = np.maximum(np.abs(most), np.abs(least))
+        aside = sizes[:2].max(axis=0) / self._pixel
+        if self.camera.is_perspective:
+            largest = np.maximum(aside, sizes[2] * half_side)
+            largest /= np.maximum(nearest, self.camera.near)
+        else:
+            largest = np.maximum(aside, half_side)
+        error: Float64 = CLIP_ROUNDINGS * FLOAT32_UNIT * largest
+        return error
 
 
 def round_outward(relative: Float64) -> Float32:

@@ -140,3 +140,14 @@ def test_tolerance_is_the_widest_of_the_cameras_seen():
     narrow = raster.tolerance.snap_px
     raster.see(perspective(64, 64))
     assert 2.0 ** -(device().subpixel_bits + 1) < wide < narrow == raster.tolerance.snap_px
+
+
+@pytest.mark.parametrize("make", [ortho, perspective])
+def test_box_that_clipping_could_cut_short_of_the_rim_needs_no_query(make):
+    view = View.of(make(40, 40, near=1.0), EMPTY, 8)
+    # Half a pixel is lost from 2^24 / 64 / 2 = 131,072 pixels beside the image on.
+    pixel = 10.0 * 2.0 * np.linalg.norm(view.camera.right_step) if make is perspective else 1.0
+    sides = np.array([[1e5], [1.4e5]]) * pixel
+    boxes = np.array([[[-1, -1, -11], [1, 1, -10]]] * 2, float)
+    boxes[:, 1, 0] = sides[:, 0]
+    assert view.needs_no_query(boxes).tolist() == [False, True]
