@@ -44,13 +44,12 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.camera import Camera
 from visref.errors import InputError
 from visref.scene import Float64
 
@@ -80,6 +79,37 @@ NOTHING, CERTAIN, DOUBTFUL = 0, 1, 2
 # 12-14 the edges' bounds, then as named. A doubtful triangle's "key" is D itself (perspective).
 KEY_BOUND, SIGN, SIGN_BOUND = 15, 16, 17
 SET_UP_SIZE = 18
+
+
+class Samples(Protocol):
+    """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters."""
+
+    @property
+    def is_perspective(self) -> bool: ...
+    @property
+    def eye(self) -> Float64: ...
+    @property
+    def forward(self) -> Float64: ...
+    @property
+    def right_step(self) -> Float64: ...
+    @property
+    def up_step(self) -> Float64: ...
+    @property
+    def column_a(self) -> Float64: ...
+    @property
+    def row_b(self) -> Float64: ...
+    @property
+    def near(self) -> float: ...
+    @property
+    def far(self) -> float: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def shift_x_px(self) -> float: ...
+    @property
+    def shift_y_px(self) -> float: ...
 
 
 class View(NamedTuple):
@@ -118,7 +148,7 @@ class View(NamedTuple):
     b_greatest: float
 
 
-def view_of(camera: Camera) -> View:
+def view_of(camera: Samples) -> View:
     """Everything about a camera that the filters need, with its own roundings accounted for."""
     e, f, r, u = camera.eye, camera.forward, camera.right_step, camera.up_step
     if np.abs(e).max() > GREATEST_EYE:
@@ -186,7 +216,7 @@ def _dual_basis(r: Float64, u: Float64, f: Float64) -> Float64:
         return np.full((3, 3), np.nan)
 
 
-def _key_range(camera: Camera) -> tuple[float, float, float, float]:
+def _key_range(camera: Samples) -> tuple[float, float, float, float]:
     near, far = float(camera.near), float(camera.far)
     if not camera.is_perspective:
         return -near, -near, -far, -far

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.camera import Camera
+from visref.exact.filters import Samples
 from visref.scene import Float64, Int64
 
 # An object array of Python integers.
@@ -78,7 +78,7 @@ class ExactFrame:
     """
 
     def __init__(
-        self, camera: Camera, corners: NDArray[np.float32], one_sided: NDArray[np.bool_]
+        self, camera: Samples, corners: NDArray[np.float32], one_sided: NDArray[np.bool_]
     ) -> None:
         self.camera = camera
         self.one_sided = one_sided
@@ -191,15 +191,17 @@ class ExactFrame:
         )
         return _signs(left - right)
 
-    def depth(self, which: Int64, samples: Int64) -> Float64:
-        """View depth of each triangle's plane, rounded to nearest (ties to even)."""
+    def quotients(self, which: Int64, samples: Int64) -> list[tuple[int, int]]:
+        """View depth of each triangle's plane as numerator and denominator, not reduced."""
         n = self._at(self._numerator, which, samples)
         d = self._at(self._denominator, which, samples)
         up, down = max(self._depth_unit, 0), max(-self._depth_unit, 0)
+        return [(x << up, y << down) for x, y in zip(n, d, strict=True)]
+
+    def depth(self, which: Int64, samples: Int64) -> Float64:
+        """View depth of each triangle's plane, rounded to nearest (ties to even)."""
         # The quotient of two Python integers is correctly rounded.
-        return np.array(
-            [(x << up) / (y << down) for x, y in zip(n, d, strict=True)], np.float64
-        ).reshape(len(samples))
+        return np.array([n / d for n, d in self.quotients(which, samples)], np.float64)
 
 
 def plane_names(
