@@ -258,3 +258,18 @@ def test_the_sample_may_move_as_far_as_its_margin(perspective: bool) -> None:
             assert same[px > far].all()
             reached += int((~same).sum())
     assert reached > 100
+
+
+@pytest.mark.parametrize("perspective", [False, True])
+def test_what_rounding_may_bring_across_the_near_plane_can_hide(perspective: bool) -> None:
+    camera, sample = orthographic(near=4.0), sample_at(0.5, 0.5)
+    if perspective:
+        camera = Camera(pose(np.eye(3), np.zeros(3)), SIDE, SIDE, 4.0, 100.0, yfov=HALF)
+
+    def hidden_by(depth: float) -> bool:
+        hider, shown = quad(-9, -9, 9, 9, -depth), quad(-9, -9, 9, 9, -10)
+        return not survives(scene_of(shown, hider), camera, sample, 0.01)
+
+    assert hidden_by(5.0)
+    assert hidden_by(4.0 - 2.0**-22)
+    assert not hidden_by(3.9)

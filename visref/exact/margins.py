@@ -95,6 +95,10 @@ def _examine(
 ) -> tuple[Float64, Float64, Float64, NDArray[np.bool_]]:
     scene = exact_scene.scene
     view = view_of(camera)
+    depth = np.zeros((3, 4))
+    if tolerance is not None:
+        depth = _depth_rows(camera, exact_scene, tolerance)
+        view = _with_doubtful_range(view, exact_scene, depth)
     samples = np.asarray(samples, np.int64)
     y, x = samples // camera.width, samples % camera.width
     columns = -(-camera.width // raster.TILE)
@@ -109,7 +113,6 @@ def _examine(
     cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
     gap = np.full(len(samples), np.inf)
     lost = np.ones(len(samples), np.bool_)
-    depth = np.zeros((3, 4)) if tolerance is None else _depth_rows(camera, exact_scene, tolerance)
     examine(
         x, y, tile, np.asarray(objects, np.int64), view, exact_scene.corners,
         exact_scene.one_sided, scene.object_of_triangle[exact_scene.order], found, boxes,
@@ -119,10 +122,11 @@ def _examine(
 
 
 def _depth_rows(camera: Camera, exact_scene: ExactScene, tolerance: RasterTolerance) -> Float64:
-    """(3, 4) float64: the sizes of the clip matrix's rows z and w, and (step, scale, 0, 0).
+    """(3, 4) float64: the sizes of the clip matrix's rows z and w, and (step, scale, first,
+    last).
 
     `step` is one step of the depth buffer, in window depth; `scale` turns window depth into
-    the key, which is affine in it.
+    the key, which is affine in it; `first` and `last` are the keys of near and far.
     """
     far = camera.far
     if math.isinf(far) and not camera.is_perspective:
@@ -137,7 +141,27 @@ def _depth_rows(camera: Camera, exact_scene: ExactScene, tolerance: RasterTolera
     else:
         scale = (far - camera.near) / (far * camera.near)
     bits = 24 if tolerance.depth_bits is None else tolerance.depth_bits
-    return np.array([clip[2], clip[3], [2.0**-bits, scale, 0.0, 0.0]])
+    if camera.is_perspective:
+        first, last = 1.0 / camera.near, 1.0 / camera.far
+    else:
+        first, last = -camera.near, -camera.far
+    return np.array([clip[2], clip[3], [2.0**-bits, scale, first, last]])
+
+
+def _with_doubtful_range(view: View, exact_scene: ExactScene, depth: Float64) -> View:
+    """The view with near and far moved outward to where rounding may still let a triangle in.
+
+    By the scene's greatest coordinates; `examine` then asks each triangle for its own.
+    """
+    size = np.abs(exact_scene.scene.bounds).max(axis=0)
+    worst = 0.5 * float((depth[0] + depth[1]) @ np.append(size, 1.0))
+    if view.perspective:
+        worst *= depth[2, 2]
+    doubt = (DEPTH_ROUNDINGS * FLOAT32 * (worst + 1.0) + depth[2, 0]) * depth[2, 1]
+    first, last = depth[2, 2] + doubt, depth[2, 3] - doubt
+    if not view.perspective:
+        return view._replace(near=-first, far=-last)
+    return view._replace(near=1.0 / first, far=1.0 / last if last > 0.0 else math.inf)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -151,7 +175,7 @@ def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
             z += depth[0, k] * size
             w += depth[1, k] * size
             t += view.z_dual[k] * (np.float64(p[3 * i + k]) - view.e[k])
-        divisor = max(t, view.near) if view.perspective else 1.0
+        divisor = max(t, 1.0 / depth[2, 2]) if view.perspective else 1.0
         worst = max(worst, 0.5 * (z + w) / divisor)
     error: float = DEPTH_ROUNDINGS * FLOAT32 * (worst + 1.0) * depth[2, 1]
     return error
@@ -276,6 +300,11 @@ def examine(
                         )  # fmt: skip
                 if thick:
                     continue
+            if with_depth:
+                doubt = depth[2, 0] * depth[2, 1] + _key_error(corners[t], view, depth)
+                low, high = key_range(x, y, radius + slop, polygons[near], count)
+                if low - doubt > depth[2, 2] or high + doubt < depth[2, 3]:
+                    continue
             places[near], counts[near], slops[near] = t, count, slop
             reached[near] = False
             if object_of[t] == mine and distance <= slop:
@@ -329,11 +358,9 @@ def examine(
         step = 0.0
         if with_depth:
             step = depth[2, 0] * depth[2, 1]
-            if view.perspective:
-                first, last = 1.0 / view.near, 1.0 / view.far
-            else:
-                first, last = -view.near, -view.far
-            lost[index] = greatest + error + step >= first or least - error - step <= last
+            lost[index] = (
+                greatest + error + step >= depth[2, 2] or least - error - step <= depth[2, 3]
+            )
         next_key = -np.inf
         for other in range(near):
             if object_of[places[other]] == mine:
