@@ -134,10 +134,26 @@ def _parser() -> argparse.ArgumentParser:
     )
     check.set_defaults(command=_check)
 
+    bench = commands_.add_parser("bench", help="speed against error: where to stop paying")
+    _scene_arguments(bench)
+    bench.add_argument("--out", type=Path, required=True, metavar="DIR")
+    # Every engine is measured, against this one.
+    bench.set_defaults(command=_bench, engine="exact")
+
     report = commands_.add_parser("report", help="make a page from run folders")
     report.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     report.add_argument("--out", type=Path, required=True, metavar="DIR")
     report.set_defaults(command=_report)
+
+    explain = commands_.add_parser("explain", help="replay a witness from the run folder alone")
+    explain.add_argument("run", type=Path, metavar="RUN")
+    explain.add_argument("--frame", type=int, required=True, metavar="F")
+    explain.add_argument("--object", required=True, metavar="O", help="object id or name")
+    explain.add_argument("--culler", metavar="NAME", help="default: every culler that missed it")
+    explain.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="default: beside the witness in RUN"
+    )
+    explain.set_defaults(command=_explain)
 
     objects = commands_.add_parser("objects", help="list a scene's object ids and names")
     objects.add_argument("scene", metavar="SCENE")
@@ -268,10 +284,30 @@ def _check(given: argparse.Namespace) -> Exit:
     return outcome.exit
 
 
+def _bench(given: argparse.Namespace) -> Exit:
+    inputs = _inputs(given)
+    frames = commands.bench_frames(inputs) if given.frames is None else list(inputs.frames)
+    with _progress(len(frames)) as bar:
+        lines = commands.bench(inputs, frames, given.out, bar.on_frame_done)
+    for line in lines:
+        _OUT.print(line, markup=False)
+    _OUT.print(f"\nThe page: {given.out / 'bench.html'}", markup=False)
+    return Exit.NO_VIOLATION
+
+
 def _report(given: argparse.Namespace) -> Exit:
     page = commands.report(given.runs, given.out)
     _OUT.print(f"The report: {page}", markup=False)
     return Exit.NO_VIOLATION
+
+
+def _explain(given: argparse.Namespace) -> Exit:
+    lines, holds = commands.explain_witness(
+        given.run, given.frame, given.object, given.culler, given.picture
+    )
+    for line in lines:
+        _OUT.print(line, markup=False)
+    return Exit.NO_VIOLATION if holds else Exit.VIOLATION
 
 
 def _objects(given: argparse.Namespace) -> Exit:

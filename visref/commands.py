@@ -10,19 +10,22 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
+from visref.bench import MARKER, Measurement, write_bench
+from visref.bench.verdict import headline, sentences
 from visref.camera import Camera, CameraPath, look_at
 from visref.culler import Culler, Promise, RasterTolerance
 from visref.engines import ENGINES, TruthEngine, check_engine, engine_names, make_engine
 from visref.engines.rays import RayEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
+from visref.explain import draw_neighbourhood, explain
 from visref.files import replacing_file, replacing_folder
 from visref.geometric import FrameGeometry, GeometricSearch, geometric_line, write_geometric
 from visref.hardcases import HardCaseTable, every_spec, run_hard_cases
 from visref.hardcases_page import hard_cases_page
 from visref.loading import load_path, load_scene
 from visref.outcome import RunOutcome
-from visref.record import MANIFEST, Recorder
+from visref.record import MANIFEST, Recorder, slug
 from visref.registry import CULLERS, SCENES, available, load_entry, make_culler
 from visref.replay import Replay, read_visible_sets
 from visref.report import write_report
@@ -32,6 +35,7 @@ from visref.scene import Scene
 from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
 
+BENCH_FRAMES = 6
 DEMO_SCENE = "city:scale=0.2"
 DEMO_FRAMES = 24
 DEMO_SIZE = (960, 720)
@@ -199,6 +203,23 @@ def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
     return GeometricSearch(inputs.scene, prober, exact)
 
 
+def bench_frames(inputs: Inputs) -> list[int]:
+    """`BENCH_FRAMES` of the frames at most, evenly picked."""
+    count = min(BENCH_FRAMES, len(inputs.frames))
+    picked = np.unique(np.linspace(0, len(inputs.frames) - 1, count).astype(int))
+    return [inputs.frames[int(i)] for i in picked]
+
+
+def bench(
+    inputs: Inputs, frames: Sequence[int], out: Path, on_frame: Callable[[int], None]
+) -> list[str]:
+    """`visref bench`: measure and write the folder; returns lines for the reader."""
+    with replacing_folder(out, marker=MARKER) as folder:
+        measured = Measurement(inputs.scene, inputs.path, frames, inputs.threads).run(on_frame)
+        write_bench(folder, measured, inputs.scene, inputs.path, inputs.threads)
+    return [headline(measured), *sentences(measured)]
+
+
 def make_cullers(specs: Sequence[str]) -> list[tuple[str, Culler]]:
     """Cullers by their specs. Raises InputError for an unknown name, option or value."""
     return [(spec, make_culler(spec)) for spec in specs]
@@ -286,6 +307,25 @@ def demo(out: Path, listeners: Sequence[Listener] = ()) -> tuple[RunOutcome, Pat
         sized, make_cullers(DEMO_CULLERS), out / "run", image_check=True, listeners=listeners
     )
     return outcome, write_report([out / "run"], out)
+
+
+def explain_witness(
+    run: Path, frame: int, target: str, culler: str | None, picture: Path | None
+) -> tuple[list[str], bool]:
+    """`visref explain`: the replay in words, and whether every claim held."""
+    explanations = explain(run, frame, target, culler)
+    lines: list[str] = []
+    for index, explanation in enumerate(explanations):
+        witness = explanation.witness
+        file = picture or run / "witnesses" / (
+            f"{slug(witness['culler'])}-{frame:05d}-{witness['object']}.png"
+        )
+        if picture is not None and index:
+            file = picture.with_stem(f"{picture.stem}-{index + 1}")
+        draw_neighbourhood(explanation, file)
+        lines += [*explanation.lines, f"the neighbourhood: {file}"]
+        lines.append("the claim holds" if explanation.holds else "THE CLAIM DOES NOT HOLD")
+    return lines, all(explanation.holds for explanation in explanations)
 
 
 def list_objects(scene: str) -> list[dict[str, Any]]:

@@ -80,8 +80,7 @@ def certainly_outside(camera: Camera, points: Float64) -> Bool:
             sign = np.sign(normal @ along) * (1.0 if side else -1.0)
             value = sign * ((q - offset) @ normal)
             bound = PLANE_ROUNDING * ((np.abs(q) + np.abs(offset)) @ size) + TINY
-            beyond: Bool = np.greater(value, bound)
-            beyond_all |= beyond.all(axis=1)
+            beyond_all |= np.all(value > bound, axis=1)
     return beyond_all
 
 
@@ -92,7 +91,7 @@ def degenerate(corners: Float32) -> Bool:
     normal = np.abs(np.cross(g, h))
     g, h = np.abs(g), np.abs(h)
     size = g[:, [1, 2, 0]] * h[:, [2, 0, 1]] + g[:, [2, 0, 1]] * h[:, [1, 2, 0]]
-    result: Bool = (normal <= PLANE_ROUNDING * size + TINY).all(axis=1)
+    result: Bool = np.all(normal <= PLANE_ROUNDING * size + TINY, axis=1)
     doubtful = np.flatnonzero(result)
     if len(doubtful):
         names = plane_names(corners[doubtful], lowest_bit(corners[doubtful]))

@@ -1,0 +1,11 @@
+"""Speed against error: what each engine and each density costs, and what it gets wrong.
+
+Everything but the times is deterministic.
+"""
+
+from __future__ import annotations
+
+from visref.bench.measure import Bench, Measurement
+from visref.bench.output import MARKER, write_bench
+
+__all__ = ["MARKER", "Bench", "Measurement", "write_bench"]
