@@ -19,13 +19,15 @@ import json
 import os
 import platform
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from visref.camera import CameraPath
 from visref.culler import QueryStats
@@ -33,7 +35,7 @@ from visref.judge import FrameVerdict
 from visref.outcome import RunOutcome, verdict_json, witness_json
 from visref.pictures import PictureSet, draw_pictures
 from visref.run import Job, JudgedFrame
-from visref.scene import Scene
+from visref.scene import Int32, Scene, Units
 from visref.truth_file import TruthTable, path_digest
 from visref.visibility import FrameTruth, ObjectVisibility
 from visref.witness import write_witnesses
@@ -95,6 +97,8 @@ class Recorder:
         self._timings: list[dict[str, Any]] = []
         self._objects: list[dict[str, Any]] = []
         self._pictures: list[PictureSet] = []
+        # By culler its units, and by frame the units drawn where something was missed.
+        self._drawn: dict[str, tuple[Units, dict[int, Int32]]] = {}
         self._extra_pictures: dict[str, int] = {}
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
@@ -124,6 +128,9 @@ class Recorder:
             _timing(job.spec, record.frame, phase, ms) for phase, ms in record.stats.ms.items()
         ]
         self._objects += self._object_rows(job, record.frame, verdict)
+        if verdict.misses:
+            drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
+            drawn[record.frame] = judged.drawn_units
         if judged.truth is not None and self._wants_picture(job.spec, record.frame, verdict):
             self._pictures.append(
                 draw_pictures(
@@ -208,7 +215,11 @@ class Recorder:
             if record.totals.missed:
                 folder.mkdir(exist_ok=True)
                 file = folder / f"{slug(record.spec)}.jsonl"
-                write_witnesses(file, self._scene, self._path, record)
+                write_witnesses(file, self._scene, self._path, record, self._drawn_in(record.spec))
+
+    def _drawn_in(self, spec: str) -> Callable[[int], NDArray[np.bool_]]:
+        units, drawn = self._drawn[spec]
+        return lambda frame: units.mask(drawn[frame], self._scene.triangle_count)
 
     def _manifest(self, outcome: RunOutcome) -> dict[str, Any]:
         scene, path = self._scene, self._path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -114,8 +114,17 @@ def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> lis
     return result
 
 
-def write_witnesses(file: Path, scene: Scene, path: CameraPath, record: CullerRecord) -> None:
-    """A JSON line for each of the culler's worst misses, by frame and object."""
+def write_witnesses(
+    file: Path,
+    scene: Scene,
+    path: CameraPath,
+    record: CullerRecord,
+    drawn: Callable[[int], NDArray[np.bool_]],
+) -> None:
+    """A JSON line for each of the culler's worst misses, by frame and object.
+
+    `drawn` gives a frame's drawn triangles, (t,) bool.
+    """
     misses = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
     misses.sort(key=lambda pair: (-pair[1].pixels, pair[0], pair[1].object))
     by_frame: dict[int, list[Miss]] = defaultdict(list)
@@ -125,22 +134,26 @@ def write_witnesses(file: Path, scene: Scene, path: CameraPath, record: CullerRe
         for frame in sorted(by_frame):
             camera = path.frames[frame]
             chosen = sorted(by_frame[frame], key=lambda miss: miss.object)
+            shown = drawn(frame)
             along = triangles_along(scene, camera, [miss.sample for miss in chosen])
             for miss, triangles in zip(chosen, along, strict=True):
                 witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
                 witness["culler"] = record.spec
                 witness["samples"] = camera.definition()
-                witness["triangles"] = [_triangle_json(scene, int(t)) for t in triangles]
+                witness["triangles"] = [
+                    _triangle_json(scene, int(t), drawn=bool(shown[t])) for t in triangles
+                ]
                 lines.write(json.dumps(witness, sort_keys=True) + "\n")
 
 
-def _triangle_json(scene: Scene, triangle: int) -> dict[str, Any]:
+def _triangle_json(scene: Scene, triangle: int, *, drawn: bool) -> dict[str, Any]:
     owner = int(scene.object_of_triangle[triangle])
     corners: Int32 = scene.triangles[triangle]
     return {
         "triangle": triangle,
         "object": owner,
         "object_name": scene.names[owner],
+        "drawn": drawn,
         "one_sided": bool(scene.one_sided[triangle]),
         "alpha": int(scene.alpha[triangle]),
         "vertices": [[float(value).hex() for value in scene.vertices[v]] for v in corners],
