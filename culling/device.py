@@ -127,7 +127,7 @@ class Device:
         self.context.front_face = "ccw"
         self.context.cull_face = "back"
         self._programs: dict[tuple[str, str], moderngl.Program] = {}
-        self._targets: OrderedDict[tuple[int, int, int, str], tuple[Target, list[Any]]] = (
+        self._targets: OrderedDict[tuple[int, int, int, str, int], tuple[Target, list[Any]]] = (
             OrderedDict()
         )
         self._state: State | None = None
@@ -168,13 +168,21 @@ class Device:
             self._queries.append(self.context.query(samples=True))
         return self._queries
 
-    def target(self, width: int, height: int, depth_bits: int = 24, dtype: str = "f1") -> Target:
+    def target(
+        self,
+        width: int,
+        height: int,
+        depth_bits: int = 24,
+        dtype: str = "f1",
+        channels: int = 1,
+    ) -> Target:
         """The image of this size, its content left from whoever used it last.
 
         `depth_bits` 24 (fixed point) or 32 (floating point); `dtype` "f1" for an 8-bit colour,
-        "i4" for ids. Good until `MAX_TARGETS` others were asked for.
+        "i4" for ids; `channels` of the colour and of the scratch image. Good until
+        `MAX_TARGETS` others were asked for.
         """
-        key = (width, height, depth_bits, dtype)
+        key = (width, height, depth_bits, dtype, channels)
         if key in self._targets:
             self._targets.move_to_end(key)
             return self._targets[key][0]
@@ -193,8 +201,8 @@ class Device:
                 part.release()
         depth = _DepthTexture(self, width, height, depth_bits)
         colours = [
-            self.context.texture((width, height), 1, dtype=dtype),
-            self.context.texture((width, height), 1, dtype="f1"),
+            self.context.texture((width, height), channels, dtype=dtype),
+            self.context.texture((width, height), channels, dtype="f1"),
         ]
         framebuffers = []
         for colour in colours:

@@ -106,7 +106,7 @@ class GLCuller(Culler):
         self.units = self.units_of(scene)
         self.bounds = self.unit_bounds(scene, self.units)
         self.tree = BoxTree(self.bounds)
-        self.geometry = geometry.Geometry(self.device, scene, self.units, self.occluders(scene))
+        self.geometry = self.geometry_of(scene)
         self.raster: GLRaster | None = self.raster_of(scene)
         return self.units
 
@@ -151,6 +151,9 @@ class GLCuller(Culler):
     def occluders(self, scene: Scene) -> NDArray[np.bool_]:
         """(t,) bool, the triangles that write depth."""
         return geometry.occluders(scene)
+
+    def geometry_of(self, scene: Scene) -> geometry.Geometry:
+        return geometry.Geometry(self.device, scene, self.units, self.occluders(scene))
 
     def raster_of(self, scene: Scene) -> GLRaster | None:
         """The rasteriser whose depth decides, None for a method that asks none."""
