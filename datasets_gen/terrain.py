@@ -23,8 +23,7 @@ def patch(
     if triangles < 2:
         if not triangles:
             return EMPTY
-        (x, z), (x1, z1) = low, high
-        corner = np.array([[x, 0.0, z], [x, 0.0, z1], [x1, 0.0, z]])
+        corner = np.array([[low[0], 0.0, low[1]], [low[0], 0.0, high[1]], [high[0], 0.0, low[1]]])
         corner[:, 1] = height(corner[:, 0], corner[:, 2])
         return corner, np.array([[0, 1, 2]])
     count = triangles // 2

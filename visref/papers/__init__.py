@@ -1,0 +1,1 @@
+"""The papers: one module each, with the numbers it published and how they are measured here."""
