@@ -43,7 +43,8 @@ def test_figures_come_from_the_records_without_the_first_frame():
         record("busy", 1000, 450, 40.0, 30.0),
         record("none", 50_000, 0, 60.0, 0.0),
     ]
-    made = walks(sum((p[0] for p in parts), []), sum((p[1] for p in parts), []))
+    frames = [row for part in parts for row in part[0]]
+    made = walks(frames, [row for part in parts for row in part[1]])
     lines = figures("forest", 640, made["lazy"], made["busy"], made["none"])
     here = {quantity: value for quantity, value, _ in lines}
     paper = {quantity: value for quantity, _, value in lines}
