@@ -62,7 +62,7 @@ class CornersBehindTheEye:
         for place, unit in enumerate(frame.ids):
             low, high = self.bounds[unit]
             choice = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)])
-            at = camera.pixel_of(np.where(choice, high, low))[0] + 0.5
+            at = np.nan_to_num(camera.pixel_of(np.where(choice, high, low))[0] + 0.5)
             result[place, :2] = np.floor(at.min(axis=0).clip(0, window))
             result[place, 2:] = np.floor(at.max(axis=0).clip(-1, window - 1))
         return result

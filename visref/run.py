@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera, CameraPath
-from visref.culler import Culler, CullerError, DrawnSet, Promise, check_drawn
+from visref.culler import Culler, CullerError, DrawnSet, Promise, QueryStats, check_drawn, check_stats
 from visref.disputes import Rulings, corrected, find_disputes, settle
 from visref.engines.base import TruthEngine
 from visref.errors import InputError, NothingToJudge
@@ -103,15 +103,15 @@ class Referee:
         names = unique_names([spec for spec, _ in cullers])
         cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
         outcome = RunOutcome([])
-        jobs = [job for spec, culler in cullers if (job := self._prepare(spec, culler, outcome))]
         try:
+            jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
             for frame in frames:
                 self._frame(path.frames[frame], frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
         finally:
-            for _, culler in cullers:
-                culler.close()
+            for spec, culler in cullers:
+                self._close(spec, culler, outcome)
             if self._engine is not None:
                 self._engine.close()
         self._summarise(outcome)
@@ -137,6 +137,14 @@ class Referee:
         record.unit_kind, record.unit_count = units.kind, units.count
         return Job(spec, culler, record, units)
 
+    def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
+        try:
+            culler.close()
+        except Exception as error:  # a plug-in may raise anything; the others are closed too
+            record = next((r for r in outcome.cullers if r.spec == spec), None)
+            if record is not None:
+                self._fail(record, outcome, None, error)
+
     def _fail(
         self, record: CullerRecord, outcome: RunOutcome, frame: int | None, error: Exception
     ) -> None:
@@ -159,7 +167,7 @@ class Referee:
             if job.record.failed:
                 continue
             try:
-                drawn_set, drawn_units = self._cull(job, camera, frame)
+                stats, drawn_units = self._cull(job, camera, frame)
             except InputError:
                 raise
             except Exception as error:  # a plug-in may raise anything; the others go on
@@ -182,7 +190,7 @@ class Referee:
             record = FrameRecord(
                 frame,
                 verdict,
-                drawn_set.stats,
+                stats,
                 int(np.count_nonzero(drawn)),
                 rulings.corrections,
                 differ,
@@ -205,15 +213,14 @@ class Referee:
             listener.on_truth(frame, truth, seen, ms)
         return truth, seen
 
-    def _cull(self, job: Job, camera: Camera, frame: int) -> tuple[DrawnSet, Int32]:
+    def _cull(self, job: Job, camera: Camera, frame: int) -> tuple[QueryStats, Int32]:
         start = time.perf_counter()
         drawn_set = job.culler.cull(camera)
         elapsed_ms = (time.perf_counter() - start) * 1e3
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
-        drawn_set.stats.ms.setdefault("cull", elapsed_ms)
-        return drawn_set, ids
+        return check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame), ids
 
     def _settle(
         self, truth: FrameTruth, drawn: NDArray[np.bool_], culler: Culler
