@@ -68,7 +68,11 @@ def test_replay_plays_the_frame_of_the_camera_it_is_given(tmp_path):
 
 
 BAD = {
-    "unknown name": ("v.jsonl", lines({"frame": 0, "visible": ["square9"]}), "'square9'; did you mean"),
+    "unknown name": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": ["square9"]}),
+        "'square9'; did you mean",
+    ),
     "unknown id": ("v.jsonl", lines({"frame": 0, "visible": [3]}), "object id 3"),
     "negative id": ("v.jsonl", lines({"frame": 0, "visible": [-1]}), "object id -1"),
     "missing frame": ("v.jsonl", "", "1 of 1 frames are missing: 0"),
@@ -92,6 +96,33 @@ BAD = {
     "text id in CSV": ("v.csv", "frame,object_id\n0,one\n", "object_id is 'one'"),
     "not Parquet": ("v.parquet", "no", "not a Parquet file"),
     "unknown ending": ("v.txt", "", "rename"),
+    "lists too deep": ("v.jsonl", '{"frame": 0, "visible":' + "[" * 100_000, "lists too deep"),
+    "id too long to read": ("v.jsonl", '{"frame": 0, "visible": [' + "9" * 5000 + "]}", "line 1"),
+    "id too long in CSV": ("v.csv", "frame,object_id\n0," + "9" * 5000 + "\n", "an integer"),
+    "id with underscore": ("v.csv", "frame,object_id\n0,1_0\n", "object_id is '1_0'"),
+    "counter too large": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"queries": 1 << 63}}),
+        "stats has 'queries'",
+    ),
+    "negative counter": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"queries": -1}}),
+        "stats has 'queries': -1",
+    ),
+    "text for a time": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"ms": {"cull": "1"}}}),
+        "milliseconds by phase",
+    ),
+    "NaN for a time": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"ms": {"cull": float("nan")}}}),
+        "milliseconds by phase",
+    ),
+    "name with a comma, unquoted": ("v.csv", "frame,object\n0,a,b\n", "quote names"),
+    "row cut short": ("v.csv", "frame,object\n0\n", "not as many fields"),
+    "field without end": ("v.csv", "frame,object\n0," + "a" * 200_000, "not valid CSV"),
 }
 
 
@@ -107,9 +138,27 @@ def test_bad_recording_is_one_clear_line_naming_the_file(name, tmp_path):
     assert "\n" not in message
 
 
-def test_missing_file_is_a_clear_error(tmp_path):
+@pytest.mark.parametrize("ending", ["jsonl", "csv", "parquet"])
+def test_missing_file_is_a_clear_error(ending, tmp_path):
     with pytest.raises(InputError, match="cannot read it"):
-        read_visible_sets(tmp_path / "none.jsonl", SCENE, range(1), 1)
+        read_visible_sets(tmp_path / f"none.{ending}", SCENE, range(1), 1)
+
+
+@pytest.mark.parametrize("name", ["v.jsonl", "v.csv"])
+def test_byte_order_mark_of_a_text_editor_is_no_part_of_the_recording(name, tmp_path):
+    text = "frame,object\n0,square1\n" if name == "v.csv" else lines({"frame": 0, "visible": [1]})
+    file = tmp_path / name
+    file.write_text(text, encoding="utf-8-sig")
+    assert read_visible_sets(file, SCENE, range(1), 1).frames[0].tolist() == [1]
+
+
+def test_parquet_that_lost_its_middle_is_a_clear_error(tmp_path):
+    pq.write_table(pa.table({"frame": [0], "object_id": [1]}), tmp_path / "v.parquet")
+    content = bytearray((tmp_path / "v.parquet").read_bytes())
+    content[4:40] = b"\xff" * 36
+    (tmp_path / "v.parquet").write_bytes(content)
+    with pytest.raises(InputError, match="not a whole one"):
+        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)
 
 
 def test_parquet_ids_must_be_whole(tmp_path):

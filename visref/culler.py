@@ -13,9 +13,10 @@ The referee recomputes everything else and trusts no plug-in.
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any, ClassVar
 
@@ -83,6 +84,18 @@ class QueryStats:
         """The counters that were measured, without the times."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "ms"}
         return {name: int(value) for name, value in values.items() if value is not None}
+
+
+def is_count(value: object) -> bool:
+    """Whether a counter may be this: a whole number that records hold (int64)."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    return whole and 0 <= value < 1 << 63  # type: ignore[operator]
+
+
+def is_duration(value: object) -> bool:
+    """Whether a time may be this: a number, finite and not negative."""
+    number = isinstance(value, (int, float, np.integer, np.floating))
+    return number and 0.0 <= value <= sys.float_info.max  # type: ignore[operator]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +182,21 @@ def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> ND
     if len(np.unique(ids)) != len(ids):
         raise CullerError(f"{culler}: frame {frame}: a unit is drawn twice")
     return ids.astype(np.int32)
+
+
+def check_stats(stats: QueryStats, elapsed_ms: float, *, culler: str, frame: int) -> QueryStats:
+    """A copy of a frame's stats, with the call's own time where they give none. Raises
+    CullerError for a value that no record can hold."""
+    if not isinstance(stats, QueryStats) or not isinstance(stats.ms, dict):
+        raise CullerError(f"{culler}: frame {frame}: stats is no QueryStats")
+    for f in fields(QueryStats):
+        value = getattr(stats, f.name)
+        if f.name != "ms" and value is not None and not is_count(value):
+            raise CullerError(f"{culler}: frame {frame}: stats.{f.name} is {value!r}")
+    for phase, ms in stats.ms.items():
+        if not isinstance(phase, str) or not is_duration(ms):
+            raise CullerError(f"{culler}: frame {frame}: stats.ms[{phase!r}] is {ms!r}")
+    return replace(stats, ms={"cull": elapsed_ms, **stats.ms})
 
 
 class CullerError(RuntimeError):

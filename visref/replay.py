@@ -8,7 +8,8 @@ integer is an object id and a string an object's name. The same as CSV or Parque
 from __future__ import annotations
 
 import csv
-import json
+import re
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
@@ -20,10 +21,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from visref.camera import Camera, CameraPath
-from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster, RasterTolerance
+from visref.culler import (
+    Culler,
+    DrawnSet,
+    Promise,
+    QueryStats,
+    Raster,
+    RasterTolerance,
+    is_count,
+    is_duration,
+)
 from visref.errors import InputError
+from visref.reading import parse_json
 from visref.scene import Int32, Scene, Units
 
+_WHOLE = re.compile(r"\s*[+-]?[0-9]+\s*")
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 
 
@@ -91,9 +103,11 @@ def read_visible_sets(
     except InputError as error:
         raise error.at(source=source) from error
     except OSError as error:
-        raise InputError(f"cannot read it: {error.strerror}", source=source) from error
+        raise InputError(
+            f"cannot read it: {error.strerror}", source=source, mend="check its name"
+        ) from error
     except UnicodeDecodeError as error:
-        raise InputError("it is not UTF-8 text", source=source) from error
+        raise InputError("it is not UTF-8 text", source=source, mend="write it anew") from error
     return _gather(rows, scene, frames, path_length, source)
 
 
@@ -164,16 +178,16 @@ def _object_id(entry: int | str, scene: Scene, source: str, place: str) -> int:
 
 
 def _json_lines(path: Path) -> Iterator[_Row]:
-    with path.open(encoding="utf-8") as lines:
+    with path.open("rb") as lines:
         for number, line in enumerate(lines, start=1):
             place = f"line {number}"
             if not line.strip():
                 continue
             try:
-                row = json.loads(line)
-            except json.JSONDecodeError as error:
+                row = parse_json(line)
+            except InputError as error:
                 raise InputError(
-                    f"not valid JSON: {error.msg}", place=place, mend="write an object a line"
+                    error.problem, place=place, mend="write an object a line"
                 ) from error
             if not isinstance(row, dict) or "frame" not in row or "visible" not in row:
                 raise InputError(
@@ -198,43 +212,65 @@ def _stats(values: Any, place: str) -> QueryStats:
         raise InputError("stats is not an object", place=place, mend="write {…}")
     stats = QueryStats()
     for name, value in values.items():
-        if name == "ms" and isinstance(value, dict):
-            stats.ms = {str(phase): float(ms) for phase, ms in value.items()}
-        elif name in _COUNTERS and isinstance(value, int) and not isinstance(value, bool):
+        if name == "ms" and isinstance(value, dict) and all(map(is_duration, value.values())):
+            stats.ms = {phase: float(ms) for phase, ms in value.items()}
+        elif name in _COUNTERS and is_count(value):
             setattr(stats, name, value)
         else:
             raise InputError(
                 f"stats has {name!r}: {value!r}",
                 place=place,
-                mend=f"known counters (integers) are {', '.join(sorted(_COUNTERS))}",
+                mend='"ms" holds milliseconds by phase; known counters, whole numbers, are '
+                + ", ".join(sorted(_COUNTERS)),
             )
     return stats
 
 
 def _csv(path: Path) -> Iterator[_Row]:
-    with path.open(encoding="utf-8", newline="") as file:
+    with path.open(encoding="utf-8-sig", newline="") as file:
         reader = csv.DictReader(file)
         columns = reader.fieldnames or []
         column = _object_column(list(columns))
         frames: dict[int, tuple[str, list[int | str]]] = {}
-        for row in reader:
+        while (row := _csv_row(reader)) is not None:
             place = f"line {reader.line_num}"
+            if None in row or None in row.values():
+                raise InputError(
+                    "the row has not as many fields as the header",
+                    place=place,
+                    mend="quote names that hold commas",
+                )
             frame = _whole(row["frame"], "frame", place)
             objects = frames.setdefault(frame, (place, []))[1]
             value = row[column]
             # A frame in which nothing was drawn is a row with an empty object.
-            if value not in (None, ""):
+            if value:
                 by_id = column == "object_id"
                 objects.append(_whole(value, column, place) if by_id else value)
     for frame, (place, objects) in frames.items():
         yield _Row(place, frame, objects, QueryStats())
 
 
+def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
+    try:
+        return next(reader, None)
+    except csv.Error as error:
+        raise InputError(
+            f"not valid CSV: {error}", place=f"line {reader.line_num}", mend="write it anew"
+        ) from error
+
+
 def _parquet(path: Path) -> Iterator[_Row]:
+    if path.is_dir():
+        raise InputError("this is a folder, not a file", mend="give the file itself")
+    if not path.exists():
+        raise InputError("cannot read it: no such file", mend="check its name")
     try:
         table = pq.read_table(path)
-    except pa.ArrowInvalid as error:
-        raise InputError("it is not a Parquet file", mend="write it anew") from error
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(
+            "it is not a Parquet file, or not a whole one", mend="write it anew"
+        ) from error
     column = _object_column(table.column_names)
     frames: dict[int, list[int | str]] = {}
     for index, (frame, value) in enumerate(
@@ -243,7 +279,11 @@ def _parquet(path: Path) -> Iterator[_Row]:
         place = f"row {index}"
         objects = frames.setdefault(_whole(frame, "frame", place), [])
         if value is not None:
-            objects.append(_whole(value, column, place) if column == "object_id" else str(value))
+            if column == "object" and not isinstance(value, str):
+                raise InputError(
+                    f"object is {value!r}", place=place, mend="write names as text, or object_id"
+                )
+            objects.append(_whole(value, column, place) if column == "object_id" else value)
     for frame, objects in frames.items():
         yield _Row(f"frame {frame}", frame, objects, QueryStats())
 
@@ -262,8 +302,10 @@ def _object_column(columns: list[str]) -> str:
 
 def _whole(value: Any, column: str, place: str) -> int:
     try:
-        if isinstance(value, (bool, float)) or value is None:
-            raise ValueError
-        return int(value)
-    except ValueError as error:
-        raise InputError(f"{column} is {value!r}", place=place, mend="give an integer") from error
+        if isinstance(value, int) and not isinstance(value, bool):
+            return value
+        if isinstance(value, str) and _WHOLE.fullmatch(value):
+            return int(value)
+    except ValueError:  # longer than Python reads
+        pass
+    raise InputError(f"{column} is {reprlib.repr(value)}", place=place, mend="give an integer")

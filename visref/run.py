@@ -16,7 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera, CameraPath
-from visref.culler import Culler, CullerError, DrawnSet, Promise, QueryStats, check_drawn, check_stats
+from visref.culler import (
+    Culler,
+    CullerError,
+    DrawnSet,
+    Promise,
+    QueryStats,
+    check_drawn,
+    check_stats,
+)
 from visref.disputes import Rulings, corrected, find_disputes, settle
 from visref.engines.base import TruthEngine
 from visref.errors import InputError, NothingToJudge

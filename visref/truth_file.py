@@ -12,6 +12,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -36,6 +37,8 @@ _SCHEMA = pa.schema(
     ]
 )
 _KEY = b"visref"
+_FORMAT = "visref-truth"
+_VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +88,8 @@ class TruthTable:
     def write(self, file: Path, *, engine: str, path: CameraPath, ties_complete: bool) -> None:
         """Write the table; the caller has made the place safe."""
         facts = {
-            "format": "visref-truth",
-            "version": 1,
+            "format": _FORMAT,
+            "version": _VERSION,
             "engine": engine,
             "scene": self._scene.digest,
             "path": path_digest(path),
@@ -113,17 +116,7 @@ def read_truth(
     one of the frames.
     """
     source = str(file)
-    try:
-        table = pq.read_table(file)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(
-            "cannot read it as a truth file", source=source, mend="write one with `visref truth`"
-        ) from error
-    facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
-    if facts.get("format") != "visref-truth":
-        raise InputError(
-            "this is not a truth file", source=source, mend="write one with `visref truth`"
-        )
+    table, facts = _table_and_facts(Path(file), source)
     for what, now in (("scene", scene.digest), ("path", path_digest(path))):
         if facts[what] != now:
             raise InputError(
@@ -133,6 +126,52 @@ def read_truth(
         raise InputError("it lacks frames of this run", source=source, mend="cast them all")
     frame = table["frame"].to_numpy()
     objects = table["object"].to_numpy().astype(np.int64)
+    if len(objects) and not 0 <= objects.min() <= objects.max() < scene.object_count:
+        raise InputError(
+            "a row names an object that the scene lacks",
+            source=source,
+            place="object",
+            mend="cast the truth again",
+        )
     pixels = table["pixels"].to_numpy()
-    rows = {index: FrameRows(objects[frame == index], pixels[frame == index]) for index in frames}
-    return RecordedTruth(facts["engine"], bool(facts["ties_complete"]), rows)
+    order = np.argsort(frame, kind="stable")
+    low = np.searchsorted(frame, frames, side="left", sorter=order)
+    high = np.searchsorted(frame, frames, side="right", sorter=order)
+    rows = {
+        index: FrameRows(objects[order[start:end]], pixels[order[start:end]])
+        for index, start, end in zip(frames, low, high, strict=True)
+    }
+    return RecordedTruth(facts["engine"], facts["ties_complete"], rows)
+
+
+def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]:
+    """The table, and what its metadata says, both of the form that `TruthTable` writes."""
+    mend = "write one with `visref truth`"
+    if not file.is_file():
+        raise InputError("there is no such file", source=source, mend=mend)
+    try:
+        table = pq.read_table(file)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError("cannot read it as a truth file", source=source, mend=mend) from error
+    try:
+        facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
+    except ValueError:
+        facts = None
+    if not isinstance(facts, dict) or facts.get("format") != _FORMAT:
+        raise InputError("this is not a truth file", source=source, mend=mend)
+    if facts.get("version") != _VERSION:
+        raise InputError(
+            f"its version is {facts.get('version')!r}, and this visref reads {_VERSION}",
+            source=source,
+            mend="cast the truth again",
+        )
+    kinds = {"engine": str, "scene": str, "path": str, "ties_complete": bool, "frames": list}
+    odd = [name for name, kind in kinds.items() if not isinstance(facts.get(name), kind)]
+    if odd or not table.schema.equals(_SCHEMA) or any(c.null_count for c in table.columns):
+        where = ", ".join(odd) or "columns"
+        raise InputError(
+            f"its {where} are not those of a truth file",
+            source=source,
+            mend="cast the truth again",
+        )
+    return table, facts
