@@ -4,6 +4,7 @@ suite's scenes, not on scenes that hypothesis finds."""
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
@@ -15,9 +16,28 @@ from tests.bad_cullers import MUTANTS
 from visref.conformance import assert_conforms, exact_truths, judge_on
 from visref.conformance_scenes import Case
 from visref.culler import Culler, Option
-from visref.registry import CULLERS, available, make_culler
+from visref.registry import CULLERS, available
 
 pytestmark = pytest.mark.gl
+
+
+CLASSES: dict[str, type[Culler]] = {
+    name: point.load() for name, point in available(CULLERS).items()
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A culler with some of its options away from their defaults."""
+
+    name: str
+    chosen: tuple[tuple[str, object], ...] = ()
+
+    def make(self) -> Culler:
+        return CLASSES[self.name](**dict(self.chosen))
+
+    def __str__(self) -> str:
+        return f"{self.name}:{','.join(f'{k}={v}' for k, v in self.chosen)}".rstrip(":")
 
 
 def values(option: Option) -> tuple:
@@ -27,57 +47,44 @@ def values(option: Option) -> tuple:
     return option.choices or (option.default,)
 
 
-def spec(name: str, chosen: dict) -> str:
-    return f"{name}:{','.join(f'{key}={value}' for key, value in chosen.items())}".rstrip(":")
-
-
-def classes() -> dict[str, type[Culler]]:
-    return {name: point.load() for name, point in available(CULLERS).items()}
-
-
-def one_at_a_time() -> list[str]:
+def one_at_a_time() -> list[Variant]:
     """Each culler as it comes, and with each option away from its default."""
-    specs = []
-    for name, culler in classes().items():
-        specs.append(name)
+    found = []
+    for name, culler in CLASSES.items():
+        found.append(Variant(name))
         for key, option in culler.options.items():
             others = [value for value in values(option) if value != option.default]
-            specs += [spec(name, {key: value}) for value in others]
-    return specs
-
-
-def all_combinations() -> dict[str, list[str]]:
-    """Per culler every combination of its options."""
-    found = {}
-    for name, culler in classes().items():
-        choices = itertools.product(*(values(option) for option in culler.options.values()))
-        found[name] = [
-            spec(name, dict(zip(culler.options, chosen, strict=True))) for chosen in choices
-        ]
+            found += [Variant(name, ((key, value),)) for value in others]
     return found
 
 
-COMBINATIONS = all_combinations()
+def all_combinations(name: str) -> list[Variant]:
+    options = CLASSES[name].options
+    choices = itertools.product(*map(values, options.values()))
+    return [Variant(name, tuple(zip(options, chosen, strict=True))) for chosen in choices]
+
+
+COMBINATIONS = [all_combinations(name) for name in CLASSES]
 
 # One seed for the same examples everywhere; GL is slow to start, and drawing is no fault.
 QUIET = settings(derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 
 
-@pytest.mark.parametrize("culler", one_at_a_time())
-def test_culler_conforms_with_each_option(culler):
-    assert_conforms(lambda: make_culler(culler))
+@pytest.mark.parametrize("variant", one_at_a_time(), ids=str)
+def test_culler_conforms_with_each_option(variant):
+    assert_conforms(variant.make)
 
 
 @settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     built=strategies.cases(),
-    cullers=st.tuples(*(st.sampled_from(specs) for specs in COMBINATIONS.values())),
+    variants=st.tuples(*map(st.sampled_from, COMBINATIONS)),
 )
-def test_no_culler_misses_what_hypothesis_puts_in_view(built, cullers):
+def test_no_culler_misses_what_hypothesis_puts_in_view(built, variants):
     truths = exact_truths(built)
-    for culler in cullers:
-        problems, _ = judge_on(lambda culler=culler: make_culler(culler), built, truths)
-        assert problems == (), culler
+    for variant in variants:
+        problems, _ = judge_on(variant.make, built, truths)
+        assert problems == (), str(variant)
 
 
 @pytest.mark.parametrize(
