@@ -7,6 +7,7 @@ logarithm: such points lie on a shelf of their own below the axis.
 from __future__ import annotations
 
 import io
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -167,13 +168,24 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
 
 
 def _labels(axes: Any, panel: Panel, height: Any) -> None:
-    """A name beside each point; in a joined panel beside those of the first series alone."""
+    """A name beside each point; in a joined panel beside those of the first series alone. A
+    label goes above its point, or below where the last one is in its way."""
     first = panel.points[0].series
-    for point in panel.points:
-        if panel.join and point.series != first:
-            continue
-        axes.annotate(point.label, (point.seconds, height(point.error)), xytext=(7, 5),
-                      textcoords="offset points", fontsize=8.5, color=_INK, zorder=4)  # fmt: skip
+    points = [point for point in panel.points if not panel.join or point.series == first]
+    seconds = [point.seconds for point in panel.points]
+    width = math.log(2.0 * max(seconds) / min(seconds))
+    before, below = None, False
+    for point in sorted(points, key=lambda point: point.seconds):
+        close = (
+            before is not None
+            and math.log(point.seconds / before.seconds) < 0.02 * len(before.label) * width
+            and 0.4 < height(point.error) / height(before.error) < 2.5
+        )
+        below = close and not below
+        axes.annotate(point.label, (point.seconds, height(point.error)),
+                      xytext=(7, -13 if below else 5), textcoords="offset points", fontsize=8.5,
+                      color=_INK, zorder=4)  # fmt: skip
+        before = point
 
 
 def pictures(bench: Bench, title: str) -> tuple[str, bytes]:

@@ -89,15 +89,15 @@ def _definitional(bench: Bench) -> str:
     centres = bench.geometric[0]
     jittered = [row for row in bench.geometric if row.bound is not None]
     dearest = max(jittered, key=lambda row: row.rays)
-    between = aimed.found - centres.found
-    if not bench.objects_known - centres.found:
+    between = bench.objects_known - centres.found
+    if not between:
         return "No object was found to show between the samples alone."
     return (
-        f"Whoever needs what shows between the samples aims rays: {count(between)} more objects "
-        f"for {aimed.seconds - centres.seconds:.2g} s a frame, where {dearest.rays_per_pixel} rays "
-        f"in every pixel take {dearest.seconds:.2g} s, miss "
-        f"{count(dearest.missed_of_known)} of {count(bench.objects_known)} objects, and leave at "
-        f"most {_tiny(dearest)} of the image to objects that they have not seen."
+        f"{counted(between, 'object')} more show between the samples alone: aimed rays find "
+        f"{count(aimed.found - centres.found)} of the {count(between)} for "
+        f"{aimed.seconds - centres.seconds:.2g} s a frame; {dearest.rays_per_pixel} rays in every "
+        f"pixel find {count(between - dearest.missed_of_known)} for {dearest.seconds:.2g} s, and "
+        f"leave at most {_tiny(dearest)} of the image to what they have not seen."
     )
 
 
