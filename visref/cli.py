@@ -365,7 +365,7 @@ def _hardcases(given: argparse.Namespace) -> Exit:
 def _doctor(given: argparse.Namespace) -> Exit:
     works = False
     for check in commands.doctor():
-        mark = "ok     " if check.works else "missing"
+        mark = f"{'ok' if check.works else check.otherwise:7}"
         works = works or (check.works and check.is_engine)
         _OUT.print(f"{mark} {check.name}: {check.detail}", markup=False)
     return Exit.NO_VIOLATION if works else Exit.NOTHING_JUDGED

@@ -34,6 +34,7 @@ from visref.run import ImageCheck, Listener, Referee
 from visref.scene import Scene
 from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
+from visref.watertight import leaks_line, watertight_rates
 
 BENCH_FRAMES = 6
 DEMO_SCENE = "city:scale=0.2"
@@ -384,17 +385,26 @@ def hard_cases(
 
 @dataclass(frozen=True)
 class DoctorCheck:
-    """One line of `visref doctor`."""
+    """One line of `visref doctor`; `otherwise` is the word for one that does not work."""
 
     name: str
     works: bool
     detail: str
     is_engine: bool = False
+    otherwise: str = "missing"
 
 
 def doctor() -> list[DoctorCheck]:
-    """What works on this machine. Each engine casts a frame whose answer is known."""
+    """What works on this machine. Each engine casts a frame whose answer is known, and frames
+    of rays that all aim at vertices and edges of a closed surface."""
     checks = [_check_engine(name) for name in engine_names()]
+    broken = {check.name for check in checks if not check.works}
+    for spec in every_spec(ENGINES):
+        if f"engine {spec.partition(':')[0]}" not in broken:
+            leaks = watertight_rates(spec)
+            tight = not any(leak.missed for leak in leaks)
+            label, line = f"watertight engine {spec}", leaks_line(leaks)
+            checks.append(DoctorCheck(label, tight, line, otherwise="leaks"))
     for name in available(CULLERS):
         try:
             load_entry(CULLERS, name, kind="culler")

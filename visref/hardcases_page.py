@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from visref.hardcases import EXACT, Cell, ExpectedFrame, HardCase, HardCaseTable, State, counted
+from visref.hardcases import Cell, ExpectedFrame, HardCase, HardCaseTable, State, counted
 
 _HEAD = """# Hard cases
 
@@ -25,36 +25,33 @@ writes them (`NAME.glb`, `NAME.path.json`, `NAME.expected.json`), for any engine
 - *Samples* and *objects* are sums over frames."""
 
 # Why an engine errs on a case: case, start of the engines' specs, reason.
-_FILL_RULE = (
-    "GL covers a sample exactly on an edge from one side only (the top-left rule), so that a "
-    "closed triangle loses the samples on its other edges."
-)
-_DEPTH_STEP = (
-    "Window depth is close to 1 nearly everywhere, where float32 steps by 2^-24 of the range "
-    "and 24-bit depth does too: both surfaces get the same depth, and the one drawn last owns "
-    "the samples."
-)
 _RANGE = (
-    "At the far plane, and just outside either plane, clip coordinates differ from w by less "
-    "than float32 resolves: what is clipped is decided by rounding."
+    "At the planes the clip coordinate z differs from w by less than float32 resolves, so that "
+    "rounding decides what is clipped."
 )
 _REASONS: tuple[tuple[str, str, str], ...] = (
-    ("coinciding-silhouettes-on-samples", "gl", _FILL_RULE),
+    (
+        "coinciding-silhouettes-on-samples",
+        "gl",
+        "GL covers a sample exactly on an edge from one side only (the top-left rule), so that "
+        "the closed card loses the samples on its right and lower sides.",
+    ),
     (
         "sliver-edge-on-samples",
         "gl",
-        f"{_FILL_RULE} Snapping to sub-pixels makes this sliver degenerate besides.",
+        "Snapped to the sub-pixel grid the sliver has no area, and GL draws nothing of it.",
     ),
     (
         "t-junction-gap",
         "embree open3d",
-        "The gap that rounding has opened is narrower than the float32 error of a ray's "
-        "direction, so the ray meets one of the sheet's triangles.",
+        "A pixel is 2e-8 units wide. Rounding the ray's origin to float32 moves it by about as "
+        "much, past the gap.",
     ),
     (
         "t-junction-gap",
         "gl",
-        "The gap is narrower than the sub-pixel grid that vertices are snapped to.",
+        "A pixel is 2e-8 units wide and the sheets are 3: their float32 vertices land several "
+        "pixels off.",
     ),
     (
         "tessellated-wall-far-away",
@@ -70,10 +67,21 @@ _REASONS: tuple[tuple[str, str, str], ...] = (
     (
         "enormous-triangle-1e30",
         "gl",
-        "Clipping against the view in float32 loses the rest of the triangle.",
+        "Clipped in float32, the triangle's new corners miss the image's rim by far, and what "
+        "is left does not cover it.",
     ),
-    ("near-far-ratio-1e10", "gl", _DEPTH_STEP),
-    ("grazing-floor", "gl", _DEPTH_STEP),
+    (
+        "near-far-ratio-1e10",
+        "gl",
+        "Window depth at 1e6 is within 1e-8 of 1, less than one step of either depth buffer: "
+        "both cards get the same depth, and the one drawn last owns the samples.",
+    ),
+    (
+        "grazing-floor",
+        "gl",
+        "The sheets are 2^-25 apart, less than float32 transforms and depths resolve, so that "
+        "rounding orders them.",
+    ),
     ("at-near-and-far-perspective", "gl", _RANGE),
     ("at-near-and-far-orthographic", "gl", _RANGE),
 )
@@ -175,17 +183,16 @@ def _marked(cell: Cell) -> str:
 
 def _why(table: HardCaseTable, case: str) -> list[str]:
     """Reasons for what the table shows as wrong or refused, and only for that."""
+    cells = table.cells[case]
+    open_ = [s for s in table.engines if cells[s].state in (State.WRONG, State.REFUSED)]
     lines = []
     for name, prefixes, reason in _REASONS:
-        specs = [
-            spec
-            for spec in table.engines
-            if name == case
-            and spec.startswith(tuple(prefixes.split()))
-            and table.cells[case][spec].state in (State.WRONG, State.REFUSED)
-        ]
-        if specs:
+        specs = [spec for spec in open_ if spec.startswith(tuple(prefixes.split()))]
+        if name == case and specs:
             lines += ["", f"Why not {', '.join(f'`{spec}`' for spec in specs)}: {reason}"]
+            open_ = [spec for spec in open_ if spec not in specs]
+    if open_:
+        lines += ["", f"Why not {', '.join(f'`{spec}`' for spec in open_)}: this is not known."]
     return lines
 
 
@@ -194,15 +201,3 @@ def _names(names: Sequence[str]) -> str:
     if len(names) > len(shown):
         shown = [*shown[:2], f"{len(names) - 2:,} more"]
     return " and ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-
-
-def unexplained(table: HardCaseTable) -> list[tuple[str, str]]:
-    """(case, engine) pairs that are wrong, and of which nothing is known why."""
-    pairs = [(case.name, spec) for case in table.cases for spec in table.engines]
-    return [
-        (case, spec)
-        for case, spec in pairs
-        if spec != EXACT
-        and table.cells[case][spec].state is State.WRONG
-        and not any(f"`{spec}`" in line for line in _why(table, case))
-    ]
