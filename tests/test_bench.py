@@ -21,7 +21,7 @@ from visref.bench import Measurement, measure
 from visref.bench.bounds import good_turing, unseen_share_bound
 from visref.bench.measure import GeometricRow, ImageRow, jittered, wrong_owners
 from visref.bench.plot import Point, panels, pictures
-from visref.bench.subsets import GRIDS, OFFSETS, SIDE, nested_grids
+from visref.bench.subsets import ALL, SUBSETS, nested_subsets
 from visref.bench.verdict import headline, pareto, sentences
 from visref.camera import Camera, CameraPath, look_at
 from visref.engines import make_engine
@@ -152,28 +152,34 @@ def test_the_nested_grids_rays_are_the_whole_cameras_bit_for_bit(
         shift_x_px=shift[0],
         shift_y_px=shift[1],
     )
-    grids = nested_grids(camera)
-    assert grids is not None
-    for grid, (x0, y0) in zip(grids, OFFSETS, strict=True):
-        for x, y in rng.integers(0, (grid.width, grid.height), (4, 2)):
-            ours, whole = grid.ray(x, y), camera.ray(SIDE * x + x0, SIDE * y + y0)
+    subsets = nested_subsets(camera)
+    assert subsets is not None
+    for grid in [grid for grids in subsets.values() for grid in grids]:
+        for x, y in rng.integers(0, (grid.camera.width, grid.camera.height), (4, 2)):
+            ours = grid.camera.ray(x, y)
+            whole = camera.ray(grid.step * x + grid.x, grid.step * y + grid.y)
             assert ours[0].tobytes() == whole[0].tobytes()
             assert ours[1].tobytes() == whole[1].tobytes()
 
 
-def test_each_subset_is_spread_evenly_and_together_they_are_all_samples() -> None:
-    assert len(set(OFFSETS)) == GRIDS
-    even = {(x, y) for x in (0, 2) for y in (0, 2)}
-    assert set(OFFSETS[:2]) == {(0, 0), (2, 2)}
-    assert set(OFFSETS[:4]) == even
-    # A chequerboard.
-    assert set(OFFSETS[:8]) == even | {(x + 1, y + 1) for x, y in even}
+def test_each_subset_holds_the_smaller_ones_and_its_share_of_the_samples() -> None:
+    before = np.zeros((16, 16), np.bool_)
+    for sixteenths, (step, starts) in SUBSETS.items():
+        now = np.zeros_like(before)
+        for x, y in starts:
+            now[y::step, x::step] = True
+        assert now.sum() == sixteenths * 16
+        assert (now | ~before).all()
+        # Evenly spread: every block of 4 x 4 holds the same samples.
+        np.testing.assert_array_equal(now, np.roll(now, (4, 8), (0, 1)))
+        before = now
+    assert before.all()
 
 
 def test_a_smaller_picture_has_other_samples() -> None:
     camera = Camera(np.eye(4), 16, 12, near=0.1, yfov=1.0)
     small = replace(camera, width=4, height=3)
-    assert not set(small.column_a * SIDE) & set(camera.column_a)
+    assert not set(small.column_a * 4) & set(camera.column_a)
 
 
 @pytest.mark.parametrize(
@@ -181,27 +187,29 @@ def test_a_smaller_picture_has_other_samples() -> None:
 )
 def test_no_grids_where_they_would_not_be_the_same_samples(change: dict[str, float]) -> None:
     camera = Camera(np.eye(4), 16, 12, near=0.1, yfov=1.0)
-    assert nested_grids(camera) is not None
+    assert nested_subsets(camera) is not None
     changed = replace(camera, **change)
-    grids = nested_grids(changed)
-    if grids is not None:
-        # A shift may have a quarter that does not round.
+    subsets = nested_subsets(changed)
+    if subsets is not None:
+        # A part of a shift need not round.
         assert "shift_x_px" in change or "shift_y_px" in change
-        for grid, (x, _) in zip(grids, OFFSETS, strict=True):
-            np.testing.assert_array_equal(grid.column_a * SIDE, changed.column_a[x::SIDE])
+        for grid in subsets[1]:
+            np.testing.assert_array_equal(grid.camera.row_b * 4, changed.row_b[:: grid.step])
+            np.testing.assert_array_equal(grid.camera.column_a * 4, changed.column_a[:: grid.step])
 
 
-def test_the_exact_grids_make_up_the_exact_frame() -> None:
+def test_the_exact_subset_is_the_exact_frame_there() -> None:
     scene = random_soup(11)
     camera = Camera(np.eye(4), 24, 16, near=0.5, far=64.0, yfov=1.5)
     exact = ExactScene(scene)
     whole = exact.certify(camera).buffer
-    grids = nested_grids(camera)
-    assert grids is not None
-    for grid, (x, y) in zip(grids, OFFSETS, strict=True):
-        part = exact.certify(grid).buffer
-        np.testing.assert_array_equal(part.triangle, whole.triangle[y::SIDE, x::SIDE])
-        np.testing.assert_array_equal(part.depth, whole.depth[y::SIDE, x::SIDE])
+    subsets = nested_subsets(camera)
+    assert subsets is not None
+    for grid in [grid for grids in subsets.values() for grid in grids]:
+        part = exact.certify(grid.camera).buffer
+        at = np.s_[grid.y :: grid.step, grid.x :: grid.step]
+        np.testing.assert_array_equal(part.triangle, whole.triangle[at])
+        np.testing.assert_array_equal(part.depth, whole.depth[at])
 
 
 def test_a_wrong_pixel_is_one_whose_owner_is_no_co_owner() -> None:
@@ -261,7 +269,7 @@ def measured() -> bench.Bench:
     return Measurement(known_scene(), CameraPath((CAMERA, CAMERA)), [0, 1], 1).run()
 
 
-def row_of(measured: bench.Bench, engine: str, sixteenths: int = GRIDS) -> ImageRow:
+def row_of(measured: bench.Bench, engine: str, sixteenths: int = ALL) -> ImageRow:
     return next(r for r in measured.image if (r.engine, r.sixteenths) == (engine, sixteenths))
 
 
@@ -274,7 +282,7 @@ def test_each_error_stands_in_its_own_column(measured: bench.Bench) -> None:
         # The square between the samples, in two frames.
         assert whole.definitional_missed == 2
         sixteenth = row_of(measured, engine, 1)
-        assert sixteenth.rays == whole.rays // GRIDS
+        assert sixteenth.rays == whole.rays // ALL
         # Samples (4 i, 4 j) alone: none of the block's (5, 5) to (6, 6).
         assert sixteenth.sampling_missed == 2
         assert sixteenth.numeric_wrong_samples == sixteenth.numeric_missed == 0
@@ -336,8 +344,8 @@ def test_an_engine_that_is_not_there_is_left_out_and_said(monkeypatch: pytest.Mo
     result = Measurement(known_scene(), CameraPath((odd,)), [0], 1).run()
     assert [what for what, _ in result.left_out] == ["open3d", "densities below 1"]
     assert {(row.engine, row.sixteenths) for row in result.image} == {
-        ("exact", GRIDS),
-        ("embree", GRIDS),
+        ("exact", ALL),
+        ("embree", ALL),
     }
     assert len(panels(result)) == 3
     assert "Fewer samples were not tried" in sentences(result)[1]

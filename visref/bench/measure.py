@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.bench.bounds import ALPHA, good_turing, unseen_share_bound
-from visref.bench.subsets import GRIDS, OFFSETS, SIDE, SIXTEENTHS, nested_grids
+from visref.bench.subsets import ALL, SUBSETS, Grid, nested_subsets
 from visref.camera import Camera, CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.engines.rays import RayEngine
@@ -134,18 +134,18 @@ class Measurement:
 
     def _run(self, on_frame: Callable[[int], None]) -> Bench:
         cameras = [self._path.frames[frame] for frame in self._frames]
-        grids = [nested_grids(camera) for camera in cameras]
-        densities: tuple[int, ...] = SIXTEENTHS
-        if None in grids:
+        subsets = [nested_subsets(camera) for camera in cameras]
+        densities: tuple[int, ...] = tuple(SUBSETS)
+        if None in subsets:
             self._left_out.append(
                 ("densities below 1", "4 does not divide the image's sides (or the lens shift)")
             )
-            densities = (GRIDS,)
+            densities = (ALL,)
         configurations = [
             (spec, density)
             for spec in self._engines
             for density in reversed(densities)
-            if density == GRIDS or spec not in WHOLE_ONLY
+            if density == ALL or spec not in WHOLE_ONLY
         ]
         image = {key: ImageRow(*key) for key in configurations}
         looks = len(RAYS_PER_PIXEL) - 1
@@ -156,7 +156,8 @@ class Measurement:
             ALPHA / (looks * len(cameras)),
         )
         rows: list[dict[str, Any]] = []
-        for frame, camera, nested in zip(self._frames, cameras, grids, strict=True):
+        for frame, camera, nested in zip(self._frames, cameras, subsets, strict=True):
+            nested = nested or {ALL: [Grid(camera, 0, 0, 1)]}
             if frame == self._frames[0]:
                 # Compiles, and lets the engines build what they build late.
                 self._cast(configurations, camera, nested)
@@ -177,7 +178,7 @@ class Measurement:
             on_frame(frame)
         return Bench(
             list(image.values()),
-            geometric.finish(len(cameras), image[REFERENCE, GRIDS].seconds),
+            geometric.finish(len(cameras), image[REFERENCE, ALL].seconds),
             self._frames,
             sum(camera.samples for camera in cameras),
             geometric.known_total,
@@ -190,7 +191,7 @@ class Measurement:
         self,
         configurations: Sequence[tuple[str, int]],
         camera: Camera,
-        nested: tuple[Camera, ...] | None,
+        subsets: dict[int, list[Grid]],
     ) -> tuple[dict[tuple[str, int], _View], dict[tuple[str, int], float]]:
         """Each configuration once, in turn: what it saw, and seconds for owners and objects."""
         views, seconds = {}, {}
@@ -201,19 +202,15 @@ class Measurement:
             decided = np.zeros(shape, np.bool_)
             visible = np.zeros(self._scene.object_count, np.bool_)
             spent = 0.0
-            parts = [(camera, (0, 0), 1)]
-            if density < GRIDS and nested is not None:
-                parts = [
-                    (nested[i], OFFSETS[i], SIDE) for i in range(density)
-                ]  # fmt: skip
-            for part, (x, y), step in parts:
+            for grid in subsets[density]:
                 start = time.perf_counter()
-                truth = engine.frame(part)
+                truth = engine.frame(grid.camera)
                 seen = objects_seen(truth, self._scene)
                 spent += time.perf_counter() - start
                 visible |= seen.visible
-                triangle[y::step, x::step] = truth.buffer.triangle
-                decided[y::step, x::step] = truth.decided.reshape(part.height, part.width)
+                part = np.s_[grid.y :: grid.step, grid.x :: grid.step]
+                triangle[part] = truth.buffer.triangle
+                decided[part] = truth.decided.reshape(truth.buffer.triangle.shape)
             views[spec, density] = _View(triangle, decided.ravel(), visible)
             seconds[spec, density] = spent
         return views, seconds
@@ -228,7 +225,7 @@ def _compare(
 ) -> dict[str, int | None]:
     """One frame's errors, added to the row and returned."""
     spec, density = key
-    view, exact, whole = views[key], views[REFERENCE, density], views[spec, GRIDS]
+    view, exact, whole = views[key], views[REFERENCE, density], views[spec, ALL]
     wrong_samples, wrong_triangles = wrong_owners(
         view.triangle.ravel(), view.decided & truth.decided, truth, scene
     )

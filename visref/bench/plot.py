@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from visref.bench.measure import Bench
-from visref.bench.subsets import GRIDS
+from visref.bench.subsets import ALL
 from visref.bench.verdict import pareto
 
 _INK, _SOFT = "#1b2026", "#59626c"
@@ -57,7 +57,7 @@ class Panel:
 
 def panels(bench: Bench) -> list[Panel]:
     """What the plot shows."""
-    whole = [row for row in bench.image if row.sixteenths == GRIDS]
+    whole = [row for row in bench.image if row.sixteenths == ALL]
     visible = {row.engine: row.visible for row in whole}
     names = {16: "1", 8: "1/2", 4: "1/4", 2: "1/8", 1: "1/16"}
     sampled = [row for row in bench.image if row.sampling_missed is not None]

@@ -1,55 +1,77 @@
 """Nested subsets of a frame's own samples, as cameras.
 
-Every fourth sample of a camera in x and in y is the whole grid of another: (w / 4, h / 4)
-samples, the lens shifted. Its s' = tan(yfov / 2) / (h / 4) is 4 s exactly (a power of two more),
-so R' = 4 R and U' = 4 U to the last bit, and with x = 4 X + i
+Every n-th sample of a camera in x and in y, from (i, j) on, is the whole grid of another camera
+of (w / n, h / n) samples with its lens shifted. For n a power of two its step tan(yfov / 2) /
+(h / n) is n s exactly, so R' = n R and U' = n U to the last bit, and with x = n X + i
 
-    a' = 2 (X + shift') + 1 - w / 4 = a / 4    for    shift' = (2 i + 2 shift - 3) / 8
+    a' = 2 (X + shift') + 1 - w / n = a / n    for    shift' = (2 i + 2 shift + 1 - n) / (2 n)
 
-likewise for y. So a' R' = a R bit for bit: the same rays, not those of a smaller picture. The 16
-such grids are taken in the order of a Bayer matrix, which spreads each subset evenly.
+likewise for y. So a' R' = a R bit for bit: the same rays, not those of a smaller picture.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from visref.camera import Camera
 
-SIDE = 4
-GRIDS = SIDE * SIDE
-# How many of the 16 grids; each subset holds those before it.
-SIXTEENTHS = (1, 2, 4, 8, 16)
-# (x, y) of each grid's first sample, so that every power of two of them is evenly spread.
-OFFSETS = (
-    *((0, 0), (2, 2), (2, 0), (0, 2), (1, 1), (3, 3), (3, 1), (1, 3)),
-    *((1, 0), (3, 2), (3, 0), (1, 2), (0, 1), (2, 3), (2, 1), (0, 3)),
-)
+ALL = 16
+# By how many sixteenths of the samples: n, and the first samples of the grids. Each holds those
+# before it and is evenly spread: a half is a chequerboard, a quarter every second sample.
+SUBSETS: dict[int, tuple[int, tuple[tuple[int, int], ...]]] = {
+    1: (4, ((0, 0),)),
+    2: (4, ((0, 0), (2, 2))),
+    4: (2, ((0, 0),)),
+    8: (2, ((0, 0), (1, 1))),
+    ALL: (1, ((0, 0),)),
+}
+MULTIPLE = 4
 
 
-def nested_grids(camera: Camera) -> tuple[Camera, ...] | None:
-    """The camera's 16 interleaved grids in nested order; None where they would not be the same
-    samples: sides that 4 does not divide, or a lens shift whose quarter rounds."""
-    if camera.width % SIDE or camera.height % SIDE:
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The samples (step X + x, step Y + y) of a camera, as a camera of their own."""
+
+    camera: Camera
+    x: int
+    y: int
+    step: int
+
+
+def nested_subsets(camera: Camera) -> dict[int, list[Grid]] | None:
+    """The grids of each subset, by sixteenths; None where they would not be the same samples:
+    sides that 4 does not divide, or a lens shift of which a part rounds."""
+    if camera.width % MULTIPLE or camera.height % MULTIPLE:
         return None
-    grids = []
-    for x, y in OFFSETS:
-        grid = replace(
-            camera,
-            width=camera.width // SIDE,
-            height=camera.height // SIDE,
-            shift_x_px=(2.0 * x + 2.0 * camera.shift_x_px - 3.0) / 8.0,
-            shift_y_px=(2.0 * y + 2.0 * camera.shift_y_px - 3.0) / 8.0,
-        )
-        same = (
-            np.array_equal(grid.column_a * SIDE, camera.column_a[x::SIDE])
-            and np.array_equal(grid.row_b * SIDE, camera.row_b[y::SIDE])
-            and np.array_equal(grid.right_step, camera.right_step * SIDE)
-            and np.array_equal(grid.up_step, camera.up_step * SIDE)
-        )
-        if not same:
-            return None
-        grids.append(grid)
-    return tuple(grids)
+    subsets = {
+        sixteenths: [Grid(_every(camera, step, x, y), x, y, step) for x, y in starts]
+        for sixteenths, (step, starts) in SUBSETS.items()
+    }
+    if not all(_same(camera, grid) for grids in subsets.values() for grid in grids):
+        return None
+    return subsets
+
+
+def _every(camera: Camera, step: int, x: int, y: int) -> Camera:
+    if step == 1:
+        return camera
+    return replace(
+        camera,
+        width=camera.width // step,
+        height=camera.height // step,
+        shift_x_px=(2.0 * x + 2.0 * camera.shift_x_px + 1.0 - step) / (2.0 * step),
+        shift_y_px=(2.0 * y + 2.0 * camera.shift_y_px + 1.0 - step) / (2.0 * step),
+    )
+
+
+def _same(camera: Camera, grid: Grid) -> bool:
+    """Whether the grid's rays are the camera's, bit for bit."""
+    part, step = grid.camera, grid.step
+    return (
+        np.array_equal(part.column_a * step, camera.column_a[grid.x :: step])
+        and np.array_equal(part.row_b * step, camera.row_b[grid.y :: step])
+        and np.array_equal(part.right_step, camera.right_step * step)
+        and np.array_equal(part.up_step, camera.up_step * step)
+    )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from visref.bench.measure import PROBER, REFERENCE, Bench, GeometricRow, ImageRow
-from visref.bench.subsets import GRIDS
+from visref.bench.subsets import ALL
 from visref.report.words import count, counted, percent
 
 Row = TypeVar("Row")
@@ -68,8 +68,8 @@ def _numeric(bench: Bench) -> str:
 
 def _sampling(bench: Bench) -> str:
     rows = {row.sixteenths: row for row in bench.image if row.engine == REFERENCE}
-    whole = rows[GRIDS]
-    partial = [row for row in rows.values() if row.sixteenths < GRIDS]
+    whole = rows[ALL]
+    partial = [row for row in rows.values() if row.sixteenths < ALL]
     if not partial:
         return "Fewer samples were not tried: the image's sides are not multiples of 4."
     # The cheapest that finds the same objects, else the dearest that does not.
@@ -102,7 +102,7 @@ def _definitional(bench: Bench) -> str:
 
 
 def _whole(bench: Bench, engine: str) -> ImageRow:
-    return next(row for row in bench.image if (row.engine, row.sixteenths) == (engine, GRIDS))
+    return next(row for row in bench.image if (row.engine, row.sixteenths) == (engine, ALL))
 
 
 def _share(row: ImageRow) -> str:
