@@ -5,21 +5,33 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
+from datasets_gen.city import city
+from datasets_gen.dataset import scene_of
+from datasets_gen.vessels import vessels
 from tests import bad_occupancy_map as _its_mutants  # noqa: F401
 from tests import strategies
 from tests.bad_cullers import MUTANTS
+from visref.camera import Camera, CameraPath, look_at
 from visref.conformance import assert_conforms, exact_truths, judge_on
 from visref.conformance_scenes import Case
 from visref.culler import Culler, Option
+from visref.engines.embree import EmbreeEngine
+from visref.loading import load_scene
 from visref.registry import CULLERS, available
+from visref.run import Referee
+from visref.scene import Scene
 
 pytestmark = pytest.mark.gl
 
+
+REAL_MODEL = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")
 
 CLASSES: dict[str, type[Culler]] = {
     name: point.load() for name, point in available(CULLERS).items()
@@ -85,6 +97,45 @@ def test_no_culler_misses_what_hypothesis_puts_in_view(built, variants):
     for variant in variants:
         problems, _ = judge_on(variant.make, built, truths)
         assert problems == (), str(variant)
+
+
+def orbit(scene: Scene) -> CameraPath:
+    """Around a scene, from outside and from within."""
+    low, high = scene.core_bounds
+    middle, reach = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+    aside = np.array([(1.0, 0.4, 1.2), (-1.1, 0.2, 0.3), (0.1, -1.0, 0.2), (0.05, 0.02, 0.1)])
+    return CameraPath(
+        tuple(
+            Camera(look_at(middle + reach * way, middle), 160, 120, 0.01 * reach, yfov=1.0)
+            for way in aside
+        )
+    )
+
+
+def larger(name: str) -> tuple[Scene, CameraPath]:
+    """A generated scene with its path, or a file with cameras around it."""
+    if name == "city":
+        made = city(scale=0.01, frames=4)
+        return scene_of(made), made.path.resized(160, 120)
+    if name == "vessels":
+        made = vessels(scale=0.02, frames=4)
+        return scene_of(made), made.path.resized(160, 120)
+    if not REAL_MODEL.exists():
+        pytest.skip("Debian's assimp-testmodels is not installed")
+    scene = load_scene(REAL_MODEL)
+    return scene, orbit(scene)
+
+
+@pytest.mark.parametrize("name", ["city", "vessels", "engine"])
+def test_no_culler_misses_anything_in_generated_and_real_scenes(name):
+    scene, path = larger(name)
+    referee = Referee(scene, lambda: EmbreeEngine(scene))
+    cullers = [(str(variant), variant.make()) for variant in one_at_a_time()]
+    outcome = referee.run(path, range(len(path)), cullers)
+    for record in outcome.cullers:
+        assert record.totals.violations == 0, record.spec
+        assert not record.failed, record.spec
+        assert record.totals.visible > 0
 
 
 @pytest.mark.parametrize(
