@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.hand_made import soup, triangle_units, truth
@@ -203,6 +203,22 @@ def test_blended_object_before_the_opaque_hit_is_visible_and_can_be_missed():
     assert (found.misses[0].sample, found.misses[0].depth) == (1, 3.0)
 
 
+def test_raster_tolerance_of_an_opaque_part_does_not_excuse_a_missed_blended_part():
+    scene = soup([2])
+    scene = Scene(
+        scene.vertices,
+        scene.triangles,
+        scene.object_offsets,
+        scene.names,
+        alpha=np.array([Alpha.OPAQUE, Alpha.BLEND], np.uint8),
+    )
+    rulings = Rulings(within_raster=frozenset({0}), best_sample={0: 0})
+    found = verdict(scene, blended_truth(0), [], rulings=rulings)
+    assert [(miss.kind, miss.sample, miss.triangle) for miss in found.misses] == [
+        (MissKind.CONFIRMED, 1, 1)
+    ]
+
+
 def test_disputes_are_the_samples_that_no_drawn_triangle_shows():
     scene = soup([1, 1, 1])
     frame = truth([[0, 1, 2, -1]], ties=[(1, 0)], undecided=[2])
@@ -246,6 +262,7 @@ def brute_force(scene, frame, units, drawn_units):
     )
 
 
+@settings(deadline=None)  # the first call compiles
 @given(data=st.data())
 def test_judge_equals_the_contract_read_aloud(data):
     sizes = data.draw(st.lists(st.integers(0, 3), min_size=1, max_size=4))

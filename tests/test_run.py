@@ -10,7 +10,7 @@ import pytest
 
 from visref import conformance
 from visref.camera import CameraPath
-from visref.culler import Culler, DrawnSet, Promise, QueryStats
+from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster, RasterTolerance
 from visref.disputes import find_disputes
 from visref.engines import make_engine
 from visref.errors import InputError, NothingToJudge
@@ -500,3 +500,93 @@ def test_drawing_a_subset_disputes_exactly_the_samples_of_the_rest():
 
 def test_path_of_one_frame_is_a_path():
     assert run(Draws(), path=CameraPath(PATH.frames[:1]), frames=[0]).exit is Exit.NO_VIOLATION
+
+
+class Halves(Culler):
+    """Units that are no objects, though nobody says so: two a triangle list, one drawn."""
+
+    name = "halves"
+
+    def prepare(self, scene):
+        count = scene.triangle_count
+        return Units(np.arange(count + 1), np.arange(count, dtype=np.int32))
+
+    def cull(self, camera):
+        return DrawnSet(np.arange(SCENE.triangle_count, dtype=np.int32))
+
+
+def test_units_that_are_no_objects_are_not_named_as_objects(tmp_path):
+    record = recording(tmp_path / "run", Halves())
+    assert record.cullers[0].unit_kind == "unit"
+    rows = pq.read_table(tmp_path / "run" / "objects.parquet").to_pylist()
+    assert rows
+    assert {(row["object"], row["name"]) for row in rows} == {(-1, None)}
+    assert max(row["unit"] for row in rows) >= SCENE.object_count
+
+
+@pytest.mark.parametrize(
+    "stats",
+    [
+        QueryStats(queries=1 << 63),
+        QueryStats(queries=-1),
+        QueryStats(queries=1.5),
+        QueryStats(ms={"cull": float("nan")}),
+        QueryStats(ms={"cull": "1"}),
+        None,
+    ],
+    ids=["too large", "negative", "a fraction", "NaN ms", "ms as text", "none"],
+)
+def test_stats_that_no_record_can_hold_stop_the_culler_alone(stats, tmp_path):
+    class Boasts(Draws):
+        name = "boasts"
+
+        def cull(self, camera):
+            return DrawnSet(self.ids, stats)
+
+    outcome = recording(tmp_path / "run", Boasts(), Draws())
+    assert [record.exit for record in outcome.cullers] == [Exit.NOTHING_JUDGED, Exit.NO_VIOLATION]
+    assert codes(outcome, "boasts") == ["CULLER_FAILED"]
+
+
+def test_stats_of_one_frame_do_not_change_with_the_next(tmp_path):
+    class Counts(Draws):
+        stats = QueryStats(queries=0)
+
+        def cull(self, camera):
+            self.stats.queries += 1
+            return DrawnSet(self.ids, self.stats)
+
+    outcome = recording(tmp_path / "run", Counts())
+    frames = outcome.cullers[0].frames
+    assert [row.stats.queries for row in frames] == [1, 2, 3]
+    assert len({row.stats.ms["cull"] for row in frames}) > 1
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        lambda camera: 1 / 0,
+        lambda camera: np.zeros((1, 1), np.int32),
+        lambda camera: np.full((camera.height, camera.width), SCENE.triangle_count),
+        lambda camera: np.zeros((camera.height, camera.width)),
+    ],
+    ids=["raises", "wrong size", "unknown triangle", "floats"],
+)
+def test_rasteriser_without_a_proper_picture_stops_its_culler_alone(picture):
+    class Painted(Raster):
+        # Half a pixel of snap excuses every small object, if the picture lacks it.
+        tolerance = RasterTolerance(0.9)
+
+        def item_buffer(self, camera):
+            return picture(camera)
+
+    culprit = nothing()
+    culprit.raster = Painted()
+    outcome = run(culprit, Draws())
+    assert "CULLER_FAILED" in codes(outcome, "draws")
+    assert [record.exit for record in outcome.cullers] == [Exit.NOTHING_JUDGED, Exit.NO_VIOLATION]
+
+
+def test_promise_that_is_none_is_bad_input():
+    with pytest.raises(InputError, match="'draws' promises 'perfect'"):
+        run(Draws(promise="perfect"))

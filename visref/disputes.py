@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref import kernels
-from visref.culler import Raster
+from visref.camera import Camera
+from visref.culler import CullerError, Raster
 from visref.exact import ExactScene, Owners, surviving, witness_margins
-from visref.scene import Alpha, Int64, Scene
+from visref.scene import Alpha, Int32, Int64, Scene
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
@@ -62,13 +63,47 @@ class Rulings:
     margins: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class SampleWalk:
+    """One pass over a frame's decided samples, (n,) arrays over all objects.
+
+    `shows` bool: one of the object's own triangles was drawn where it is nearest. `lost`
+    int64: its samples at which nothing at the nearest depth was drawn; `lost_sample` int64:
+    the first of them, -1 if none. `missed_pixels`: such samples, each counted once.
+    """
+
+    shows: NDArray[np.bool_]
+    lost: Int64
+    lost_sample: Int64
+    missed_pixels: int
+
+
+def walk_samples(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> SampleWalk:
+    """What `drawn` ((t,) bool) shows of each object, and what it loses."""
+    count = scene.object_count
+    shows, lost = np.zeros(count, np.bool_), np.zeros(count, np.int64)
+    lost_sample = np.full(count, -1, np.int64)
+    missed_pixels = kernels.judge_samples(
+        truth.buffer.triangle.reshape(-1),
+        truth.decided,
+        truth.ties.sample,
+        truth.ties.triangle,
+        drawn,
+        scene.object_of_triangle,
+        shows,
+        lost,
+        lost_sample,
+    )
+    return SampleWalk(shows, lost, lost_sample, int(missed_pixels))
+
+
 def find_disputes(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> Disputes:
     """The samples and blended objects that `drawn` ((t,) bool) fails to show."""
     samples = kernels.undrawn_samples(truth.buffer.triangle.reshape(-1), truth.decided, drawn)
     ties = truth.ties
     if len(ties.sample) and len(samples):
         samples = np.setdiff1d(samples, ties.sample[drawn[ties.triangle]], assume_unique=False)
-    blended = [o for o in truth.blend.object if not drawn[_blended(scene, int(o))].any()]
+    blended = [o for o in truth.blend.object if not drawn[blended_triangles(scene, int(o))].any()]
     return Disputes(samples, np.array(blended, np.int32))
 
 
@@ -125,8 +160,8 @@ def corrected(truth: FrameTruth, rulings: Rulings) -> FrameTruth:
     )
 
 
-def _blended(scene: Scene, object_id: int) -> NDArray[np.int64]:
-    """The object's BLEND triangles."""
+def blended_triangles(scene: Scene, object_id: int) -> NDArray[np.int64]:
+    """The ids of an object's BLEND triangles."""
     low, high = scene.object_offsets[object_id : object_id + 2]
     blended: NDArray[np.int64] = low + np.flatnonzero(scene.alpha[low:high] == Alpha.BLEND)
     return blended
@@ -161,22 +196,8 @@ def _with_margins(
 ) -> Rulings:
     """Add what is known of each object that stays missed in full."""
     scene = exact.scene
-    shows = np.zeros(scene.object_count, np.bool_)
-    lost = np.zeros(scene.object_count, np.int64)
-    lost_sample = np.full(scene.object_count, -1, np.int64)
-    triangle = truth.buffer.triangle.reshape(-1)
-    kernels.judge_samples(
-        triangle,
-        truth.decided,
-        truth.ties.sample,
-        truth.ties.triangle,
-        drawn,
-        scene.object_of_triangle,
-        shows,
-        lost,
-        lost_sample,
-    )
-    missed = np.flatnonzero((lost > 0) & ~shows)
+    walk = walk_samples(truth, scene, drawn)
+    missed = np.flatnonzero((walk.lost > 0) & ~walk.shows)
     if not len(missed):
         return rulings
     samples, objects = _witness_samples(scene, truth, disputes, missed)
@@ -191,10 +212,7 @@ def _with_margins(
             again = surviving(exact, truth.camera, more, their, raster.tolerance)
             lost_all = np.setdiff1d(lost_all, their[again])
         if len(lost_all):
-            picture = raster.item_buffer(truth.camera)
-            if picture is not None:
-                shown = np.unique(scene.object_of_triangle[picture[picture >= 0]])
-                lost_all = np.setdiff1d(lost_all, shown)
+            lost_all = np.setdiff1d(lost_all, _objects_shown(scene, truth.camera, raster))
             within = {int(o) for o in lost_all}
     best: dict[int, int] = {}
     margins: dict[int, tuple[float, float]] = {}
@@ -203,6 +221,26 @@ def _with_margins(
         best.setdefault(int(objects[at]), int(samples[at]))
         margins.setdefault(int(objects[at]), (float(margin_px[at]), float(margin_depth[at])))
     return replace(rulings, within_raster=frozenset(within), best_sample=best, margins=margins)
+
+
+def _objects_shown(scene: Scene, camera: Camera, raster: Raster) -> Int32:
+    """The objects in the rasteriser's own unculled picture, none if it has no picture. Raises
+    CullerError where it is no such picture."""
+    try:
+        picture = raster.item_buffer(camera)
+    except Exception as error:  # a plug-in may raise anything
+        raise CullerError(f"item_buffer() raised {type(error).__name__}: {error}") from error
+    if picture is None:
+        return np.zeros(0, np.int32)
+    seen = np.unique(picture)
+    if not (
+        picture.shape == (camera.height, camera.width)
+        and np.issubdtype(picture.dtype, np.integer)
+        and BACKGROUND <= seen[0] <= seen[-1] < scene.triangle_count
+    ):
+        raise CullerError("item_buffer() is no picture of the scene's triangle ids")
+    shown: Int32 = np.unique(scene.object_of_triangle[seen[seen >= 0]])
+    return shown
 
 
 def _witness_samples(

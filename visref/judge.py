@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from visref import kernels
 from visref.culler import Promise
-from visref.disputes import Rulings, corrected
+from visref.disputes import (
+    Rulings,
+    SampleWalk,
+    blended_triangles,
+    corrected,
+    walk_samples,
+)
 from visref.scene import Alpha, Int32, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
@@ -101,11 +107,12 @@ def judge(
     drawn = units.mask(drawn_units, scene.triangle_count)
     seen = objects_seen(truth, scene)
 
-    shows, lost, lost_sample, missed_pixels = _walk(truth, scene, drawn)
+    walk = walk_samples(truth, scene, drawn)
+    shows = walk.shows.copy()
     for object_id in truth.blend.object:
-        shows[object_id] |= _draws_blend(scene, drawn, int(object_id))
+        shows[object_id] |= bool(drawn[blended_triangles(scene, int(object_id))].any())
     missed = np.flatnonzero(seen.visible & ~shows)
-    misses = [_miss(scene, truth, seen, rulings, int(o), lost, lost_sample) for o in missed]
+    misses = [_miss(scene, truth, seen, rulings, int(o), walk) for o in missed]
     misses.sort(key=lambda miss: (-miss.pixels, miss.object))
 
     superfluous = _superfluous(scene, truth, units, drawn_units)
@@ -120,37 +127,11 @@ def judge(
         within_raster_tolerance=kinds.count(MissKind.WITHIN_RASTER),
         violations=confirmed if promise.convicts else 0,
         undecided=len(undecided),
-        missed_pixels=missed_pixels,
+        missed_pixels=walk.missed_pixels,
         drawn=len(drawn_units),
         superfluous=len(superfluous),
     )
     return FrameVerdict(counts, tuple(misses), superfluous, undecided)
-
-
-def _walk(
-    truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64], int]:
-    count = scene.object_count
-    shows = np.zeros(count, np.bool_)
-    lost = np.zeros(count, np.int64)
-    lost_sample = np.full(count, -1, np.int64)
-    missed_pixels = kernels.judge_samples(
-        truth.buffer.triangle.reshape(-1),
-        truth.decided,
-        truth.ties.sample,
-        truth.ties.triangle,
-        drawn,
-        scene.object_of_triangle,
-        shows,
-        lost,
-        lost_sample,
-    )
-    return shows, lost, lost_sample, int(missed_pixels)
-
-
-def _draws_blend(scene: Scene, drawn: NDArray[np.bool_], object_id: int) -> bool:
-    own = slice(*scene.object_offsets[object_id : object_id + 2])
-    return bool((drawn[own] & (scene.alpha[own] == Alpha.BLEND)).any())
 
 
 def _miss(
@@ -159,13 +140,14 @@ def _miss(
     seen: ObjectVisibility,
     rulings: Rulings,
     object_id: int,
-    lost: NDArray[np.int64],
-    lost_sample: NDArray[np.int64],
+    walk: SampleWalk,
 ) -> Miss:
     owned = int(seen.pixels[object_id])
+    lost = int(walk.lost[object_id])
+    within_raster = object_id in rulings.within_raster
     blended = np.flatnonzero(truth.blend.object == object_id)
-    if lost[object_id] == 0 and len(blended):
-        # A blended object owns no sample of the visibility buffer.
+    if len(blended) and (lost == 0 or within_raster):
+        # A blended part owns no sample of the visibility buffer, and no tolerance excuses it.
         at = int(blended[0])
         return Miss(
             object_id,
@@ -176,18 +158,17 @@ def _miss(
             int(truth.blend.triangle[at]),
             float(truth.blend.depth[at]),
         )
-    if lost[object_id] == 0:
+    if lost == 0:
         sample = int(seen.sample[object_id])
         kind = MissKind.TIE
     else:
-        sample = rulings.best_sample.get(object_id, int(lost_sample[object_id]))
-        tolerated = object_id in rulings.within_raster
-        kind = MissKind.WITHIN_RASTER if tolerated else MissKind.CONFIRMED
+        sample = rulings.best_sample.get(object_id, int(walk.lost_sample[object_id]))
+        kind = MissKind.WITHIN_RASTER if within_raster else MissKind.CONFIRMED
     margin_px, margin_depth = rulings.margins.get(object_id, (None, None))
     return Miss(
         object_id,
         kind,
-        int(lost[object_id]),
+        lost,
         owned,
         sample,
         _own_triangle(scene, truth, sample, object_id),

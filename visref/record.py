@@ -31,11 +31,11 @@ from numpy.typing import NDArray
 
 from visref.camera import CameraPath
 from visref.culler import QueryStats
-from visref.judge import FrameVerdict
+from visref.judge import Counts, FrameVerdict
 from visref.outcome import RunOutcome, verdict_json, witness_json
 from visref.pictures import PictureSet, draw_pictures
 from visref.run import Job, JudgedFrame
-from visref.scene import Int32, Scene, Units
+from visref.scene import OBJECT, Int32, Scene, Units
 from visref.truth_file import TruthTable, path_digest
 from visref.visibility import FrameTruth, ObjectVisibility
 from visref.witness import write_witnesses
@@ -64,6 +64,27 @@ _OBJECTS = pa.schema(
     ]
 )
 _COUNTERS = tuple(name for name in vars(QueryStats()) if name != "ms")
+_FRAMES = pa.schema(
+    [
+        ("culler", pa.string()),
+        *(
+            (name, pa.int64())
+            for name in (
+                "frame",
+                *vars(Counts()),
+                *_COUNTERS,
+                "corrections",
+                "image_pixels_differ",
+            )
+        ),
+    ]
+)
+_TIMINGS = pa.schema(
+    [("culler", pa.string()), ("frame", pa.int64()), ("phase", pa.string()), ("ms", pa.float64())]
+)
+# Rows of objects.parquet that are held before they are written: some 10 MB. A culler of small
+# units over a long path has tens of millions.
+_PENDING_ROWS = 1 << 17
 
 
 def slug(spec: str) -> str:
@@ -95,7 +116,9 @@ class Recorder:
         self._has_truth = False
         self._frames: list[dict[str, Any]] = []
         self._timings: list[dict[str, Any]] = []
-        self._objects: list[dict[str, Any]] = []
+        self._names = pa.array(scene.names, pa.string())
+        self._pending: list[pa.Table] = []
+        self._objects: pq.ParquetWriter | None = None
         self._pictures: list[PictureSet] = []
         # By culler its units, and by frame the units drawn where something was missed.
         self._drawn: dict[str, tuple[Units, dict[int, Int32]]] = {}
@@ -127,7 +150,7 @@ class Recorder:
         self._timings += [
             _timing(job.spec, record.frame, phase, ms) for phase, ms in record.stats.ms.items()
         ]
-        self._objects += self._object_rows(job, record.frame, verdict)
+        self._add_objects(job, record.frame, verdict)
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
             drawn[record.frame] = judged.drawn_units
@@ -159,44 +182,46 @@ class Recorder:
         self._extra_pictures[spec] = taken + 1
         return True
 
-    def _object_rows(self, job: Job, frame: int, verdict: FrameVerdict) -> list[dict[str, Any]]:
+    def _add_objects(self, job: Job, frame: int, verdict: FrameVerdict) -> None:
         width = self._path.frames[frame].width
-        rows = []
+        misses = []
         for miss in verdict.misses:
             witness = witness_json(self._scene, width, frame, miss)
             witness["name"] = witness.pop("object_name")
-            rows.append({"culler": job.spec, **witness})
-        by_object = job.units.kind == "object"
-        rows += [
-            {
-                "culler": job.spec,
-                "frame": frame,
-                "object": int(unit) if by_object else -1,
-                "name": self._scene.names[unit] if by_object else None,
-                "kind": "superfluous",
-                "unit": int(unit),
-            }
-            for unit in verdict.superfluous_units
-        ]
-        rows += [
-            {
-                "culler": job.spec,
-                "frame": frame,
-                "object": int(obj),
-                "name": self._scene.names[obj],
-                "kind": "undecided",
-            }
-            for obj in verdict.undecided_objects
-        ]
-        return rows
+            misses.append({"culler": job.spec, **witness})
+        self._pending.append(pa.Table.from_pylist(misses, schema=_OBJECTS))
+        units = pa.array(verdict.superfluous_units, pa.int32())
+        columns: dict[str, pa.Array] = {"unit": units}
+        if job.units.kind == OBJECT:
+            columns |= {"object": units, "name": self._names.take(units)}
+        else:
+            columns["object"] = pa.repeat(pa.scalar(-1, pa.int32()), len(units))
+        self._pending.append(_object_rows(job.spec, frame, "superfluous", len(units), columns))
+        objects = pa.array(verdict.undecided_objects, pa.int32())
+        columns = {"object": objects, "name": self._names.take(objects)}
+        self._pending.append(_object_rows(job.spec, frame, "undecided", len(objects), columns))
+        if sum(map(len, self._pending)) >= _PENDING_ROWS:
+            self._write_objects()
+
+    def _write_objects(self) -> None:
+        if self._objects is None:
+            file = self._folder / "objects.parquet"
+            self._objects = pq.ParquetWriter(file, _OBJECTS, compression="zstd")
+        self._objects.write_table(pa.concat_tables([_OBJECTS.empty_table(), *self._pending]))
+        self._pending = []
 
     def finish(self, outcome: RunOutcome) -> None:
         """Write everything that is left to write."""
         folder = self._folder
-        pq.write_table(_table(self._frames), folder / "frames.parquet", compression="zstd")
-        pq.write_table(_table(self._timings), folder / "timings.parquet", compression="zstd")
-        objects = pa.Table.from_pylist(self._objects, schema=_OBJECTS)
-        pq.write_table(objects, folder / "objects.parquet", compression="zstd")
+        for name, rows, schema in (
+            ("frames", self._frames, _FRAMES),
+            ("timings", self._timings, _TIMINGS),
+        ):
+            table = pa.Table.from_pylist(rows, schema=schema)
+            pq.write_table(table, folder / f"{name}.parquet", compression="zstd")
+        self._write_objects()
+        assert self._objects is not None
+        self._objects.close()
         if self._has_truth:
             self._truth.write(
                 folder / "truth.parquet",
@@ -255,8 +280,18 @@ def _timing(culler: str, frame: int, phase: str, ms: float) -> dict[str, Any]:
     return {"culler": culler, "frame": frame, "phase": phase, "ms": ms}
 
 
-def _table(rows: list[dict[str, Any]]) -> pa.Table:
-    return pa.Table.from_pylist(rows) if rows else pa.table({"culler": pa.array([], pa.string())})
+def _object_rows(
+    culler: str, frame: int, kind: str, count: int, columns: dict[str, pa.Array]
+) -> pa.Table:
+    """`count` rows of objects.parquet; what `columns` does not give is null."""
+    columns = columns | {
+        "culler": pa.repeat(pa.scalar(culler), count),
+        "frame": pa.repeat(pa.scalar(frame, pa.int32()), count),
+        "kind": pa.repeat(pa.scalar(kind), count),
+    }
+    return pa.table(
+        [columns.get(f.name, pa.nulls(count, f.type)) for f in _OBJECTS], schema=_OBJECTS
+    )
 
 
 def write_json(path: Path, value: object) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -32,7 +32,7 @@ from visref.exact import ExactScene
 from visref.judge import Counts, FrameVerdict, MissKind, judge
 from visref.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.rules import Finding
-from visref.scene import Int32, Scene, Units, unique_names
+from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.truth_file import FrameRows, RecordedTruth
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
@@ -87,7 +87,8 @@ class Referee:
     """Casts truths and judges cullers on one scene.
 
     `engine` makes the truth engine on first use, so that a recorded truth with nothing to
-    dispute never builds one.
+    dispute never builds one. It must be the engine that cast a recorded truth: another may not
+    see what that truth says was missed.
     """
 
     scene: Scene
@@ -126,11 +127,13 @@ class Referee:
         return outcome
 
     def _prepare(self, spec: str, culler: Culler, outcome: RunOutcome) -> Job | None:
-        record = CullerRecord(spec, Promise(culler.promise))
+        record = CullerRecord(spec, _promise(spec, culler))
         outcome.cullers.append(record)
         try:
             units = culler.prepare(self.scene)
             units.check(self.scene, source=spec)
+            if units.kind == OBJECT and not units.are_objects(self.scene):
+                units = replace(units, kind="unit")
         except NothingToJudge as error:
             record.failed = True
             outcome.findings.append(Finding("NO_GL", str(error), culler=spec))
@@ -141,7 +144,7 @@ class Referee:
             self._fail(record, outcome, None, error)
             return None
         # `prepare` may have settled what the options promise.
-        record.promise = Promise(culler.promise)
+        record.promise = _promise(spec, culler)
         record.unit_kind, record.unit_count = units.kind, units.count
         return Job(spec, culler, record, units)
 
@@ -187,7 +190,11 @@ class Referee:
             truth, rulings = None, Rulings()
             if verdict is None:
                 cast = cast or self._cast(camera, frame, ())
-                truth, rulings = self._settle(cast[0], drawn, job.culler)
+                try:
+                    truth, rulings = self._settle(cast[0], drawn, job.culler)
+                except CullerError as error:  # its rasteriser's picture is the plug-in's too
+                    self._fail(job.record, outcome, frame, error)
+                    continue
                 verdict = judge(
                     self.scene, truth, job.units, drawn_units, job.record.promise, rulings
                 )
@@ -244,12 +251,26 @@ class Referee:
         for record in outcome.cullers:
             outcome.findings.extend(_culler_findings(record, self.scene))
         engine = self._engine
-        if engine is not None and engine.name not in ("exact",):
+        if self.recorded is not None:
+            caster = "" if self.recorded.ties_complete else self.recorded.engine
+        else:
+            caster = "" if engine is None or engine.name == "exact" else engine.name
+        if caster:
             outcome.findings.append(
-                Finding("ENGINE_BLIND_SPOTS", f"the truth was cast by '{engine.name}'")
+                Finding("ENGINE_BLIND_SPOTS", f"the truth was cast by '{caster}'")
             )
         if engine is not None and not getattr(engine, "rebase_exact", True):
             outcome.findings.append(Finding("REBASE_INEXACT", "the scene spans too far"))
+
+
+def _promise(spec: str, culler: Culler) -> Promise:
+    try:
+        return Promise(culler.promise)
+    except ValueError as error:
+        raise InputError(
+            f"'{spec}' promises {culler.promise!r}",
+            mend=f"a promise is one of {', '.join(Promise)}",
+        ) from error
 
 
 def _clean_verdict(
@@ -259,12 +280,9 @@ def _clean_verdict(
 
     Enough where units are objects and every visible object was drawn whole.
     """
-    whole = (
-        np.array_equal(job.units.offsets, scene.object_offsets)
-        and np.array_equal(job.units.triangles, np.arange(scene.triangle_count))
-        and not scene.has_mask
-    )
-    if not whole or not np.isin(rows.objects, drawn_units).all():
+    if scene.has_mask or job.units.kind != OBJECT:
+        return None
+    if not np.isin(rows.objects, drawn_units).all():
         return None
     superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
     counts = Counts(visible=len(rows.objects), drawn=len(drawn_units), superfluous=len(superfluous))

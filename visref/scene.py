@@ -237,6 +237,10 @@ class Scene:
         return state.hexdigest()
 
 
+# The kind of units that are the scene's objects.
+OBJECT = "object"
+
+
 @dataclass(frozen=True, eq=False)
 class Units:
     """What a culler decides about: lists of triangles that may overlap.
@@ -248,7 +252,7 @@ class Units:
 
     offsets: Int64
     triangles: Int32
-    kind: str = "object"
+    kind: str = OBJECT
 
     @property
     def count(self) -> int:
@@ -258,6 +262,13 @@ class Units:
     def sizes(self) -> Int64:
         """(u,) int64, triangles in each unit."""
         return np.diff(self.offsets)
+
+    def are_objects(self, scene: Scene) -> bool:
+        """Whether unit i is object i of `scene`, triangle for triangle."""
+        objects = scene.object_units()
+        return np.array_equal(self.offsets, objects.offsets) and np.array_equal(
+            self.triangles, objects.triangles
+        )
 
     def mask(self, unit_ids: Int32, triangle_count: int) -> NDArray[np.bool_]:
         """(triangle_count,) bool, True for every triangle of the given units."""
@@ -278,6 +289,8 @@ class Units:
     def check(self, scene: Scene, *, source: str) -> None:
         """Raise InputError unless these are valid units of `scene`."""
         offsets, triangles = self.offsets, self.triangles
+        if not all(np.issubdtype(array.dtype, np.integer) for array in (offsets, triangles)):
+            raise InputError("the units are not arrays of integers", source=source)
         spans = len(offsets) >= 1 and offsets[0] == 0 and offsets[-1] == len(triangles)
         if not spans or (np.diff(offsets) < 0).any():
             raise InputError("the units' offsets do not span their triangles", source=source)
