@@ -1,0 +1,151 @@
+"""A tower of 54 equal modules of almost 20,000 triangles each, seen from inside.
+
+The counterpart of Greene's skyscraper, with which Klosowski and Silva ("Efficient Conservative
+Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001, section 4) measure
+depth complexity. Theirs is a steel frame; this one is laid out here: open-plan floors of 3 x 3
+modules, six above each other, with a well through every slab, so that much lies behind much.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from datasets_gen import furniture
+from datasets_gen.dataset import Dataset
+from datasets_gen.graph import Mesh, Node
+from datasets_gen.shapes import box, boxes, lathe, merge, moved, quarter_turn, snap
+from visref.camera import Camera, CameraPath, look_at
+from visref.errors import InputError
+
+FLOORS_AT_SCALE_1 = 6
+SIDE = 3
+MODULE_M = 12.0
+STOREY_M = 3.5
+WELL_M = 1.5  # half-width of the hole in the slab
+SEATS = ((-4.0, -4.0), (0.0, -4.5), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))
+
+
+def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
+    """54 modules at scale 1; `scale` sets the number of floors. The path (512 by 512) walks
+    round the wells of a middle floor, looking across them. Raises InputError for a scale or a
+    number of frames that makes no tower."""
+    if not 0.0 < scale <= 100.0:
+        raise InputError(f"the tower's scale is {scale}", place="scale", mend="give up to 100")
+    if frames < 1:
+        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+    floors = max(1, round(FLOORS_AT_SCALE_1 * scale))
+    pieces = _module(np.random.Generator(np.random.PCG64(seed)))
+    modules = []
+    for floor in range(floors):
+        for i in range(SIDE):
+            for j in range(SIDE):
+                name = f"module-{floor}-{i}-{j}"
+                at = (i * MODULE_M, floor * STOREY_M, j * MODULE_M)
+                parts = tuple(
+                    _at(f"{name}/{label}", mesh, place, turns)
+                    for label, mesh, place, turns in pieces
+                )
+                modules.append(_at(name, None, at, 0, parts))
+    return Dataset("skyscraper", tuple(modules), _path(floors, frames))
+
+
+def _at(
+    name: str,
+    mesh: Mesh | None,
+    at: tuple[float, float, float],
+    turns: int = 0,
+    children: tuple[Node, ...] = (),
+) -> Node:
+    matrix = np.eye(4)
+    matrix[:3, :3] = quarter_turn(turns)
+    matrix[:3, 3] = snap(at)
+    return Node(name, mesh, matrix, children)
+
+
+def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, float, float], int]]:
+    """The objects of a module: (label, mesh, place, quarter turns)."""
+    stock = {
+        "desk": furniture.mesh("desk", furniture.desk()),
+        "computer": furniture.mesh("computer", furniture.computer()),
+        "chair": furniture.mesh("chair", furniture.visitor_chair()),
+    }
+    pieces = [("frame", _frame(), (0.0, 0.0, 0.0), 0), ("rail", _rail(), (0.0, 0.0, 0.0), 0)]
+    for k, (x, z) in enumerate(SEATS):
+        turns = int(rng.integers(4))
+        pieces.append((f"partition{k}", _partition(), (x, 0.0, z), turns))
+        for label, mesh in stock.items():
+            step = quarter_turn(turns) @ [0.0, 0.0, 0.8 if label == "chair" else 0.0]
+            turned = turns + 2 if label == "chair" else turns
+            pieces.append((f"{label}{k}", mesh, (x + step[0], 0.0, z + step[2]), turned))
+    plant = furniture.mesh("plant", furniture.plant(rng, 110))
+    pieces.append(("plant", plant, (2.2, 0.0, 2.2), 0))
+    return pieces
+
+
+def _frame() -> Mesh:
+    """Slab with a well, girders of angled lattice, and columns at the module's corners."""
+    half = MODULE_M / 2
+    slab = [
+        box([-half, -0.25, -half], [half, 0.0, -WELL_M]),
+        box([-half, -0.25, WELL_M], [half, 0.0, half]),
+        box([-half, -0.25, -WELL_M], [-WELL_M, 0.0, WELL_M]),
+        box([WELL_M, -0.25, -WELL_M], [half, 0.0, WELL_M]),
+    ]
+    columns = [
+        moved(lathe([(0.25, 0.0), (0.25, STOREY_M - 0.25)], 24), (x, 0.0, z))
+        for x in (-half + 0.5, half - 0.5)
+        for z in (-half + 0.5, half - 0.5)
+    ]
+    lattice = []
+    for z in (-4.5, -3.0, 3.0, 4.5):
+        for k in range(24):
+            x = -half + 0.5 * k
+            lattice.append(
+                box([x, STOREY_M - 0.65, z - 0.03], [x + 0.06, STOREY_M - 0.3, z + 0.03])
+            )
+        lattice += [
+            box([-half, y, z - 0.05], [half, y + 0.05, z + 0.05])
+            for y in (STOREY_M - 0.7, STOREY_M - 0.35)
+        ]
+    return furniture.mesh(
+        "frame", {"floor": merge(slab), "wall": merge(columns), "metal": merge(lattice)}
+    )
+
+
+def _rail() -> Mesh:
+    """A balustrade round the well."""
+    side = np.arange(-WELL_M, WELL_M, 0.125)
+    posts = [(s, e) for s in side for e in (-WELL_M, WELL_M)]
+    posts += [(e, s) for s in side for e in (-WELL_M, WELL_M)]
+    low = np.array([(x - 0.01, 0.0, z - 0.01) for x, z in posts])
+    bars = [boxes(low, low + np.array([0.02, 1.0, 0.02]))]
+    for e in (-WELL_M, WELL_M):
+        bars.append(box([-WELL_M, 1.0, e - 0.03], [WELL_M, 1.06, e + 0.03]))
+        bars.append(box([e - 0.03, 1.0, -WELL_M], [e + 0.03, 1.06, WELL_M]))
+    return furniture.mesh("rail", {"metal": merge(bars)})
+
+
+def _partition() -> Mesh:
+    """Two screens at a right angle round a desk."""
+    screens = [
+        box([-1.2, 0.0, -0.65], [1.2, 1.75, -0.58]),
+        box([-1.2, 0.0, -0.58], [-1.13, 1.75, 1.0]),
+    ]
+    return furniture.mesh("partition", {"cloth": merge(screens)})
+
+
+def _path(floors: int, frames: int) -> CameraPath:
+    """Round the middle of a middle floor, looking across it."""
+    middle = (SIDE - 1) * MODULE_M / 2
+    y = (floors // 2) * STOREY_M + 1.625
+    cameras = []
+    for k in range(frames):
+        turn = 2.0 * math.pi * (k + 0.5) / frames
+        eye = (middle + 10.0 * math.cos(turn), y, middle + 10.0 * math.sin(turn))
+        target = (middle - 6.0 * math.cos(turn + 0.6), y, middle - 6.0 * math.sin(turn + 0.6))
+        cameras.append(
+            Camera(look_at(eye, target), 512, 512, near=0.1, far=200.0, yfov=math.radians(60.0))
+        )
+    return CameraPath(tuple(cameras))
