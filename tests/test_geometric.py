@@ -386,3 +386,11 @@ def _exact_normal(triangle: np.ndarray) -> list[Fraction]:
     p = [[Fraction(float(value)) for value in corner] for corner in triangle]
     g, h = ([p[i][k] - p[0][k] for k in range(3)] for i in (1, 2))
     return [g[(k + 1) % 3] * h[(k + 2) % 3] - g[(k + 2) % 3] * h[(k + 1) % 3] for k in range(3)]
+
+
+def test_the_search_stops_at_its_rounds_or_at_the_images_samples_whichever_is_more() -> None:
+    for width, height, rays in ((32, 24, 16 * (2**6 - 1)), (256, 192, 16 * (2**11 - 1))):
+        camera = perspective(width, height)
+        wall = quad(camera, (0, 0, width, height), 2.0)
+        scene = build(wall, quad(camera, (5.6, 3.6, 5.9, 3.9), 4.0))
+        assert search(scene, camera).rays == rays

@@ -7,12 +7,14 @@ exactly: an image of one pixel whose centre is that point (`point_camera`), so e
 has a witness that anyone can replay. The search is aggressive: an object that it does not find is
 *unseen*. Only what is outside the view or has no area is *hidden*, and that is proven.
 
-Stop rule: `ROUNDS` rounds of `FIRST_ROUND`, twice, four times … as many rays at each object
-that is still unseen, so at most `RAYS_PER_OBJECT` each.
+Stop rule: rounds of `FIRST_ROUND`, twice, four times … as many rays at each object that is still
+unseen: `ROUNDS` of them in any case, and more as long as the frame's rays stay no more than its
+samples.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +45,6 @@ from visref.visibility import BACKGROUND, ObjectVisibility
 
 FIRST_ROUND = 16
 ROUNDS = 6
-RAYS_PER_OBJECT = FIRST_ROUND * (2**ROUNDS - 1)
 # This share of an object's rays goes evenly to its triangles, so that one small triangle in
 # front of a large hidden rest is met too.
 EVEN_SHARE = 0.25
@@ -127,9 +128,10 @@ class GeometricSearch:
                 found.status[aim.objects[group]] = Status.HIDDEN
         aim = aim.only(aim.extent > 0.0)
         rays, start, count = 0, 0, FIRST_ROUND
-        for _ in range(ROUNDS):
+        for turn in itertools.count():
             aim = aim.only(found.status[aim.objects] == Status.UNSEEN)
-            if not len(aim.objects):
+            next_rays = count * len(aim.objects)
+            if not next_rays or (turn >= ROUNDS and rays + next_rays > camera.samples):
                 break
             target, a, b = draw_points(
                 number, aim.objects, start, count, EVEN_SHARE, aim.offsets, aim.which, aim.areas,
@@ -323,7 +325,6 @@ def write_geometric(
         "path": path_digest(path),
         "frames": numbers,
         "rays": rays,
-        "rays_per_object": RAYS_PER_OBJECT,
     }
     table = pa.concat_tables(parts)
     table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
