@@ -124,6 +124,56 @@ def test_a_truth_file_gives_the_same_verdict_as_casting_again(inputs, tmp_path):
         assert cast[1]["cullers"] == reused[1]["cullers"]
 
 
+def test_a_truth_file_is_followed_by_the_engine_that_cast_it(inputs, tmp_path, capsys):
+    scene, path = inputs
+    both = trimesh.load(scene)
+    both.add_geometry(both.geometry["front"].copy(), node_name="twin", geom_name="twin")
+    Path(scene).write_bytes(both.export(file_type="glb"))
+    truth = str(tmp_path / "truth.parquet")
+    arguments = ["truth", scene, "--path", path, "--out", truth, "--engine", "exact"]
+    assert main(arguments) == 0
+    # One of the twins: Embree, which lists no tie, sees only one of them.
+    for drawn in (["front", "beside"], ["twin", "beside"]):
+        visible = record(tmp_path, drawn, drawn)
+        cast = check(inputs, tmp_path, visible, "--engine", "exact")
+        reused = check(inputs, tmp_path, visible, "--truth", truth)
+        assert cast[1]["cullers"]["drawn.jsonl"]["ties"] == 2
+        assert cast == reused
+    status, _ = check(inputs, tmp_path, visible, "--truth", truth, "--engine", "open3d")
+    assert status == 2
+    assert "it was cast by 'exact', not 'open3d'" in capsys.readouterr().err
+
+
+def test_who_cast_a_truth_file_is_told_even_if_nothing_was_cast_again(inputs, tmp_path):
+    scene, path = inputs
+    truth = str(tmp_path / "truth.parquet")
+    assert main(["truth", scene, "--path", path, "--out", truth]) == 0
+    visible = record(tmp_path, ["front", "beside"], ["front", "beside"])
+    assert check(inputs, tmp_path, visible, "--truth", truth) == check(inputs, tmp_path, visible)
+
+
+def test_a_breakdown_of_visref_is_no_verdict(inputs, tmp_path, monkeypatch, capsys):
+    def breaks(given):
+        raise RuntimeError("boom")
+
+    monkeypatch.setattr("visref.cli._doctor", breaks)
+    assert main(["doctor"]) == 70
+    assert "boom" in capsys.readouterr().err
+
+
+def test_names_are_printed_as_they_are(inputs, tmp_path, capsys):
+    scene, _ = inputs
+    odd = trimesh.load(scene)
+    odd.add_geometry(trimesh.creation.box(), node_name="[/red] box", geom_name="odd")
+    Path(scene).write_bytes(odd.export(file_type="glb"))
+    assert main(["objects", scene]) == 0
+    assert "[/red] box" in capsys.readouterr().out
+    visible = Path(record(tmp_path, ["front", "beside"], ["front", "beside"]))
+    named = visible.rename(tmp_path / "[bold].jsonl")
+    check(inputs, tmp_path, str(named))
+    assert "[bold].jsonl" in capsys.readouterr().out
+
+
 def test_truth_file_has_the_promised_columns_and_metadata(inputs, tmp_path):
     scene, path = inputs
     truth = tmp_path / "truth.parquet"

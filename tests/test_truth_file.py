@@ -95,5 +95,5 @@ def test_truncated_truth_file_is_a_clear_error(keep, file):
 
 def test_missing_truth_file_or_folder_is_said_to_be_missing(tmp_path):
     for place in (tmp_path / "none.parquet", tmp_path):
-        with pytest.raises(InputError, match="no such file"):
+        with pytest.raises(InputError, match="no such truth file"):
             read_truth(place, SCENE, PATH, range(3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from rich.table import Table
 
 from visref import commands
 from visref.culler import Promise
+from visref.engines import engine_names
 from visref.errors import InputError, NothingToJudge
 from visref.gate import Exit
 from visref.hardcases_page import culler_summary
@@ -26,6 +28,12 @@ from visref.visibility import FrameTruth, ObjectVisibility
 _ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 # A table in a log or a pipe is not folded to a terminal that is not there.
 _OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 200)
+
+
+# Statuses of a run that came to no end, clear of every `Exit`: by convention, 128 + SIGINT and
+# the EX_SOFTWARE of sysexits.h.
+_INTERRUPTED = 130
+_BROKE_DOWN = 70
 
 
 class _Bar:
@@ -75,7 +83,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(Exit.BAD_INPUT)
     except KeyboardInterrupt:
         _ERRORS.print("interrupted; nothing was written", markup=False)
-        return 130
+        return _INTERRUPTED
+    except Exception:
+        # Python's own status for it is 1, which says "violation".
+        traceback.print_exc()
+        _ERRORS.print("visref broke down: this is a bug in it, not a verdict", markup=False)
+        return _BROKE_DOWN
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -194,7 +207,10 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--frames", metavar="A:B:STEP", help="a part of the path, as a slice")
     parser.add_argument(
-        "--engine", default="embree", metavar="NAME[:option=value]", help="embree, exact, …"
+        "--engine",
+        default=commands.DEFAULT_ENGINE,
+        metavar="NAME[:option=value]",
+        help=f"{', '.join(engine_names())} (default {commands.DEFAULT_ENGINE})",
     )
     parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
     parser.add_argument(
@@ -210,7 +226,10 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
 def _judging_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the run folder")
     parser.add_argument(
-        "--truth", type=Path, metavar="FILE", help="a truth file, instead of casting again"
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="a truth file, instead of casting again; its engine looks at what was missed",
     )
     parser.add_argument(
         "--pictures", type=int, default=4, metavar="N", help="frames to draw (default 4)"
@@ -317,7 +336,7 @@ def _objects(given: argparse.Namespace) -> Exit:
         return Exit.NO_VIOLATION
     table = Table("id", "name", "triangles", box=None)
     for row in rows:
-        table.add_row(str(row["id"]), str(row["name"]), str(row["triangles"]))
+        table.add_row(str(row["id"]), escape(str(row["name"])), str(row["triangles"]))
     _OUT.print(table)
     return Exit.NO_VIOLATION
 
@@ -379,7 +398,7 @@ def _print_outcome(outcome: RunOutcome) -> None:
     for record in outcome.cullers:
         totals = record.totals
         table.add_row(
-            record.spec,
+            escape(record.spec),
             str(len(record.frames)),
             str(totals.visible),
             str(totals.drawn),

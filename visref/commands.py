@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -36,6 +37,7 @@ from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
 from visref.watertight import leaks_line, watertight_rates
 
+DEFAULT_ENGINE = "embree"
 BENCH_FRAMES = 6
 DEMO_SCENE = "city:scale=0.2"
 DEMO_FRAMES = 24
@@ -264,14 +266,22 @@ def run(
     if pictures < 0:
         raise InputError(f"--pictures is {pictures}", mend="give 0 or more")
     scene, frames = inputs.scene, inputs.frames
-    recorded = read_truth(truth, scene, inputs.path, frames) if truth is not None else None
+    recorded = None
+    if truth is not None:
+        recorded = read_truth(truth, scene, inputs.path, frames)
+        inputs = _of_the_same_engine(inputs, recorded.engine, truth)
     picked = np.unique(np.linspace(0, len(frames) - 1, min(pictures, len(frames))).astype(int))
-    with replacing_folder(out, marker=MANIFEST) as folder:
+    with replacing_folder(out, marker=MANIFEST) as folder, ExitStack() as closing:
+        checker = None
+        if image_check:
+            # Any engine that redraws and compares pictures would do.
+            checker = make_engine("gl", scene)
+            closing.callback(checker.close)
         recorder = Recorder(
             folder,
             scene,
             inputs.path,
-            engine=recorded.engine if recorded else inputs.engine,
+            engine=inputs.engine,
             settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
             picture_frames=[frames[i] for i in picked],
         )
@@ -280,7 +290,7 @@ def run(
             inputs.make_engine,
             threads=inputs.threads,
             recorded=recorded,
-            image_check=_image_check(scene) if image_check else None,
+            image_check=cast(ImageCheck | None, checker),
         )
         outcome = referee.run(inputs.path, frames, cullers, [recorder, *listeners])
         outcome.findings[:0] = inputs.notes
@@ -288,9 +298,20 @@ def run(
     return outcome
 
 
-def _image_check(scene: Scene) -> ImageCheck:
-    """The GL engine redraws; any engine that can compare pictures would do."""
-    return cast(ImageCheck, make_engine("gl", scene))
+def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
+    """Inputs that cast with the engine of a truth file. What that truth says was missed, another
+    engine might not see at all."""
+    if inputs.engine not in (engine, DEFAULT_ENGINE):
+        raise InputError(
+            f"it was cast by '{engine}', not '{inputs.engine}'",
+            source=str(truth),
+            mend="leave --engine out, or cast the truth again",
+        )
+    try:
+        check_engine(engine)
+    except InputError as error:
+        raise error.at(source=str(truth)) from error
+    return replace(inputs, engine=engine)
 
 
 def report(runs: Sequence[Path], out: Path) -> Path:

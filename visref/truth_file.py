@@ -148,7 +148,7 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
     """The table, and what its metadata says, both of the form that `TruthTable` writes."""
     mend = "write one with `visref truth`"
     if not file.is_file():
-        raise InputError("there is no such file", source=source, mend=mend)
+        raise InputError("there is no such truth file", source=source, mend=mend)
     try:
         table = pq.read_table(file)
     except (OSError, pa.ArrowException) as error:
