@@ -129,3 +129,24 @@ def judge_samples(
                 if not repeated:
                     lost[o] += 1
     return missed
+
+
+@numba.njit(cache=True, nogil=True)
+def unit_bounds(
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
+    offsets: NDArray[Any],
+    unit_triangles: NDArray[Any],
+    bounds: NDArray[Any],
+) -> None:
+    """Fill in each unit's least and greatest corner, (u, 2, 3); (+inf, -inf) if it is empty."""
+    for unit in range(len(offsets) - 1):
+        for axis in range(3):
+            bounds[unit, 0, axis], bounds[unit, 1, axis] = np.inf, -np.inf
+        for k in range(offsets[unit], offsets[unit + 1]):
+            for corner in range(3):
+                vertex = triangles[unit_triangles[k], corner]
+                for axis in range(3):
+                    value = vertices[vertex, axis]
+                    bounds[unit, 0, axis] = min(bounds[unit, 0, axis], value)
+                    bounds[unit, 1, axis] = max(bounds[unit, 1, axis], value)

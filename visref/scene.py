@@ -180,15 +180,10 @@ class Scene:
 
     def bounds_of(self, units: Units) -> Float64:
         """(u, 2, 3) float64, each unit's least and greatest corner, (+inf, -inf) if empty."""
+        from visref import kernels
+
         result = np.empty((units.count, 2, 3))
-        result[:, 0], result[:, 1] = np.inf, -np.inf
-        filled = np.flatnonzero(np.diff(units.offsets) > 0)
-        if not len(filled):
-            return result
-        starts = units.offsets[filled]
-        corners = self.vertices[self.triangles[units.triangles]]
-        result[filled, 0] = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
-        result[filled, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+        kernels.unit_bounds(self.vertices, self.triangles, units.offsets, units.triangles, result)
         return result
 
     @cached_property
