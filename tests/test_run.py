@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from tests.hand_made import camera, scene_of_squares
 from visref import conformance
 from visref.camera import CameraPath
 from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster, RasterTolerance
-from visref.disputes import find_disputes
+from visref.disputes import find_disputes, settle
 from visref.engines import make_engine
 from visref.errors import InputError, NothingToJudge
+from visref.exact import ExactScene
 from visref.gate import Exit
+from visref.judge import judge
 from visref.outcome import verdict_json
 from visref.record import Recorder
 from visref.run import Referee
-from visref.scene import Units
+from visref.scene import Alpha, Units
 from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
 
@@ -590,3 +594,20 @@ def test_rasteriser_without_a_proper_picture_stops_its_culler_alone(picture):
 def test_promise_that_is_none_is_bad_input():
     with pytest.raises(InputError, match="'draws' promises 'perfect'"):
         run(Draws(promise="perfect"))
+
+
+def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
+    squares = scene_of_squares(0.0, -1.0)
+    scene = replace(squares, alpha=np.repeat(np.array([Alpha.MASK, Alpha.OPAQUE], np.uint8), 2))
+    exact = ExactScene(scene)
+    true = exact.certify(camera())
+    assert len(true.undecided) == camera().samples
+    # As a float32 engine would have it whose rays slipped through the leaf.
+    slipped = replace(true, ties_complete=False, undecided=np.zeros(0, np.int64))
+    drawn = np.array([True, True, False, False])
+    disputes = find_disputes(slipped, scene, drawn)
+    rulings = settle(exact, slipped, disputes, drawn, None)
+    found = judge(
+        scene, slipped, scene.object_units(), np.array([0]), Promise.CONSERVATIVE, rulings
+    )
+    assert (found.counts.missed, found.counts.undecided) == (0, 1)

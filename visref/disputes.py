@@ -49,6 +49,8 @@ class Rulings:
 
     `samples`: (k,) int64 flat, ascending; `owners`: all triangles at the nearest depth of
     each. `blend`: all blended objects' exact visibility, None if none was disputed.
+    `undecided`: those of the samples, ascending, where exact arithmetic finds a masked triangle
+    at or before the owner, whatever the engine saw.
     `corrections`: how many samples the engine had given to a wrong owner.
     `within_raster`: objects that the rasteriser may have lost by itself. `best_sample` and
     `margins` (pixels, relative depth) belong to missed objects.
@@ -57,6 +59,7 @@ class Rulings:
     samples: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     owners: Owners | None = None
     blend: BlendVisibility | None = None
+    undecided: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     corrections: int = 0
     within_raster: frozenset[int] = frozenset()
     best_sample: Mapping[int, int] = field(default_factory=dict)
@@ -124,8 +127,15 @@ def settle(
     if len(samples) and not truth.ties_complete:
         owners = exact.decide(camera, samples, include=scene.alpha == Alpha.OPAQUE)
         corrections = _corrections(truth, samples, owners)
-    blend = _settle_blend(exact, truth, disputes.blended)
-    rulings = Rulings(samples if owners is not None else samples[:0], owners, blend, corrections)
+    blend, undecided = None, samples[:0]
+    if not truth.ties_complete and (len(disputes.blended) or (scene.has_mask and len(samples))):
+        # Rare enough that a whole frame may be certified.
+        certified = exact.certify(camera)
+        blend = certified.blend if len(disputes.blended) else None
+        undecided = np.intersect1d(certified.undecided, samples)
+    rulings = Rulings(
+        samples if owners is not None else samples[:0], owners, blend, undecided, corrections
+    )
     return _with_margins(exact, corrected(truth, rulings), disputes, drawn, raster, rulings)
 
 
@@ -156,6 +166,7 @@ def corrected(truth: FrameTruth, rulings: Rulings) -> FrameTruth:
         truth,
         buffer=VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape)),
         ties=Ties(tie_sample[order], tie_triangle[order]),
+        undecided=np.union1d(truth.undecided, rulings.undecided),
         blend=blend,
     )
 
@@ -175,15 +186,6 @@ def _corrections(truth: FrameTruth, samples: Int64, owners: Owners) -> int:
     index = np.repeat(np.arange(len(samples)), counts)
     np.logical_or.at(right, index, owners.triangles == engine[index])
     return int(np.count_nonzero(~right))
-
-
-def _settle_blend(
-    exact: ExactScene, truth: FrameTruth, blended: NDArray[np.int32]
-) -> BlendVisibility | None:
-    """The frame's blended objects, exactly; rare enough that a whole frame may be certified."""
-    if not len(blended) or truth.ties_complete:
-        return None
-    return exact.certify(truth.camera).blend
 
 
 def _with_margins(
