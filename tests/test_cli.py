@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -352,3 +353,18 @@ def test_the_module_runs_as_a_program(inputs):
     rows = json.loads(result.stdout)
     assert {row["name"] for row in rows} == {"front", "behind", "beside"}
     assert sum(row["triangles"] for row in rows) == 36
+
+
+def test_a_reader_that_stops_reading_changes_no_status():
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        run = subprocess.run(
+            [sys.executable, "-m", "visref", "cullers"],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert (run.returncode, run.stderr) == (0, b"")

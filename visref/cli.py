@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -25,9 +26,18 @@ from visref.outcome import RunOutcome
 from visref.run import Job, JudgedFrame
 from visref.visibility import FrameTruth, ObjectVisibility
 
+
+class _Out(Console):
+    """Standard output. Who stops reading (`| head`) misses the rest and changes no status."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 _ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
 # A table in a log or a pipe is not folded to a terminal that is not there.
-_OUT = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 200)
+_OUT = _Out(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 200)
 
 
 # Statuses of a run that came to no end, clear of every `Exit`: by convention, 128 + SIGINT and
@@ -79,11 +89,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except NothingToJudge as error:
         _ERRORS.print(f"nothing could be judged: {error}", markup=False)
         return int(Exit.NOTHING_JUDGED)
-    except BrokenPipeError:
-        return int(Exit.BAD_INPUT)
     except KeyboardInterrupt:
         _ERRORS.print("interrupted; nothing was written", markup=False)
         return _INTERRUPTED
+    except OSError as error:
+        # A full disk, say: nobody's bug.
+        _ERRORS.print(f"error: {error}", markup=False)
+        return int(Exit.BAD_INPUT)
     except Exception:
         # Python's own status for it is 1, which says "violation".
         traceback.print_exc()

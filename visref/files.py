@@ -10,25 +10,45 @@ from pathlib import Path
 
 from visref.errors import InputError
 
+# Not the target's own name, which may be as long as names get.
+_PREFIX = ".visref-unfinished-"
+
 
 def _refuse(path: Path, reason: str, mend: str) -> InputError:
     return InputError(f"cannot write here: {reason}", source=str(path), mend=mend)
 
 
 @contextmanager
-def replacing_file(path: Path | str) -> Iterator[Path]:
-    """Yields a path beside `path`; renames it there when the block ends well."""
-    target = Path(path)
-    if target.is_dir():
-        raise _refuse(target, "it is a folder", "name a file")
+def _refusing(target: Path) -> Iterator[None]:
+    """What the system refuses at `target` is said in one line."""
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as beside:
-            written = Path(beside) / target.name
-            yield written
-            written.replace(target)
-    except (PermissionError, FileExistsError, NotADirectoryError, FileNotFoundError) as error:
+        yield
+    except OSError as error:
         raise _refuse(target, error.strerror or "no access", "name another place") from error
+
+
+@contextmanager
+def replacing_file(path: Path | str) -> Iterator[Path]:
+    """Yields a path beside `path`; renames it there when the block ends well.
+
+    What stands there already is replaced only if it is a file: never a folder, a device or a
+    pipe.
+    """
+    target = Path(path)
+    with _refusing(target):
+        if target.is_dir():
+            raise _refuse(target, "it is a folder", "name a file")
+        if target.exists() and not target.is_file():
+            raise _refuse(target, "it is no ordinary file", "name a file")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_PREFIX))
+    try:
+        written = beside / target.name
+        yield written
+        with _refusing(target):
+            written.replace(target)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 @contextmanager
@@ -36,24 +56,32 @@ def replacing_folder(path: Path | str, *, marker: str) -> Iterator[Path]:
     """Yields a new folder beside `path`; renames it there when the block ends well.
 
     An existing folder is replaced only if it is empty or holds `marker`, a file that says
-    that it is one of ours.
+    that it is one of ours; it is gone only once the new one stands in its place.
     """
     target = Path(path)
-    if target.is_file():
-        raise _refuse(target, "it is a file", "name a folder")
-    if target.is_dir() and any(target.iterdir()) and not (target / marker).is_file():
-        raise _refuse(target, f"the folder is not empty and has no {marker}", "name a new folder")
-    try:
+    with _refusing(target):
+        # A link stays, and what it names is replaced; "." gets a name.
+        target = target.resolve()
+        if target.exists() and not target.is_dir():
+            raise _refuse(target, "it is no folder", "name a folder")
+        if target.is_dir() and any(target.iterdir()) and not (target / marker).is_file():
+            raise _refuse(
+                target, f"the folder is not empty and has no {marker}", "name a new folder"
+            )
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
-    except OSError as error:
-        raise _refuse(target, error.strerror or "no access", "name another place") from error
+        beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_PREFIX))
     try:
-        beside.chmod(0o755)
-        yield beside
-        if target.is_dir():
-            shutil.rmtree(target)
-        beside.rename(target)
+        written, replaced = beside / "written", beside / "replaced"
+        written.mkdir()
+        yield written
+        with _refusing(target):
+            if target.is_dir():
+                target.rename(replaced)
+            try:
+                written.rename(target)
+            except OSError:
+                if replaced.is_dir():
+                    replaced.rename(target)
+                raise
     finally:
-        if beside.is_dir():
-            shutil.rmtree(beside)
+        shutil.rmtree(beside, ignore_errors=True)
