@@ -1,6 +1,7 @@
 """Every broken lazy grid is caught where it should be, and the sound one passes there."""
 
-from functools import cache
+import itertools
+from functools import cache, partial
 
 import pytest
 
@@ -57,3 +58,11 @@ def test_every_mutant_is_tried_or_has_a_reason():
     ids = {mutant.id for mutant in MUTANTS} | set(EQUIVALENT) | set(NOT_HERE)
     assert sorted({*COMMON, *OF_THE_METHOD} - ids) == []
     assert not {mutant.id for mutant in MUTANTS} & {*EQUIVALENT, *NOT_HERE}
+
+
+@pytest.mark.parametrize("check", conformance_checks(), ids=str)
+def test_every_variant_conforms(check):
+    for method, update in itertools.product(ALL, ("lazy", "busy")):
+        make = partial(method.culler, **method.options, update=update)
+        (found,) = check_culler(make, checks=[check])
+        assert found.status is Status.PASSED, (method.name, update, found.problems)
