@@ -49,6 +49,10 @@ def by_the_book(
     return edges, _dot(w[0], normal), _dot(ray, normal)
 
 
+def set_up(corners: np.ndarray, view: filters.View, terms: np.ndarray) -> int:
+    return int(filters.set_up(corners, False, view.perspective, view.lens, terms))
+
+
 def loose_triangle(rng: np.random.Generator, centre: np.ndarray) -> np.ndarray:
     """(3, 3) float64 holding float32 values, near `centre`."""
     corners = centre + rng.normal(size=(3, 3)) * rng.choice([1e-2, 1.0, 1e3])
@@ -110,7 +114,7 @@ def test_bounds_hold_and_the_float_path_alone_would_be_wrong(perspective: bool) 
         corners = v.astype(np.float32).reshape(9)
         view = filters.view_of(camera)
         a, b = camera.column_a[x], camera.row_b[y]
-        state = filters.set_up(corners, False, view, terms)
+        state = set_up(corners, view, terms)
         edges, n, d = by_the_book(corners, camera, x, y)
         deciding = n if perspective else d
         error = abs(Fraction(terms[SIGN]) - deciding)
@@ -153,7 +157,7 @@ def test_coverage_is_right_where_float64_alone_is_wrong(perspective: bool) -> No
         expected = d != 0 and n / d >= camera.near
         expected = expected and min(edge if d > 0 else -edge for edge in edges) >= 0
         assert bool(owners.offsets[1]) == expected
-        if filters.set_up(corners, False, filters.view_of(camera), terms) == CERTAIN:
+        if set_up(corners, filters.view_of(camera), terms) == CERTAIN:
             a, b = camera.column_a[x], camera.row_b[y]
             by_floats = min((terms[i] + b * terms[i + 2]) + a * terms[i + 1] for i in (0, 3, 6))
             if (by_floats >= 0.0) != expected:
@@ -189,7 +193,7 @@ def test_depth_order_is_right_where_float64_alone_is_wrong(perspective: bool) ->
             covered = d != 0 and min(edge if d > 0 else -edge for edge in edges) >= 0
             if (
                 not covered
-                or filters.set_up(corners, False, filters.view_of(camera), terms) != CERTAIN
+                or set_up(corners, filters.view_of(camera), terms) != CERTAIN
             ):
                 break
             a, b = camera.column_a[x], camera.row_b[y]

@@ -148,17 +148,18 @@ def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArr
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def depths(
     samples: NDArray[Any],
-    owners: NDArray[Any],
+    owner: NDArray[Any],
     vertices: NDArray[Any],
     triangles: NDArray[Any],
     view: View,
     column_a: NDArray[Any],
     row_b: NDArray[Any],
-    out: NDArray[Any],
+    depth: NDArray[Any],
 ) -> NDArray[np.int64]:
-    """The view depth of each owner's plane at its sample into `out`, rounded to nearest.
+    """The view depth of some samples' owners into `depth`, rounded to nearest, inf for none.
 
-    Returns the places where the double words cannot tell the rounding.
+    `samples`: flat indices; `owner`, `depth`: all samples of the frame, flat.
+    Returns the samples at which the double words cannot tell the rounding.
     """
     tags = np.full(CACHE, -1, np.int64)
     cache = np.empty((CACHE, 10))
@@ -167,10 +168,13 @@ def depths(
     last_t, last_y = -1, -1
     row = (0.0, 0.0)
     c = cache[0]
-    for i in range(len(samples)):
-        t = int(owners[i])
-        y = samples[i] // view.width
-        x = samples[i] - y * view.width
+    for s in samples:
+        t = int(owner[s])
+        if t < 0:
+            depth[s] = np.inf
+            continue
+        y = s // view.width
+        x = s - y * view.width
         if t != last_t or y != last_y:
             c = cache[t % CACHE]
             if tags[t % CACHE] != t:
@@ -191,13 +195,13 @@ def depths(
         # roundings of the bound and of this test.
         error = 2.0 * ((n_error + abs(high) * d_error) / abs(d[0]) + abs(high) * QUOTIENT)
         above, below = high + (low + error), high + (low - error)
-        out[i] = above
+        depth[s] = above
         if above != below:
             if count == len(torn):
                 grown = np.empty(2 * count, np.int64)
                 for k in range(count):
                     grown[k] = torn[k]
                 torn = grown
-            torn[count] = i
+            torn[count] = s
             count += 1
     return torn[:count]

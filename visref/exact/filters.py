@@ -116,6 +116,7 @@ class View(NamedTuple):
     """One camera in the form that the compiled filters read. Vectors are (3,) float64."""
 
     perspective: bool
+    lens: Float64  # e, f, r, u, reach, f_norm, tiny in one row of 15, for `set_up`
     e: Float64
     f: Float64
     r: Float64
@@ -165,8 +166,10 @@ def view_of(camera: Samples) -> View:
     duals = _dual_basis(r, u, f)
     shifts = max(abs(camera.shift_x_px), abs(camera.shift_y_px))
     too_near, near_enough, far_enough, too_far = _key_range(camera)
+    tiny = TINY * (1.0 + reach + norm[0] + a_size + b_size)
     return View(
         perspective=camera.is_perspective,
+        lens=np.concatenate([e, f, r, u, [reach, norm[0], tiny]]),
         e=e,
         f=f,
         r=r,
@@ -179,7 +182,7 @@ def view_of(camera: Samples) -> View:
         z_norm=float(np.abs(duals[2]).sum()),
         reach=reach,
         f_norm=norm[0],
-        tiny=TINY * (1.0 + reach + norm[0] + a_size + b_size),
+        tiny=tiny,
         near=float(camera.near),
         far=float(camera.far),
         too_near=too_near,
@@ -238,11 +241,14 @@ def _largest(x: float, y: float, z: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> int:
+def set_up(
+    p: NDArray[Any], one_sided: bool, perspective: bool, lens: NDArray[Any], out: NDArray[Any]
+) -> int:
     """Compute a triangle's affine functions and their bounds into `out` (see the layout above).
 
-    `p`: (9,) float32, its corners. Returns NOTHING where it certainly covers no sample, CERTAIN
-    with edges oriented so that inside is >= 0, or DOUBTFUL where the orientation is not certain.
+    `p`: (9,) float32, its corners; `perspective`, `lens`: of the View. Returns NOTHING where it
+    certainly covers no sample, CERTAIN with edges oriented so that inside is >= 0, or DOUBTFUL
+    where the orientation is not certain.
     """
     ax, ay, az = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])
     bx, by, bz = np.float64(p[3]), np.float64(p[4]), np.float64(p[5])
@@ -256,7 +262,8 @@ def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> i
         _largest(bcx, bcy, bcz),
         _largest(cax, cay, caz),
     )
-    e, f, r, u = view.e, view.f, view.r, view.u
+    e, f, r, u = lens[0:3], lens[3:6], lens[6:9], lens[9:12]
+    view_reach, f_norm, tiny = lens[12], lens[13], lens[14]
     ax, ay, az = ax - e[0], ay - e[1], az - e[2]
     bx, by, bz = bx - e[0], by - e[1], bz - e[2]
     cx, cy, cz = cx - e[0], cy - e[1], cz - e[2]
@@ -266,18 +273,18 @@ def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> i
     ny = abx * caz - abz * cax
     nz = aby * cax - abx * cay
     h2 = h_ab * h_ca
-    if view.perspective:
+    if perspective:
         denominator = ax * nx + ay * ny + az * nz
-        bound = PERSPECTIVE_SIGN * m_a * h2 + view.tiny
+        bound = PERSPECTIVE_SIGN * m_a * h2 + tiny
     else:
         denominator = f[0] * nx + f[1] * ny + f[2] * nz
-        bound = ORTHOGRAPHIC_SIGN * h2 * view.f_norm + view.tiny
+        bound = ORTHOGRAPHIC_SIGN * h2 * f_norm + tiny
     out[SIGN], out[SIGN_BOUND] = denominator, bound
     certain = abs(denominator) > 4.0 * bound
     if certain and one_sided and denominator > 0.0:
         return NOTHING
     sign = -1.0 if certain and denominator < 0.0 else 1.0
-    if view.perspective:
+    if perspective:
         x, y, z = by * bcz - bz * bcy, bz * bcx - bx * bcz, bx * bcy - by * bcx
         out[0] = sign * (f[0] * x + f[1] * y + f[2] * z)
         out[1] = sign * (r[0] * x + r[1] * y + r[2] * z)
@@ -290,16 +297,16 @@ def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> i
         out[6] = sign * (f[0] * x + f[1] * y + f[2] * z)
         out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
         out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
-        reach = EDGE * view.reach
-        out[12] = reach * m_b * h_bc + view.tiny
-        out[13] = reach * m_c * h_ca + view.tiny
-        out[14] = reach * m_a * h_ab + view.tiny
+        reach = EDGE * view_reach
+        out[12] = reach * m_b * h_bc + tiny
+        out[13] = reach * m_c * h_ca + tiny
+        out[14] = reach * m_a * h_ab + tiny
         q, qa, qb = (
             f[0] * nx + f[1] * ny + f[2] * nz,
             r[0] * nx + r[1] * ny + r[2] * nz,
             u[0] * nx + u[1] * ny + u[2] * nz,
         )
-        size = h2 * view.reach
+        size = h2 * view_reach
     else:
         # (v_j - v_k) x F = F x (v_k - v_j).
         x, y, z = f[1] * bcz - f[2] * bcy, f[2] * bcx - f[0] * bcz, f[0] * bcy - f[1] * bcx
@@ -314,24 +321,22 @@ def set_up(p: NDArray[Any], one_sided: bool, view: View, out: NDArray[Any]) -> i
         out[6] = -sign * (x * bx + y * by + z * bz)
         out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
         out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
-        scale = EDGE * view.f_norm
-        out[12] = scale * h_bc * (3.0 * m_c + view.reach) + view.tiny
-        out[13] = scale * h_ca * (3.0 * m_a + view.reach) + view.tiny
-        out[14] = scale * h_ab * (3.0 * m_b + view.reach) + view.tiny
+        scale = EDGE * f_norm
+        out[12] = scale * h_bc * (3.0 * m_c + view_reach) + tiny
+        out[13] = scale * h_ca * (3.0 * m_a + view_reach) + tiny
+        out[14] = scale * h_ab * (3.0 * m_b + view_reach) + tiny
         q, qa, qb = (
             -(ax * nx + ay * ny + az * nz),
             r[0] * nx + r[1] * ny + r[2] * nz,
             u[0] * nx + u[1] * ny + u[2] * nz,
         )
-        size = h2 * (3.0 * m_a + view.reach)
+        size = h2 * (3.0 * m_a + view_reach)
     if not certain:
         out[9], out[10], out[11] = q, qa, qb
-        out[KEY_BOUND] = EDGE * size + view.tiny
+        out[KEY_BOUND] = EDGE * size + tiny
         return DOUBTFUL
     inverse = 1.0 / denominator
     out[9], out[10], out[11] = q * inverse, qa * inverse, qb * inverse
     inverse = abs(inverse)
-    out[KEY_BOUND] = (
-        2.5 * size * inverse * (KEY + 2.0 * bound * inverse) + view.tiny * inverse + view.tiny
-    )
+    out[KEY_BOUND] = 2.5 * size * inverse * (KEY + 2.0 * bound * inverse) + tiny * inverse + tiny
     return CERTAIN

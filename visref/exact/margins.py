@@ -104,12 +104,14 @@ def _examine(
     columns = -(-camera.width // raster.TILE)
     rows = -(-camera.height // raster.TILE)
     tile = y // raster.TILE * columns + x // raster.TILE
-    wanted = np.zeros(rows * columns, np.bool_)
-    wanted[tile] = True
+    tiles = np.zeros(rows * columns, np.bool_)
+    tiles[tile] = True
+    wanted = np.zeros((camera.height, camera.width), np.bool_)
+    wanted[y, x] = True
     opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
     # Half a pixel more than the radius holds every box's rounding.
-    found, boxes, _ = exact_scene.project(view, opaque, radius + 0.5)
-    offsets, entries = raster.bin_boxes(boxes, wanted, columns)
+    found, boxes, _ = exact_scene.project(view, opaque, wanted, radius + 0.5)
+    offsets, entries = raster.bin_boxes(boxes, tiles, columns)
     cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
     gap = np.full(len(samples), np.inf)
     lost = np.ones(len(samples), np.bool_)
@@ -286,7 +288,10 @@ def examine(
             distance = distance_to_polygon(x, y, polygons[near], count)
             if distance > radius + slop:
                 continue
-            if one_sided[t] and set_up(corners[t], True, view, terms) == NOTHING:
+            lens = view.lens
+            if one_sided[t] and (
+                set_up(corners[t], True, view.perspective, lens, terms) == NOTHING
+            ):
                 # Certainly seen from behind. A triangle thinner than the displacement may turn
                 # over, so it stays as one that can hide.
                 thick = True

@@ -43,8 +43,6 @@ CLIP_SLACK = 2.0**-10
 
 # Testing a rectangle's corners costs as much as this many samples.
 CORNER_TESTS_PAY = 8
-# A block's bound is found anew when this many of its samples were drawn; a stale one is lower.
-REFRESH = 24
 
 NOT_WANTED = -2
 
@@ -52,12 +50,89 @@ NOT_WANTED = -2
 POSSIBLE, COVERING, NEARER = 0, 1, 2
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
+    """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
+    low -= grow + PIXEL_SLACK
+    high += grow + PIXEL_SLACK
+    first = 0
+    if low > 0.0:
+        first = count if low > count else math.ceil(low)
+    last = count - 1
+    if high < count - 1:
+        last = -1 if high < 0.0 else math.floor(high)
+    return first, last
+
+
+def count_wanted(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many wanted samples lie in the blocks above and left of each block corner:
+    (block rows + 1, block columns + 1) int64."""
+    height, width = wanted.shape
+    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
+    blocks = np.zeros((rows * BLOCK, columns * BLOCK), np.int64)
+    blocks[:height, :width] = wanted
+    blocks = blocks.reshape(rows, BLOCK, columns, BLOCK).sum(axis=(1, 3))
+    return np.pad(blocks.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _none_wanted(sums: NDArray[Any], x0: int, x1: int, y0: int, y1: int) -> bool:
+    """Whether no block that meets a pixel rectangle holds a wanted sample."""
+    i0, i1 = x0 >> BLOCK_SHIFT, (x1 >> BLOCK_SHIFT) + 1
+    j0, j1 = y0 >> BLOCK_SHIFT, (y1 >> BLOCK_SHIFT) + 1
+    none: bool = sums[j1, i1] - sums[j0, i1] - sums[j1, i0] + sums[j0, i0] == 0
+    return none
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def cluster_depths(bounds: NDArray[Any], view: View, grow: float, nearest: NDArray[Any]) -> None:
+def _box_range(
+    low: NDArray[Any],
+    high: NDArray[Any],
+    dual: NDArray[Any],
+    norm: float,
+    z_least: float,
+    z_greatest: float,
+    middle: float,
+    scale: float,
+    grow: float,
+    count: int,
+    perspective: bool,
+) -> tuple[int, int]:
+    """The pixels (columns or rows) that a box before the eye may cover, by interval arithmetic.
+
+    Its corners are `low`, `high` relative to the eye, its depths in z_least..z_greatest.
+    """
+    least, greatest, size = 0.0, 0.0, 0.0
+    for k in range(3):
+        p = dual[k]
+        least += p * low[k] if p > 0.0 else p * high[k]
+        greatest += p * high[k] if p > 0.0 else p * low[k]
+        size = max(size, max(abs(low[k]), abs(high[k])))
+    error = PROJECT * norm * size
+    least, greatest = least - error, greatest + error
+    if perspective:
+        # 4 u: the subtraction and the division, of either sign.
+        least /= z_greatest if least > 0.0 else z_least
+        greatest /= z_least if greatest > 0.0 else z_greatest
+        least -= 4.0 * U * abs(least)
+        greatest += 4.0 * U * abs(greatest)
+    if scale < 0.0:
+        least, greatest = greatest, least
+    pixels: tuple[int, int] = _pixel_range(
+        scale * least + middle, scale * greatest + middle, grow, count
+    )
+    return pixels
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def cluster_depths(
+    bounds: NDArray[Any], view: View, grow: float, sums: NDArray[Any], nearest: NDArray[Any]
+) -> None:
     """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
 
     `bounds`: (c, 2, 3) float32. Outward: a cluster is left out only where every point of its
-    box is beyond one plane of the frustum, `grow` pixels out, by more than the rounding.
+    box is beyond one plane of the frustum, `grow` pixels out, by more than the rounding; or
+    where its box's screen box holds no wanted sample (`sums` of `count_wanted`, (0, 0) for all).
     """
     # One unit of a and b (half a pixel) to spare; the error term covers the rest.
     spare = 1.0 + 2.0 * grow
@@ -102,22 +177,20 @@ def cluster_depths(bounds: NDArray[Any], view: View, grow: float, nearest: NDArr
                 # 16 u: the plane's own roundings (3) and the offset's come on top of PROJECT's.
                 if value - offsets[i] < -16.0 * U * (norms[i] * size + abs(offsets[i])):
                     outside = True
+            if sums.size and not outside and (least - error > view.near or not view.perspective):
+                x0, x1 = _box_range(
+                    low, high, view.x_dual, view.x_norm, least - error, greatest + error,
+                    0.5 * (view.width - 1) - view.shift_x_px, 0.5, grow, view.width,
+                    view.perspective,
+                )  # fmt: skip
+                y0, y1 = _box_range(
+                    low, high, view.y_dual, view.y_norm, least - error, greatest + error,
+                    0.5 * (view.height - 1) - view.shift_y_px, -0.5, grow, view.height,
+                    view.perspective,
+                )  # fmt: skip
+                outside = x0 > x1 or y0 > y1 or _none_wanted(sums, x0, x1, y0, y1)
         if outside:
             nearest[c] = np.inf
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
-    """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
-    low -= grow + PIXEL_SLACK
-    high += grow + PIXEL_SLACK
-    first = 0
-    if low > 0.0:
-        first = count if low > count else math.ceil(low)
-    last = count - 1
-    if high < count - 1:
-        last = -1 if high < 0.0 else math.floor(high)
-    return first, last
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -128,11 +201,13 @@ def project(
     usable: NDArray[Any],
     view: View,
     grow: float,
+    sums: NDArray[Any],
     found: NDArray[Any],
     boxes: NDArray[Any],
     keys: NDArray[Any],
 ) -> int:
-    """Find the triangles whose screen box, grown by `grow` pixels, holds a sample.
+    """Find the triangles whose screen box, grown by `grow` pixels, holds a sample, and meets a
+    block of wanted samples (`sums` of `count_wanted`, (0, 0) for all).
 
     Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
     bool. Writes to `found` the triangle's place in cluster order, to `boxes` its first and last
@@ -202,6 +277,8 @@ def project(
                     y0, y1 = _pixel_range(middle - 0.5 * b1, middle - 0.5 * b0, grow, view.height)
                     if x0 > x1 or y0 > y1:
                         continue
+            if sums.size and _none_wanted(sums, x0, x1, y0, y1):
+                continue
             found[count] = t
             boxes[count, 0] = x0
             boxes[count, 1] = x1
@@ -253,12 +330,18 @@ def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: floa
     return value
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _least(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
-    b = b0 if c[k + 2] > 0.0 else b1
-    a = a0 if c[k + 1] > 0.0 else a1
-    value: float = (c[k] + b * c[k + 2]) + a * c[k + 1]
-    return value
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _block_least(low: NDArray[Any], start: int, before: float) -> float:
+    """The least key in a block, which was `before` and can only have grown."""
+    least = np.inf
+    for y in range(BLOCK):
+        for x in range(BLOCK):
+            value = low[start + (y << TILE_SHIFT) + x]
+            if value <= before:
+                return before
+            if value < least:
+                least = value
+    return least
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -324,6 +407,7 @@ def rasterise(
     row_b: NDArray[Any],
     corners: NDArray[Any],
     one_sided: NDArray[Any],
+    ids: NDArray[Any],
     found: NDArray[Any],
     boxes: NDArray[Any],
     keys: NDArray[Any],
@@ -337,13 +421,13 @@ def rasterise(
 ) -> NDArray[np.float64]:
     """Fill some tiles.
 
-    `owner`: (height, width) int32, the certain owner (place in cluster order, -1 for none) is
-    written. `floor`, `ceiling`: (height, width) float64, bounds of that owner's key (-inf for
-    none), written unless their shape is (0, 0). With `collect` they are read instead, nothing is
-    drawn, and every triangle that may reach the floor comes back.
-    `wanted`: (height, width) bool, or (0, 0) for all samples.
-    Returns contenders, (k, 4) float64: flat sample, place in cluster order, POSSIBLE, COVERING
-    or (only with `collect`) NEARER, certainly covering and above the ceiling, and the greatest
+    `ids`: (t,) int32, triangle ids in cluster order. `owner`: (height, width) int32, the
+    certain owner's id (-1 for none) is written. `floor`, `ceiling`: (height, width) float64,
+    bounds of that owner's key (-inf for none), written unless their shape is (0, 0). With
+    `collect` they are read instead, nothing is drawn, and every triangle that may reach the
+    floor comes back. `wanted`: (height, width) bool, or (0, 0) for all samples.
+    Returns contenders, (k, 4) float64: flat sample, triangle id, what is known (POSSIBLE,
+    COVERING or, only with `collect`, NEARER: covering and above the ceiling), and the greatest
     key that it may have.
     """
     width, height = view.width, view.height
@@ -351,9 +435,7 @@ def rasterise(
     high = np.empty(TILE * TILE)
     own = np.empty(TILE * TILE, np.int32)
     blocks = TILE >> BLOCK_SHIFT
-    # A lower bound of the keys in each block, and how many samples were drawn since it was found.
     block_low = np.empty((blocks, blocks))
-    drawn = np.empty((blocks, blocks), np.int64)
     c = np.empty(SET_UP_SIZE)
     out = np.empty((1024, 4))
     count = 0
@@ -363,7 +445,6 @@ def rasterise(
         tile_start = count
         low[:], high[:], own[:] = np.inf, -np.inf, NOT_WANTED
         block_low[:] = np.inf
-        drawn[:] = 0
         for y in range(top, bottom):
             for x in range(left, right):
                 if wanted.size == 0 or wanted[y, x]:
@@ -386,7 +467,8 @@ def rasterise(
             if hidden:
                 continue
             t = found[k]
-            state = set_up(corners[t], one_sided[t], view, c)
+            state = set_up(corners[t], one_sided[t], view.perspective, view.lens, c)
+            t = ids[t]
             if state == NOTHING:
                 continue
             if state != CERTAIN:
@@ -410,7 +492,6 @@ def rasterise(
                     bx1 = min(x1, left + (i << BLOCK_SHIFT) + BLOCK - 1)
                     by0 = max(y0, top + (j << BLOCK_SHIFT))
                     by1 = min(y1, top + (j << BLOCK_SHIFT) + BLOCK - 1)
-                    inside = False
                     if (bx1 - bx0 + 1) * (by1 - by0 + 1) > CORNER_TESTS_PAY:
                         a0, a1 = column_a[bx0], column_a[bx1]
                         b0, b1 = row_b[by1], row_b[by0]
@@ -421,13 +502,9 @@ def rasterise(
                             or _greatest(c, 9, a0, a1, b0, b1) + error < block_low[j, i]
                         ):
                             continue
-                        inside = (
-                            _least(c, 0, a0, a1, b0, b1) >= bound0
-                            and _least(c, 3, a0, a1, b0, b1) >= bound1
-                            and _least(c, 6, a0, a1, b0, b1) >= bound2
-                        )
-                    out = _with_room(out, count, BLOCK * BLOCK)
-                    changed = 0
+                    if count + BLOCK * BLOCK > len(out):
+                        out = _with_room(out, count, BLOCK * BLOCK)
+                    changed = False
                     for y in range(by0, by1 + 1):
                         b = row_b[y]
                         row0, row1, row2 = c0 + b * cb0, c1 + b * cb1, c2 + b * cb2
@@ -436,16 +513,18 @@ def rasterise(
                         for x in range(bx0, bx1 + 1):
                             a = column_a[np.uint64(x)]
                             place = np.uint64(row + x)
+                            # One branch, not four: which of these fails is anyone's guess.
                             q = row_q + a * qa
+                            e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
                             upper = q + error
-                            if upper < low[place]:
+                            if (
+                                (upper < low[place])
+                                | (e0 < -bound0)
+                                | (e1 < -bound1)
+                                | (e2 < -bound2)
+                            ):
                                 continue
-                            certain = True
-                            if not inside:
-                                e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
-                                if e0 < -bound0 or e1 < -bound1 or e2 < -bound2:
-                                    continue
-                                certain = e0 >= bound0 and e1 >= bound1 and e2 >= bound2
+                            certain = (e0 >= bound0) & (e1 >= bound1) & (e2 >= bound2)
                             lower = q - error
                             if check:
                                 if lower > view.too_near or upper < view.too_far:
@@ -463,7 +542,7 @@ def rasterise(
                                     out[count, 2], out[count, 3] = COVERING, high[place]
                                     count += 1
                                 own[place], low[place], high[place] = t, lower, upper
-                                changed += 1
+                                changed = True
                                 continue
                             out[count, 0], out[count, 1] = y * width + x, t
                             out[count, 2] = COVERING if certain else POSSIBLE
@@ -472,15 +551,8 @@ def rasterise(
                             out[count, 3] = upper
                             count += 1
                     if changed:
-                        drawn[j, i] += changed
-                        if drawn[j, i] >= REFRESH:
-                            drawn[j, i] = 0
-                            least = np.inf
-                            start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
-                            for y in range(BLOCK):
-                                for x in range(BLOCK):
-                                    least = min(least, low[start + (y << TILE_SHIFT) + x])
-                            block_low[j, i] = least
+                        start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
+                        block_low[j, i] = _block_least(low, start, block_low[j, i])
         kept = tile_start
         for index in range(tile_start, count):
             sample = int(out[index, 0])

@@ -168,7 +168,7 @@ def _by_floats(
     """What float64 says of a triangle that is hit: (depth, its bound, whether the hit is
     certain)."""
     terms = np.empty(SET_UP_SIZE)
-    state = set_up(corners, one_sided, view, terms)
+    state = set_up(corners, one_sided, view.perspective, view.lens, terms)
     assert state != NOTHING, "the filter contradicts exact arithmetic"
     if state != CERTAIN:
         return 0.0, np.inf, False

@@ -81,6 +81,7 @@ class ExactScene:
             self._cluster_bounds[:, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
         self._unit = lowest_bit(scene.vertices)
         self._plane_of_triangle = np.full(len(order), UNKNOWN_PLANE, np.int64)
+        self._tile_order: tuple[tuple[int, int], Int64] = (0, 0), np.zeros(0, np.int64)
         self._plane_of_name: dict[tuple[int, int, int, int, int] | None, int] = {}
 
     def decide(self, camera: Camera, samples: Int64, *, include: Bool | None = None) -> Owners:
@@ -102,8 +103,7 @@ class ExactScene:
         order = np.lexsort((every, index))
         index, every = index[order], every[order]
         offsets = np.searchsorted(index, np.arange(len(ours) + 1))
-        depth = np.full(len(ours), np.inf)
-        depth[owned] = self._depth(camera, ours[owned], first[owned])
+        depth = self._depth(camera, ours, owner.reshape(-1))[ours]
         sizes = np.diff(offsets)[place]
         ends = np.cumsum(sizes)
         total = int(ends[-1]) if len(ends) else 0
@@ -124,10 +124,7 @@ class ExactScene:
         everything = np.zeros((0, 0), np.bool_)
         owner, at, triangle, _, bounds = self._owners(camera, everything, None)
         flat = owner.reshape(-1)
-        owned = _tile_order(camera)
-        owned = owned[flat[owned] != BACKGROUND]
-        depth = np.full(camera.samples, np.inf)
-        depth[owned] = self._depth(camera, owned, flat[owned])
+        depth = self._depth(camera, self._in_tiles(camera), flat)
         undecided, blend = np.zeros(0, np.int64), BlendVisibility()
         if self.scene.has_mask:
             masked = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
@@ -183,7 +180,7 @@ class ExactScene:
     ) -> tuple[Int32, Contest]:
         """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
         view = view_of(camera)
-        found, boxes, keys = self.project(view, usable[self.order], 0.0)
+        found, boxes, keys = self.project(view, usable[self.order], wanted, 0.0)
         columns = -(-camera.width // raster.TILE)
         rows = -(-camera.height // raster.TILE)
         tiles = np.ones(rows * columns, np.bool_)
@@ -197,33 +194,36 @@ class ExactScene:
 
         def fill(part: Int64) -> Contest:
             contenders = raster.rasterise(
-                part, columns, view, a, b, self.corners, self.one_sided, found, boxes, keys,
-                bin_offsets, bin_entries, wanted, collect, owner, *bounds,
+                part, columns, view, a, b, self.corners, self.one_sided, self.order,
+                found, boxes, keys, bin_offsets, bin_entries, wanted, collect, owner, *bounds,
             )  # fmt: skip
             # Samples and triangles are far below 2^53, so float64 held them.
-            place = contenders[:, 1].astype(np.int64)
-            state = contenders[:, 2].astype(np.uint8)
-            return Contest(contenders[:, 0].astype(np.int64), self.order[place], state)
+            sample, triangle, state = contenders[:, :3].T
+            return Contest(
+                sample.astype(np.int64), triangle.astype(np.int32), state.astype(np.uint8)
+            )
 
         parts = np.array_split(np.flatnonzero(tiles), PARTS)
         results = self._in_parallel(fill, (part for part in parts if len(part)))
-        seen = owner >= 0
-        owner[seen] = self.order[owner[seen]]
         if not results:
             return owner, Contest(
                 np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
             )
         return owner, Contest(*(np.concatenate(x) for x in zip(*results, strict=True)))
 
-    def project(self, view: View, usable: Bool, grow: float) -> tuple[Int32, Int32, Float64]:
+    def project(
+        self, view: View, usable: Bool, wanted: Bool, grow: float
+    ) -> tuple[Int32, Int32, Float64]:
         """Triangles that may own a sample, nearest clusters first: place, box, key bound.
 
-        `usable`: (t,) bool in cluster order. `grow`: pixels to widen the screen boxes by.
+        `usable`: (t,) bool in cluster order. `wanted`: (height, width) bool, or (0, 0) for all
+        samples. `grow`: pixels to widen the screen boxes by.
         """
-        depths = np.empty(len(self._cluster_bounds))
-        raster.cluster_depths(self._cluster_bounds, view, grow, depths)
-        order = np.argsort(depths, kind="stable")
-        order = order[: np.count_nonzero(depths < np.inf)]
+        sums = raster.count_wanted(wanted) if wanted.size else np.zeros((0, 0), np.int64)
+        nearest = np.empty(len(self._cluster_bounds))
+        raster.cluster_depths(self._cluster_bounds, view, grow, sums, nearest)
+        order = np.argsort(nearest, kind="stable")
+        order = order[: np.count_nonzero(nearest < np.inf)]
 
         def part_of(clusters: Int64) -> tuple[Int32, Int32, Float64]:
             room = len(clusters) * CLUSTER
@@ -231,8 +231,8 @@ class ExactScene:
             boxes = np.empty((room, 4), np.int32)
             keys = np.empty((room, 2))
             count = raster.project(
-                clusters, self._cluster_offsets, self.corners, usable, view, grow, found, boxes,
-                keys,
+                clusters, self._cluster_offsets, self.corners, usable, view, grow, sums,
+                found, boxes, keys,
             )  # fmt: skip
             return found[:count], boxes[:count], keys[:count]
 
@@ -315,27 +315,34 @@ class ExactScene:
         table = self._plane_of_name
         self._plane_of_triangle[fresh] = [table.setdefault(name, len(table)) for name in names]
 
-    def _depth(self, camera: Camera, samples: Int64, triangles: Int32) -> Float64:
-        """The exact view depth of each triangle's plane at its sample, rounded to nearest."""
+    def _depth(self, camera: Camera, samples: Int64, owner: Int32) -> Float64:
+        """All samples' view depths, right at the given ones: the exact depth of the owner
+        rounded to nearest, inf for none."""
         view = view_of(camera)
-        result = np.empty(len(samples))
+        result = np.empty(camera.samples)
         scene, a, b = self.scene, camera.column_a, camera.row_b
 
-        def part_of(place: Int64) -> Int64:
-            low, high = place[0], place[-1] + 1
-            torn: Int64 = low + depths(
-                samples[low:high], triangles[low:high], scene.vertices, scene.triangles, view,
-                a, b, result[low:high],
-            )  # fmt: skip
+        def part_of(part: Int64) -> Int64:
+            torn: Int64 = depths(part, owner, scene.vertices, scene.triangles, view, a, b, result)
             return torn
 
-        parts = np.array_split(np.arange(len(samples)), PARTS)
+        parts = np.array_split(samples, PARTS)
         torn = self._in_parallel(part_of, (part for part in parts if len(part)))
         left = np.concatenate([np.zeros(0, np.int64), *torn])
         if len(left):
-            exact, which = self._exact(camera, triangles[left])
-            result[left] = exact.depth(which, samples[left])
+            exact, which = self._exact(camera, owner[left])
+            result[left] = exact.depth(which, left)
         return result
+
+    def _in_tiles(self, camera: Camera) -> Int64:
+        """All samples, tile by tile, so that neighbours in the list share their triangles."""
+        size = camera.height, camera.width
+        if self._tile_order[0] != size:
+            samples, side = np.arange(camera.samples).reshape(size), raster.TILE
+            strips = [samples[y : y + side] for y in range(0, camera.height, side)]
+            tiles = [s[:, x : x + side].ravel() for s in strips for x in range(0, size[1], side)]
+            self._tile_order = size, np.concatenate(tiles)
+        return self._tile_order[1]
 
     def _before(
         self,
@@ -371,12 +378,13 @@ class ExactScene:
         fresh = fresh[: len(sample)]
         objects, sample, triangle = objects[fresh], sample[fresh], triangle[fresh]
         ids, starts, pixels = np.unique(objects, return_index=True, return_counts=True)
+        exact, which = self._exact(camera, triangle[starts])
         return BlendVisibility(
             object=ids.astype(np.int32),
             pixels=pixels.astype(np.int64),
             sample=sample[starts],
             triangle=triangle[starts].astype(np.int32),
-            depth=self._depth(camera, sample[starts], triangle[starts]),
+            depth=exact.depth(which, sample[starts]),
         )
 
 
@@ -392,17 +400,6 @@ def compare_depths(
     if not exact.covers(np.array([0, 1]), at).all():
         raise ValueError("compare_depths needs two triangles that cover the sample")
     return int(exact.compare(np.array([0]), np.array([1]), at[:1])[0])
-
-
-def _tile_order(camera: Camera) -> Int64:
-    """All flat samples, tile by tile, so that neighbours in the list share their triangles."""
-    samples = np.arange(camera.samples).reshape(camera.height, camera.width)
-    side = raster.TILE
-    strips = (samples[top : top + side] for top in range(0, camera.height, side))
-    return np.concatenate(
-        [strip[:, left : left + side].ravel() for strip in strips
-         for left in range(0, camera.width, side)]
-    )  # fmt: skip
 
 
 def _spatial_order(scene: Scene) -> Int64:
