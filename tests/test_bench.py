@@ -358,9 +358,9 @@ def with_numbers(exact_seconds: float, wrong: int) -> bench.Bench:
         ImageRow("embree", 16, 1.0, 100, 10, numeric_wrong_samples=wrong),
     ]
     geometric = [
-        GeometricRow("pixel centres, exact", None, 1.0, 100, 10, 3),
+        GeometricRow("pixel centres", None, 1.0, 100, 10, 3),
         GeometricRow("jittered rays", 16, 16.0, 1600, 12, 1, bound=2e-6),
-        GeometricRow("pixel centres and aimed rays", None, 1.5, 150, 13, 0),
+        GeometricRow("centres, then aimed rays", None, 1.5, 150, 13, 0),
     ]
     return bench.Bench(rows, geometric, [0], 100, 13, 0.01)
 
@@ -370,7 +370,7 @@ def test_the_advice_follows_from_the_numbers() -> None:
     assert headline(with_numbers(2.1, 5)) == "Stop at embree"
     numeric, sampling, definitional = sentences(with_numbers(1.1, 5))
     assert numeric.startswith("Exact costs 1.1× what Embree costs here and leaves no numeric error")
-    assert "5 samples of 100" in numeric
+    assert "5 samples of 100 to a wrong object, and of 10 visible objects misses none" in numeric
     assert "half of the samples takes 50.0 % of the time and loses 2 of 10" in sampling
     assert "aimed rays find 3 of the 3 for 0.5 s" in definitional
     assert "16 rays in every pixel find 2 for 16 s" in definitional

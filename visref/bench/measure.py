@@ -276,8 +276,8 @@ class _GeometricBench:
         mixed = scene.object_of_triangle[scene.alpha != Alpha.OPAQUE]
         self._judged = ~np.isin(np.arange(scene.object_count), mixed)
         self._jittered = {n: GeometricRow("jittered rays", n) for n in RAYS_PER_PIXEL}
-        self._centres = GeometricRow("pixel centres, exact", None)
-        self._aimed = GeometricRow("pixel centres and aimed rays", None)
+        self._centres = GeometricRow("pixel centres", None)
+        self._aimed = GeometricRow("centres, then aimed rays", None)
         for row in self._jittered.values():
             if row.rays_per_pixel != 1:
                 row.holdout_rays = row.holdout_new = 0

@@ -28,8 +28,8 @@ _STYLES = {
     "gl:depth=24": ("#cc79a7", "X"),
     "gl:depth=32": ("#8a7a00", "P"),
     "jittered rays": ("#0072b2", "o"),
-    "pixel centres, exact": ("#1b2026", "D"),
-    "pixel centres and aimed rays": ("#d55e00", "^"),
+    "pixel centres": ("#1b2026", "D"),
+    "centres, then aimed rays": ("#d55e00", "^"),
 }
 
 

@@ -44,9 +44,10 @@ def _numeric(bench: Bench) -> str:
     exact, ray = _whole(bench, REFERENCE), _whole(bench, PROBER)
     wrong = ray.numeric_wrong_samples
     ratio = f"{exact.seconds / ray.seconds:.1f}×"
+    missed = counted(ray.numeric_missed, "visible object") if ray.numeric_missed else "none of them"
     blame = (
-        f"gives {counted(wrong, 'sample')} of {count(bench.samples)} to a wrong object and misses "
-        f"{counted(ray.numeric_missed, 'visible object')}"
+        f"gives {counted(wrong, 'sample')} of {count(bench.samples)} to a wrong object, and of "
+        f"{count(exact.visible)} visible objects misses {missed}"
     )
     if exact.seconds <= WORTH * ray.seconds:
         if not wrong:
