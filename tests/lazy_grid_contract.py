@@ -62,7 +62,9 @@ class Watch:
     def meets(self, cell, area):
         columns, rows = self.pixels(cell)
         return (
-            columns.start < area[2]
+            area[0] < area[2]
+            and area[1] < area[3]
+            and columns.start < area[2]
             and area[0] < columns.stop
             and rows.start < area[3]
             and area[1] < rows.stop

@@ -14,7 +14,14 @@ from culling.lazy_grid import LazyGridCulling
 from culling.lazy_grid.boxes import triangle_boxes
 from culling.lazy_grid.coverage import add_coverage
 from culling.lazy_grid.grid import DepthGrid, OcclusionGrid
-from culling.lazy_grid.nodes import INNER, areas, corners_of, nodes_in_view, pixel_bounds
+from culling.lazy_grid.nodes import (
+    INNER,
+    areas,
+    clipped_corners,
+    corners_of,
+    nodes_in_view,
+    pixel_bounds,
+)
 from culling.queries.areas import Readback, RectangleQueries
 from culling.queries.software_depth import SoftwareBuffer
 from culling.view import View
@@ -227,6 +234,19 @@ def test_option_out_of_range_is_one_clear_line(options, line):
         LazyGridCulling(**options)
 
 
+def test_counted_fragments_are_the_queried_areas_and_the_drawn_triangles():
+    wall, poster = ("wall", *quad((-8, -8), (8, 8), -5)), ("poster", *quad((-4, -4), (4, 4), -7))
+    scene = Scene.from_objects([wall, poster])
+    for buffer in BUFFERS:
+        culler = make(buffer=buffer, query="gl", fragments=True)
+        culler.prepare(scene)
+        stats = culler.cull(ortho(32, 32)).stats
+        culler.close()
+        # The poster's 8 by 8 pixels fall into four cells; the wall is 16 by 16.
+        assert (stats.queries, stats.query_fragments) == (4, 64)
+        assert stats.depth_tests == 64 + 256
+
+
 # The hierarchy's leaves.
 
 
@@ -297,14 +317,31 @@ def test_area_holds_every_pixel_that_the_object_gets_from_the_rasteriser(seed):
     for _ in range(3):
         view = View.of(random_camera(rng, 41, 29), scene, device().subpixel_bits)
         boxes = view.inflated(scene.object_bounds)
-        plain = ~view.needs_no_query(boxes)
-        found = areas(*pixel_bounds(view, corners_of(boxes[plain])), 41, 29)
-        for unit, (x0, y0, x1, y1) in zip(np.flatnonzero(plain), found, strict=True):
+        corners = corners_of(boxes)
+        beyond = (corners @ view.depth_row).max(axis=1) >= view.camera.near
+        crossing = view.needs_no_query(boxes)
+        points = np.where(
+            crossing[:, None, None],
+            clipped_corners(view, boxes),
+            np.concatenate([corners, corners, corners[:, :4]], axis=1),
+        )
+        found = areas(*pixel_bounds(view, points[beyond]), 41, 29)
+        for unit, (x0, y0, x1, y1) in zip(np.flatnonzero(beyond), found, strict=True):
             alone = np.zeros(scene.triangle_count, bool)
             alone[slice(*scene.object_offsets[unit : unit + 2])] = True
             ys, xs = np.nonzero(culler.raster.image(view.camera, alone) >= 0)
             assert ((xs >= x0) & (xs < x1) & (ys >= y0) & (ys < y1)).all()
     culler.close()
+
+
+def test_box_across_the_near_plane_gets_the_area_of_what_lies_beyond_it():
+    scene = Scene.from_objects([("floor", *box((0.0, -3.0, 0.0), (50.0, 1.0, 50.0)))])
+    view = View.of(perspective(32, 24), scene, 8)
+    boxes = view.inflated(scene.object_bounds)
+    assert view.needs_no_query(boxes).all()
+    # Its upper edge 50 away is at y = -2 / 50: just below the middle row.
+    found = areas(*pixel_bounds(view, clipped_corners(view, boxes)), 32, 24)
+    assert found.tolist() == [[0, 12, 32, 24]]
 
 
 # The grid.

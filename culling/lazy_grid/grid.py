@@ -49,9 +49,11 @@ class Grid(ABC):
         return x, y, min(x + self.cell, self.width), min(y + self.cell, self.height)
 
     def cells(self, area: Area) -> tuple[slice, slice]:
-        """Rows and columns of the cells that meet an area which is not empty."""
+        """Rows and columns of the cells that meet an area."""
         x0, y0, x1, y1 = area
         size = self.cell
+        if x0 >= x1 or y0 >= y1:
+            return slice(0, 0), slice(0, 0)
         return (
             slice(y0 // size, min(-(-y1 // size), self.rows)),
             slice(x0 // size, min(-(-x1 // size), self.columns)),

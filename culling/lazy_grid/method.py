@@ -47,6 +47,7 @@ from culling.lazy_grid.nodes import (
     Area,
     ViewNodes,
     areas,
+    clipped_corners,
     corners_of,
     farthest_depth,
     nodes_in_view,
@@ -55,7 +56,7 @@ from culling.lazy_grid.nodes import (
 from culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from culling.queries.areas import AreaQueries, Readback, RectangleQueries
 from culling.queries.software_depth import SoftwareBuffer
-from culling.view import View
+from culling.view import FARTHEST_QUERY, View
 from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
@@ -276,6 +277,8 @@ class LazyGridCulling(GLCuller):
         self.areas.begin(view, frame.target, frame.stats)
         area = np.tile(np.array([0, 0, camera.width, camera.height]), (len(sure), 1))
         area[~sure] = self.rectangles(view, self.corners(nodes.boxes[~sure]))
+        cut = sure & (far >= camera.near) & (np.abs(nodes.boxes).max(axis=(1, 2)) < FARTHEST_QUERY)
+        area[cut] = self.rectangles(view, clipped_corners(view, nodes.boxes[cut]))
         depth = np.zeros(len(sure))
         depth[~sure] = self.areas.depth_of(near[~sure])
         return Walk(

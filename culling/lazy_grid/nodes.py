@@ -20,6 +20,9 @@ Area = tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels, half-open, y down
 
 INNER = -1
 
+# The corners at both ends of a box's edges: numbers that differ in one bit.
+_EDGES = np.array([(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit])
+
 
 @dataclass(frozen=True, eq=False)
 class ViewNodes:
@@ -75,6 +78,24 @@ def corners_of(boxes: Float64) -> Float64:
     """(k, 8, 3) float64 of boxes (k, 2, 3)."""
     bits = (np.arange(8)[:, None] >> np.arange(3)) & 1
     return boxes[:, bits, np.arange(3)]
+
+
+def clipped_corners(view: View, boxes: Float64) -> Float64:
+    """(k, 20, 3) points that span what lies of each box beyond the near plane: its corners
+    there, and where its edges cross the plane. A box that has no such point keeps its corners,
+    which then mean nothing."""
+    corners, near = corners_of(boxes), view.camera.near
+    depth = corners @ view.depth_row
+    start, end = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
+    before, after = depth[:, _EDGES[:, 0]], depth[:, _EDGES[:, 1]]
+    crosses = (before < near) != (after < near)
+    share = (near - before) / np.where(crosses, after - before, 1.0)
+    points = np.concatenate([corners, start + share[..., None] * (end - start)], axis=1)
+    holds = np.concatenate([depth >= near, crosses], axis=1)
+    # Points that do not count repeat one that does.
+    first = points[np.arange(len(points)), np.argmax(holds, axis=1)]
+    result: Float64 = np.where(holds[..., None], points, first[:, None])
+    return result
 
 
 def pixel_bounds(view: View, corners: Float64) -> tuple[Float64, Float64]:
