@@ -178,7 +178,7 @@ def _labels(axes: Any, panel: Panel, height: Any) -> None:
     for point in sorted(points, key=lambda point: point.seconds):
         close = (
             before is not None
-            and math.log(point.seconds / before.seconds) < 0.02 * len(before.label) * width
+            and math.log(point.seconds / before.seconds) < 0.03 * len(before.label) * width
             and 0.4 < height(point.error) / height(before.error) < 2.5
         )
         below = close and not below
