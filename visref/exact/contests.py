@@ -79,3 +79,26 @@ def level_groups(
         result[start:end] = level
         start = end
     return result
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def crown(
+    sample: NDArray[Any], triangle: NDArray[Any], level: NDArray[Any], owner: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Of a grouped contest's `level` pairs, the nearest ones, write the least triangle of each
+    sample to `owner` (-1 where none is level), and return the others."""
+    further_sample = np.empty(len(sample), np.int64)
+    further_triangle = np.empty(len(sample), np.int32)
+    count = 0
+    for s in sample:
+        owner[s] = -1
+    for index in range(len(sample)):
+        s, t = sample[index], triangle[index]
+        if not level[index]:
+            continue
+        if owner[s] < 0:
+            owner[s] = t
+        else:
+            further_sample[count], further_triangle[count] = s, t
+            count += 1
+    return further_sample[:count].copy(), further_triangle[:count].copy()

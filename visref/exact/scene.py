@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.exact import raster
-from visref.exact.contests import Contest, group, level_groups
+from visref.exact.contests import Contest, crown, group, level_groups
 from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
 from visref.exact.rational import ExactFrame, lowest_bit, plane_names
@@ -158,16 +158,13 @@ class ExactScene:
         contest, rational = self._covering(camera, Contest(*group(*contest, flat, raster.COVERING)))
         if keep_bounds:
             bounds[1].reshape(-1)[contest.sample] = np.inf
-        flat[contest.sample] = BACKGROUND
         level = self._level(contest)
         if not level.all():
             nearest, exact = self._nearest(camera, contest.where(~level))
             rational += exact
             level[~level] = nearest
-        sample, triangle, _ = contest.where(level)
-        leads = np.append(True, sample[1:] != sample[:-1])[: len(sample)]
-        flat[sample[leads]] = triangle[leads]
-        return owner, sample[~leads], triangle[~leads], rational, bounds
+        further = crown(contest.sample, contest.triangle, level, flat)
+        return owner, *further, rational, bounds
 
     def _contend(
         self,
