@@ -54,3 +54,28 @@ def test_what_lies_behind_the_camera_is_not_listed():
     near = replace(camera(), near=1.0)
     (found,) = triangles_along(scene, near, [0])
     assert set(scene.object_of_triangle[found].tolist()) == {0}
+
+
+@pytest.mark.parametrize("offset", [0.0, 2.0**20])
+@pytest.mark.parametrize("ortho", [False, True])
+def test_triangles_passed_by_in_blocks_are_none_that_own_a_sample(ortho, offset):
+    rng = np.random.default_rng(5)
+    # Small triangles in the order of their place, so that whole blocks lie beside a ray.
+    places = np.sort(rng.integers(-64, 65, (1000, 3)), axis=0)
+    corners = (places[:, None] + rng.integers(-9, 10, (1000, 3, 3))) / 8.0 + offset
+    scene = Scene.from_objects([("all", corners.reshape(-1, 3), np.arange(3000).reshape(-1, 3))])
+    target = np.full(3, offset)
+    view = Camera(
+        look_at(target + np.array((3.0, 5.0, 20.0)), target),
+        32,
+        24,
+        near=0.5,
+        **({"ymag": 9.0} if ortho else {"yfov": 0.9}),
+    )
+    samples = np.arange(view.samples)
+    owners = ExactScene(scene).decide(view, samples)
+    assert len(owners.triangles) > 50
+    along = triangles_along(scene, view, samples.tolist())
+    for sample in samples:
+        low, high = owners.offsets[sample : sample + 2]
+        assert set(owners.triangles[low:high].tolist()) <= set(along[sample].tolist())

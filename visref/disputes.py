@@ -28,7 +28,9 @@ from visref.visibility import (
 )
 
 # How many of a missed object's samples are asked for their margins; the best one is reported.
+# Of a frame that misses hundreds of objects, fewer of each: a margin takes about a millisecond.
 MARGIN_SAMPLES = 64
+FRAME_MARGIN_SAMPLES = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +204,8 @@ def _with_margins(
     missed = np.flatnonzero((walk.lost > 0) & ~walk.shows)
     if not len(missed):
         return rulings
-    samples, objects = _witness_samples(scene, truth, disputes, missed)
+    each = min(MARGIN_SAMPLES, max(1, FRAME_MARGIN_SAMPLES // len(missed)))
+    samples, objects = _witness_samples(scene, truth, disputes, missed, each)
     margin_px, margin_depth = witness_margins(exact, truth.camera, samples, objects)
     within: set[int] = set()
     if raster is not None:
@@ -210,7 +213,7 @@ def _with_margins(
         lost_all = np.setdiff1d(missed, objects[survives])
         if len(lost_all):
             # The tolerance speaks of every sample, so look at the ones left out above too.
-            more, their = _witness_samples(scene, truth, disputes, lost_all, limit=None)
+            more, their = _witness_samples(scene, truth, disputes, lost_all, None)
             again = surviving(exact, truth.camera, more, their, raster.tolerance)
             lost_all = np.setdiff1d(lost_all, their[again])
         if len(lost_all):
@@ -250,7 +253,7 @@ def _witness_samples(
     truth: FrameTruth,
     disputes: Disputes,
     missed: NDArray[np.int64],
-    limit: int | None = MARGIN_SAMPLES,
+    limit: int | None,
 ) -> tuple[Int64, NDArray[np.int64]]:
     """(sample, object) pairs: samples of each missed object, evenly picked if too many."""
     triangle = truth.buffer.triangle.reshape(-1)
@@ -262,11 +265,11 @@ def _witness_samples(
     pairs_object.append(scene.object_of_triangle[truth.ties.triangle[at]].astype(np.int64))
     sample, obj = np.concatenate(pairs_sample), np.concatenate(pairs_object)
     wanted = np.isin(obj, missed)
-    pairs = np.unique(np.stack([obj[wanted], sample[wanted]], axis=1), axis=0)
+    obj, sample = np.divmod(np.unique(obj[wanted] * triangle.size + sample[wanted]), triangle.size)
     if limit is not None:
-        starts = np.searchsorted(pairs[:, 0], pairs[:, 0])
-        counts = np.searchsorted(pairs[:, 0], pairs[:, 0], side="right") - starts
-        rank = np.arange(len(pairs)) - starts
+        starts = np.searchsorted(obj, obj)
+        counts = np.searchsorted(obj, obj, side="right") - starts
         step = np.maximum(1, -(-counts // limit))
-        pairs = pairs[rank % step == 0]
-    return pairs[:, 1].copy(), pairs[:, 0].copy()
+        picked = (np.arange(len(obj)) - starts) % step == 0
+        obj, sample = obj[picked], sample[picked]
+    return sample, obj

@@ -107,8 +107,9 @@ class RunRecord:
 
     def missed_rows(self, culler: str) -> list[Row]:
         """The culler's rows of objects.parquet that tell of a miss or a doubt."""
-        table = self._rows_of(culler)
-        return _pylist(table.filter(pc.not_equal(table["kind"], "superfluous")))
+        mine = pc.equal(self.objects["culler"], culler)
+        told = pc.not_equal(self.objects["kind"], "superfluous")
+        return _pylist(self.objects.filter(pc.and_(mine, told)))
 
     def lost_objects(self, culler: str) -> list[LostObject]:
         """Objects with a confirmed miss, the most samples lost first."""
@@ -129,14 +130,13 @@ class RunRecord:
     def superfluous_units(self, culler: str) -> list[tuple[int, str, int]]:
         """(unit, name, frames) of what was drawn for nothing, the most often first; the name
         is empty unless units are objects."""
-        table = self._rows_of(culler)
-        table = table.filter(pc.equal(table["kind"], "superfluous"))
+        # Only what is counted: of small units there are tens of millions of rows.
+        table = self.objects.select(["culler", "kind", "unit", "name", "frame"])
+        mine = pc.equal(table["culler"], culler)
+        table = table.filter(pc.and_(mine, pc.equal(table["kind"], "superfluous")))
         counted = table.group_by(["unit", "name"]).aggregate([("frame", "count")])
         rows = [(row["unit"], row["name"] or "", row["frame_count"]) for row in _pylist(counted)]
         return sorted(rows, key=lambda row: (-row[2], row[0]))
-
-    def _rows_of(self, culler: str) -> pa.Table:
-        return self.objects.filter(pc.equal(self.objects["culler"], culler))
 
 
 def _pylist(table: pa.Table) -> list[Row]:
@@ -163,7 +163,7 @@ def read_run(folder: Path) -> RunRecord:
         _read_json(folder / VERDICT),
         _pylist(_read_table(folder / "frames.parquet")),
         _pylist(_read_table(folder / "timings.parquet")),
-        _read_table(folder / "objects.parquet"),
+        _read_table(folder / "objects.parquet", "culler", "kind", "name"),
     )
 
 
@@ -177,8 +177,9 @@ def _read_json(file: Path) -> dict[str, Any]:
     return value
 
 
-def _read_table(file: Path) -> pa.Table:
+def _read_table(file: Path, *repeated: str) -> pa.Table:
+    """A table; its `repeated` columns hold few different texts, so each is kept once."""
     try:
-        return pq.read_table(file)
+        return pq.read_table(file, read_dictionary=list(repeated))
     except (OSError, pa.ArrowInvalid) as error:
         raise InputError("cannot read this table", source=str(file), mend=_MEND) from error
