@@ -115,11 +115,18 @@ def _examine(
     cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
     gap = np.full(len(samples), np.inf)
     lost = np.ones(len(samples), np.bool_)
-    examine(
-        x, y, tile, np.asarray(objects, np.int64), view, exact_scene.corners,
-        exact_scene.one_sided, scene.object_of_triangle[exact_scene.order], found, boxes,
-        offsets, entries, radius, tolerance is not None, depth, cover, hide, gap, lost,
-    )  # fmt: skip
+    owner_of = scene.object_of_triangle[exact_scene.order]
+    objects = np.asarray(objects, np.int64)
+
+    def part_of(part: Int64) -> None:
+        some = slice(int(part[0]), int(part[-1]) + 1)
+        examine(
+            x[some], y[some], tile[some], objects[some], view, exact_scene.corners,
+            exact_scene.one_sided, owner_of, found, boxes, offsets, entries, radius,
+            tolerance is not None, depth, cover[some], hide[some], gap[some], lost[some],
+        )  # fmt: skip
+
+    exact_scene.in_parallel(part_of, np.arange(len(samples)))
     return cover, hide, gap, lost
 
 

@@ -9,7 +9,7 @@ triangle's plane (kept from frame to frame), not a decision a sample.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -200,8 +200,7 @@ class ExactScene:
                 sample.astype(np.int64), triangle.astype(np.int32), state.astype(np.uint8)
             )
 
-        parts = np.array_split(np.flatnonzero(tiles), PARTS)
-        results = self._in_parallel(fill, (part for part in parts if len(part)))
+        results = self.in_parallel(fill, np.flatnonzero(tiles))
         if not results:
             return owner, Contest(
                 np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
@@ -234,15 +233,19 @@ class ExactScene:
             return found[:count], boxes[:count], keys[:count]
 
         parts = max(1, min(PARTS, len(order) // LEAST_CLUSTERS))
-        results = self._in_parallel(part_of, np.array_split(order, parts))
+        results = self.in_parallel(part_of, order, parts) or [part_of(order)]
         found, boxes, keys = (np.concatenate(x) for x in zip(*results, strict=True))
         return found, boxes, keys
 
-    def _in_parallel(self, work: Callable[[Int64], Part], parts: Iterable[Int64]) -> list[Part]:
-        if self._threads == 1:
-            return [work(part) for part in parts]
+    def in_parallel(
+        self, work: Callable[[Int64], Part], whole: Int64, parts: int = PARTS
+    ) -> list[Part]:
+        """The results of `work` on each part of an array, in order; empty parts are left out."""
+        pieces = [piece for piece in np.array_split(whole, parts) if len(piece)]
+        if self._threads == 1 or len(pieces) < 2:
+            return [work(piece) for piece in pieces]
         with ThreadPoolExecutor(self._threads) as pool:
-            return list(pool.map(work, parts))
+            return list(pool.map(work, pieces))
 
     def _exact(self, camera: Camera, triangles: Int32) -> tuple[ExactFrame, Int64]:
         """The exact frame of some triangles, and the place of each in it."""
@@ -323,8 +326,7 @@ class ExactScene:
             torn: Int64 = depths(part, owner, scene.vertices, scene.triangles, view, a, b, result)
             return torn
 
-        parts = np.array_split(samples, PARTS)
-        torn = self._in_parallel(part_of, (part for part in parts if len(part)))
+        torn = self.in_parallel(part_of, samples)
         left = np.concatenate([np.zeros(0, np.int64), *torn])
         if len(left):
             exact, which = self._exact(camera, owner[left])
