@@ -51,6 +51,12 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
         ctypes.c_int,
         ctypes.POINTER(ctypes.c_int),
     ),
+    "glClearNamedFramebufferfv": (
+        ctypes.c_uint,
+        ctypes.c_uint,
+        ctypes.c_int,
+        ctypes.POINTER(ctypes.c_float),
+    ),
     "glGetNamedFramebufferAttachmentParameteriv": (
         ctypes.c_uint,
         ctypes.c_uint,
@@ -244,6 +250,11 @@ class Device:
         changes = self.apply(state)
         state.framebuffer.clear(depth=1.0)
         return changes
+
+    def clear_colour(self, framebuffer: moderngl.Framebuffer) -> None:
+        """Set every pixel of a normalised image to 0, leaving its depth."""
+        zeros = (ctypes.c_float * 4)()
+        self.gl["glClearNamedFramebufferfv"](framebuffer.glo, _COLOR, 0, zeros)
 
     def clear_ids(self, state: State, value: int) -> int:
         """Set every pixel of an integer image to `value`, leaving its depth. Returns the

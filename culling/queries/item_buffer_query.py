@@ -104,7 +104,7 @@ class ItemBufferQueries:
         self.active &= hit
 
     def clear(self, framebuffer: moderngl.Framebuffer) -> None:
-        framebuffer.clear()  # depth is masked
+        self.device.clear_colour(framebuffer)
 
     def render(self, view: View, boxes: Float32) -> None:
         set_uniform(self.program, "corners_only", np.int32(0).tobytes())
