@@ -165,14 +165,14 @@ def test_a_breakdown_of_visref_is_no_verdict(inputs, tmp_path, monkeypatch, caps
 def test_names_are_printed_as_they_are(inputs, tmp_path, capsys):
     scene, _ = inputs
     odd = trimesh.load(scene)
-    odd.add_geometry(trimesh.creation.box(), node_name="[/red] box", geom_name="odd")
+    odd.add_geometry(trimesh.creation.box(), node_name="[/red] :b: box", geom_name="odd")
     Path(scene).write_bytes(odd.export(file_type="glb"))
     assert main(["objects", scene]) == 0
-    assert "[/red] box" in capsys.readouterr().out
+    assert "[/red] :b: box" in capsys.readouterr().out
     visible = Path(record(tmp_path, ["front", "beside"], ["front", "beside"]))
-    named = visible.rename(tmp_path / "[bold].jsonl")
+    named = visible.rename(tmp_path / "[bold] :b:.jsonl")
     check(inputs, tmp_path, str(named))
-    assert "[bold].jsonl" in capsys.readouterr().out
+    assert "[bold] :b:.jsonl" in capsys.readouterr().out
 
 
 def test_truth_file_has_the_promised_columns_and_metadata(inputs, tmp_path):

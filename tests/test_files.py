@@ -82,6 +82,15 @@ def test_a_link_to_a_run_folder_stays_a_link_to_the_new_one(tmp_path):
     assert (tmp_path / "run" / "m").read_text() == "2"
 
 
+def test_a_link_to_a_file_stays_a_link_to_the_new_one(tmp_path):
+    (tmp_path / "old").write_text("1")
+    (tmp_path / "link").symlink_to("old")
+    with replacing_file(tmp_path / "link") as beside:
+        beside.write_text("2")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "old").read_text() == "2"
+
+
 def test_the_folder_one_stands_in_is_replaced_like_any(tmp_path, monkeypatch):
     (tmp_path / "run").mkdir()
     monkeypatch.chdir(tmp_path / "run")

@@ -35,9 +35,12 @@ class _Out(Console):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-_ERRORS = Console(stderr=True, highlight=False, soft_wrap=True)
+# Names and specs are printed as they are: `:b:` in one is no emoji.
+_ERRORS = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 # A table in a log or a pipe is not folded to a terminal that is not there.
-_OUT = _Out(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 200)
+_OUT = _Out(
+    highlight=False, soft_wrap=True, emoji=False, width=None if sys.stdout.isatty() else 200
+)
 
 
 # Statuses of a run that came to no end, clear of every `Exit`: by convention, 128 + SIGINT and

@@ -40,6 +40,8 @@ def replacing_file(path: Path | str) -> Iterator[Path]:
             raise _refuse(target, "it is a folder", "name a file")
         if target.exists() and not target.is_file():
             raise _refuse(target, "it is no ordinary file", "name a file")
+        # A link stays, and what it names is replaced.
+        target = target.resolve()
         target.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_PREFIX))
     try:
