@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.exact import raster
+from visref.exact import screen
 from visref.exact.filters import NOTHING, SET_UP_SIZE, View, set_up, view_of
 from visref.exact.polygons import (
     CLIPPED,
@@ -101,9 +101,9 @@ def _examine(
         view = _with_doubtful_range(view, exact_scene, depth)
     samples = np.asarray(samples, np.int64)
     y, x = samples // camera.width, samples % camera.width
-    columns = -(-camera.width // raster.TILE)
-    rows = -(-camera.height // raster.TILE)
-    tile = y // raster.TILE * columns + x // raster.TILE
+    columns = -(-camera.width // screen.TILE)
+    rows = -(-camera.height // screen.TILE)
+    tile = y // screen.TILE * columns + x // screen.TILE
     tiles = np.zeros(rows * columns, np.bool_)
     tiles[tile] = True
     wanted = np.zeros((camera.height, camera.width), np.bool_)
@@ -111,7 +111,7 @@ def _examine(
     opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
     # Half a pixel more than the radius holds every box's rounding.
     found, boxes, _ = exact_scene.project(view, opaque, wanted, radius + 0.5)
-    offsets, entries = raster.bin_boxes(boxes, tiles, columns)
+    offsets, entries = screen.bin_boxes(boxes, tiles, columns)
     cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
     gap = np.full(len(samples), np.inf)
     lost = np.ones(len(samples), np.bool_)

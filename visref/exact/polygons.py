@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.exact.filters import PIXEL_SLACK, PROJECT, PROJECT_CLIPPED, View
-from visref.exact.raster import CLIP_SLACK
+from visref.exact.screen import CLIP_SLACK
 
 CLIPPED = 3
 # A triangle clipped by one plane has at most four corners; one more plane (two keys' order)

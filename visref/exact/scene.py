@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.exact import raster
+from visref.exact import raster, screen
 from visref.exact.contests import Contest, crown, group, level_groups
 from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
@@ -178,14 +178,14 @@ class ExactScene:
         """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
         view = view_of(camera)
         found, boxes, keys = self.project(view, usable[self.order], wanted, 0.0)
-        columns = -(-camera.width // raster.TILE)
-        rows = -(-camera.height // raster.TILE)
+        columns = -(-camera.width // screen.TILE)
+        rows = -(-camera.height // screen.TILE)
         tiles = np.ones(rows * columns, np.bool_)
         if wanted.size:
             y, x = np.nonzero(wanted)
             tiles[:] = False
-            tiles[y // raster.TILE * columns + x // raster.TILE] = True
-        bin_offsets, bin_entries = raster.bin_boxes(boxes, tiles, columns)
+            tiles[y // screen.TILE * columns + x // screen.TILE] = True
+        bin_offsets, bin_entries = screen.bin_boxes(boxes, tiles, columns)
         owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
         a, b = camera.column_a, camera.row_b
 
@@ -215,9 +215,9 @@ class ExactScene:
         `usable`: (t,) bool in cluster order. `wanted`: (height, width) bool, or (0, 0) for all
         samples. `grow`: pixels to widen the screen boxes by.
         """
-        sums = raster.count_wanted(wanted) if wanted.size else np.zeros((0, 0), np.int64)
+        sums = screen.count_wanted(wanted) if wanted.size else np.zeros((0, 0), np.int64)
         nearest = np.empty(len(self._cluster_bounds))
-        raster.cluster_depths(self._cluster_bounds, view, grow, sums, nearest)
+        screen.cluster_depths(self._cluster_bounds, view, grow, sums, nearest)
         order = np.argsort(nearest, kind="stable")
         order = order[: np.count_nonzero(nearest < np.inf)]
 
@@ -226,7 +226,7 @@ class ExactScene:
             found = np.empty(room, np.int32)
             boxes = np.empty((room, 4), np.int32)
             keys = np.empty((room, 2))
-            count = raster.project(
+            count = screen.project(
                 clusters, self._cluster_offsets, self.corners, usable, view, grow, sums,
                 found, boxes, keys,
             )  # fmt: skip
@@ -337,7 +337,7 @@ class ExactScene:
         """All samples, tile by tile, so that neighbours in the list share their triangles."""
         size = camera.height, camera.width
         if self._tile_order[0] != size:
-            samples, side = np.arange(camera.samples).reshape(size), raster.TILE
+            samples, side = np.arange(camera.samples).reshape(size), screen.TILE
             strips = [samples[y : y + side] for y in range(0, camera.height, side)]
             tiles = [s[:, x : x + side].ravel() for s in strips for x in range(0, size[1], side)]
             self._tile_order = size, np.concatenate(tiles)

@@ -1,0 +1,293 @@
+"""Where on the screen triangles may be: conservative boxes, and the tiles that they meet.
+
+All bounds are outward: too great a box only costs time. The boxes alone use a clip at the near
+plane; nothing that is decided depends on it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.exact.filters import PIXEL_SLACK, PROJECT, PROJECT_CLIPPED, U, View
+
+TILE_SHIFT, BLOCK_SHIFT = 6, 3
+TILE, BLOCK = 1 << TILE_SHIFT, 1 << BLOCK_SHIFT
+# The clip for screen boxes lies this much before the near plane, so that an error of a vertex's
+# depth up to `near` times this cannot cut off a point that a sample might hit.
+CLIP_SLACK = 2.0**-10
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
+    """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
+    low -= grow + PIXEL_SLACK
+    high += grow + PIXEL_SLACK
+    first = 0
+    if low > 0.0:
+        first = count if low > count else math.ceil(low)
+    last = count - 1
+    if high < count - 1:
+        last = -1 if high < 0.0 else math.floor(high)
+    return first, last
+
+
+def count_wanted(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many wanted samples lie in the blocks above and left of each block corner:
+    (block rows + 1, block columns + 1) int64."""
+    height, width = wanted.shape
+    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
+    blocks = np.zeros((rows * BLOCK, columns * BLOCK), np.int64)
+    blocks[:height, :width] = wanted
+    blocks = blocks.reshape(rows, BLOCK, columns, BLOCK).sum(axis=(1, 3))
+    return np.pad(blocks.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _none_wanted(sums: NDArray[Any], x0: int, x1: int, y0: int, y1: int) -> bool:
+    """Whether no block that meets a pixel rectangle holds a wanted sample."""
+    i0, i1 = x0 >> BLOCK_SHIFT, (x1 >> BLOCK_SHIFT) + 1
+    j0, j1 = y0 >> BLOCK_SHIFT, (y1 >> BLOCK_SHIFT) + 1
+    none: bool = sums[j1, i1] - sums[j0, i1] - sums[j1, i0] + sums[j0, i0] == 0
+    return none
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _box_range(
+    low: NDArray[Any],
+    high: NDArray[Any],
+    dual: NDArray[Any],
+    norm: float,
+    z_least: float,
+    z_greatest: float,
+    middle: float,
+    scale: float,
+    grow: float,
+    count: int,
+    perspective: bool,
+) -> tuple[int, int]:
+    """The pixels (columns or rows) that a box before the eye may cover, by interval arithmetic.
+
+    Its corners are `low`, `high` relative to the eye, its depths in z_least..z_greatest.
+    """
+    least, greatest, size = 0.0, 0.0, 0.0
+    for k in range(3):
+        p = dual[k]
+        least += p * low[k] if p > 0.0 else p * high[k]
+        greatest += p * high[k] if p > 0.0 else p * low[k]
+        size = max(size, max(abs(low[k]), abs(high[k])))
+    error = PROJECT * norm * size
+    least, greatest = least - error, greatest + error
+    if perspective:
+        # 4 u: the subtraction and the division, of either sign.
+        least /= z_greatest if least > 0.0 else z_least
+        greatest /= z_least if greatest > 0.0 else z_greatest
+        least -= 4.0 * U * abs(least)
+        greatest += 4.0 * U * abs(greatest)
+    if scale < 0.0:
+        least, greatest = greatest, least
+    pixels: tuple[int, int] = _pixel_range(
+        scale * least + middle, scale * greatest + middle, grow, count
+    )
+    return pixels
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def cluster_depths(
+    bounds: NDArray[Any], view: View, grow: float, sums: NDArray[Any], nearest: NDArray[Any]
+) -> None:
+    """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
+
+    `bounds`: (c, 2, 3) float32. Outward: a cluster is left out only where every point of its
+    box is beyond one plane of the frustum, `grow` pixels out, by more than the rounding; or
+    where its box's screen box holds no wanted sample (`sums` of `count_wanted`, (0, 0) for all).
+    """
+    # One unit of a and b (half a pixel) to spare; the error term covers the rest.
+    spare = 1.0 + 2.0 * grow
+    planes = np.zeros((4, 3))
+    norms = np.zeros(4)
+    offsets = np.zeros(4)
+    limits = (view.a_least, view.a_greatest, view.b_least, view.b_greatest)
+    for i in range(4):
+        dual = view.x_dual if i < 2 else view.y_dual
+        toward = 1.0 if i % 2 == 0 else -1.0
+        limit = limits[i] - toward * spare
+        for k in range(3):
+            if view.perspective:
+                planes[i, k] = toward * (dual[k] - limit * view.z_dual[k])
+                norms[i] += abs(dual[k]) + abs(limit * view.z_dual[k])
+            else:
+                planes[i, k] = toward * dual[k]
+                norms[i] += abs(dual[k])
+        if not view.perspective:
+            offsets[i] = toward * limit
+    low = np.empty(3)
+    high = np.empty(3)
+    for c in range(len(bounds)):
+        size = 0.0
+        least, greatest = 0.0, 0.0
+        for k in range(3):
+            low[k] = np.float64(bounds[c, 0, k]) - view.e[k]
+            high[k] = np.float64(bounds[c, 1, k]) - view.e[k]
+            size = max(size, max(abs(low[k]), abs(high[k])))
+            z = view.z_dual[k]
+            least += z * low[k] if z > 0.0 else z * high[k]
+            greatest += z * high[k] if z > 0.0 else z * low[k]
+        error = PROJECT * view.z_norm * size
+        nearest[c] = least - error
+        outside = greatest + error < view.near or least - error > view.far
+        if view.boxes:
+            for i in range(4):
+                value = 0.0
+                for k in range(3):
+                    p = planes[i, k]
+                    value += p * high[k] if p > 0.0 else p * low[k]
+                # 16 u: the plane's own roundings (3) and the offset's come on top of PROJECT's.
+                if value - offsets[i] < -16.0 * U * (norms[i] * size + abs(offsets[i])):
+                    outside = True
+            if sums.size and not outside and (least - error > view.near or not view.perspective):
+                x0, x1 = _box_range(
+                    low, high, view.x_dual, view.x_norm, least - error, greatest + error,
+                    0.5 * (view.width - 1) - view.shift_x_px, 0.5, grow, view.width,
+                    view.perspective,
+                )  # fmt: skip
+                y0, y1 = _box_range(
+                    low, high, view.y_dual, view.y_norm, least - error, greatest + error,
+                    0.5 * (view.height - 1) - view.shift_y_px, -0.5, grow, view.height,
+                    view.perspective,
+                )  # fmt: skip
+                outside = x0 > x1 or y0 > y1 or _none_wanted(sums, x0, x1, y0, y1)
+        if outside:
+            nearest[c] = np.inf
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def project(
+    clusters: NDArray[Any],
+    cluster_offsets: NDArray[Any],
+    corners: NDArray[Any],
+    usable: NDArray[Any],
+    view: View,
+    grow: float,
+    sums: NDArray[Any],
+    found: NDArray[Any],
+    boxes: NDArray[Any],
+    keys: NDArray[Any],
+) -> int:
+    """Find the triangles whose screen box, grown by `grow` pixels, holds a sample, and meets a
+    block of wanted samples (`sums` of `count_wanted`, (0, 0) for all).
+
+    Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
+    bool. Writes to `found` the triangle's place in cluster order, to `boxes` its first and last
+    pixel column and row, to `keys` (upper bound of the key, 1.0 if its depth range must be
+    checked at each sample). Returns how many were found. All bounds are outward.
+    """
+    count = 0
+    z = np.empty(3)
+    x = np.empty(3)
+    y = np.empty(3)
+    for index in range(len(clusters)):
+        cluster = clusters[index]
+        for t in range(cluster_offsets[cluster], cluster_offsets[cluster + 1]):
+            if not usable[t]:
+                continue
+            size = 0.0
+            for i in range(3):
+                wx = np.float64(corners[t, 3 * i]) - view.e[0]
+                wy = np.float64(corners[t, 3 * i + 1]) - view.e[1]
+                wz = np.float64(corners[t, 3 * i + 2]) - view.e[2]
+                size = max(size, max(abs(wx), max(abs(wy), abs(wz))))
+                x[i] = view.x_dual[0] * wx + view.x_dual[1] * wy + view.x_dual[2] * wz
+                y[i] = view.y_dual[0] * wx + view.y_dual[1] * wy + view.y_dual[2] * wz
+                z[i] = view.z_dual[0] * wx + view.z_dual[1] * wy + view.z_dual[2] * wz
+            z_error = PROJECT * view.z_norm * size
+            z_least = min(z[0], min(z[1], z[2])) - z_error
+            z_greatest = max(z[0], max(z[1], z[2])) + z_error
+            if z_greatest < view.near or z_least > view.far:
+                continue
+            check = not (z_least > view.near and z_greatest < view.far)
+            x0, x1, y0, y1 = 0, view.width - 1, 0, view.height - 1
+            if view.boxes:
+                x_error = PROJECT_CLIPPED * view.x_norm * size
+                y_error = PROJECT_CLIPPED * view.y_norm * size
+                a0, a1, b0, b1 = np.inf, -np.inf, np.inf, -np.inf
+                bounded = True
+                if view.perspective:
+                    clip = view.near * (1.0 - CLIP_SLACK)
+                    bounded = z_error < view.near * (0.5 * CLIP_SLACK)
+                    for i in range(3):
+                        if z[i] >= clip:
+                            inverse = 1.0 / z[i]
+                            a, b = x[i] * inverse, y[i] * inverse
+                            a_error = 2.0 * (x_error + abs(a) * z_error) * inverse
+                            b_error = 2.0 * (y_error + abs(b) * z_error) * inverse
+                            a0, a1 = min(a0, a - a_error), max(a1, a + a_error)
+                            b0, b1 = min(b0, b - b_error), max(b1, b + b_error)
+                        j = i + 1 if i < 2 else 0
+                        if (z[i] >= clip) != (z[j] >= clip):
+                            part = (clip - z[i]) / (z[j] - z[i])
+                            inverse = 1.0 / clip
+                            a = (x[i] + part * (x[j] - x[i])) * inverse
+                            b = (y[i] + part * (y[j] - y[i])) * inverse
+                            a_error = 2.0 * (x_error + abs(a) * z_error) * inverse
+                            b_error = 2.0 * (y_error + abs(b) * z_error) * inverse
+                            a0, a1 = min(a0, a - a_error), max(a1, a + a_error)
+                            b0, b1 = min(b0, b - b_error), max(b1, b + b_error)
+                else:
+                    a0 = min(x[0], min(x[1], x[2])) - x_error
+                    a1 = max(x[0], max(x[1], x[2])) + x_error
+                    b0 = min(y[0], min(y[1], y[2])) - y_error
+                    b1 = max(y[0], max(y[1], y[2])) + y_error
+                if bounded:
+                    middle = 0.5 * (view.width - 1) - view.shift_x_px
+                    x0, x1 = _pixel_range(0.5 * a0 + middle, 0.5 * a1 + middle, grow, view.width)
+                    middle = 0.5 * (view.height - 1) - view.shift_y_px
+                    y0, y1 = _pixel_range(middle - 0.5 * b1, middle - 0.5 * b0, grow, view.height)
+                    if x0 > x1 or y0 > y1:
+                        continue
+            if sums.size and _none_wanted(sums, x0, x1, y0, y1):
+                continue
+            found[count] = t
+            boxes[count, 0] = x0
+            boxes[count, 1] = x1
+            boxes[count, 2] = y0
+            boxes[count, 3] = y1
+            if view.perspective:
+                # A hit has t >= near too. Two roundings of normal numbers; 4 u is upward.
+                keys[count, 0] = (1.0 / max(z_least, view.near)) * (1.0 + 4.0 * U)
+            else:
+                keys[count, 0] = -z_least
+            keys[count, 1] = 1.0 if check else 0.0
+            count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def bin_boxes(
+    boxes: NDArray[Any], tile_wanted: NDArray[Any], tile_columns: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """For each wanted tile the boxes that meet it, in order: (offsets, box indices)."""
+    tiles = len(tile_wanted)
+    offsets = np.zeros(tiles + 1, np.int64)
+    for k in range(len(boxes)):
+        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
+                tile = row * tile_columns + column
+                if tile_wanted[tile]:
+                    offsets[tile + 1] += 1
+    for tile in range(tiles):
+        offsets[tile + 1] += offsets[tile]
+    entries = np.empty(offsets[tiles], np.int32)
+    place = offsets[:-1].copy()
+    for k in range(len(boxes)):
+        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
+                tile = row * tile_columns + column
+                if tile_wanted[tile]:
+                    entries[place[tile]] = k
+                    place[tile] += 1
+    return offsets, entries
