@@ -131,7 +131,7 @@ class ExactScene:
             undecided = np.unique(masked.sample)
         if self.scene.has_blend:
             seen = self._before(camera, Alpha.BLEND, flat, bounds, closed=False)
-            blend = self._by_object(camera, seen)
+            blend = self._by_object(camera, seen, flat, Ties(at, triangle), undecided)
         return FrameTruth(
             camera=camera,
             engine="exact",
@@ -368,23 +368,43 @@ class ExactScene:
         kept[close] = result <= 0 if closed else result < 0
         return contest.where(kept)
 
-    def _by_object(self, camera: Camera, seen: Contest) -> BlendVisibility:
-        objects = self.scene.object_of_triangle[seen.triangle]
-        order = np.lexsort((seen.triangle, seen.sample, objects))
-        objects = objects[order]
-        sample, triangle = seen.sample[order], seen.triangle[order]
-        fresh = np.append(True, (objects[1:] != objects[:-1]) | (sample[1:] != sample[:-1]))
-        fresh = fresh[: len(sample)]
-        objects, sample, triangle = objects[fresh], sample[fresh], triangle[fresh]
-        ids, starts, pixels = np.unique(objects, return_index=True, return_counts=True)
-        exact, which = self._exact(camera, triangle[starts])
+    def _by_object(
+        self, camera: Camera, seen: Contest, owner: Int32, ties: Ties, undecided: Int64
+    ) -> BlendVisibility:
+        """Gather hits of blended triangles by object: at decided samples that the object does
+        not own or share anyway, each sample once, with the nearest hit as the witness."""
+        owners = self.scene.object_of_triangle
+        objects = owners[seen.triangle].astype(np.int64)
+        pair = seen.sample * self.scene.object_count + objects
+        tied = ties.sample * self.scene.object_count + owners[ties.triangle]
+        behind = owner[seen.sample]
+        own = (behind != BACKGROUND) & (owners[behind] == objects)
+        kept = ~own & ~np.isin(seen.sample, undecided) & ~np.isin(pair, tied)
+        sample, triangle, objects = seen.sample[kept], seen.triangle[kept], objects[kept]
+        ids, pixels = np.unique(np.unique(pair[kept]) % self.scene.object_count, return_counts=True)
+        depth = self._depth_by_layer(camera, sample, triangle)
+        order = np.lexsort((sample, triangle, depth, objects))
+        nearest = order[np.searchsorted(objects[order], ids)]
         return BlendVisibility(
             object=ids.astype(np.int32),
             pixels=pixels.astype(np.int64),
-            sample=sample[starts],
-            triangle=triangle[starts].astype(np.int32),
-            depth=exact.depth(which, sample[starts]),
+            sample=sample[nearest],
+            triangle=triangle[nearest],
+            depth=depth[nearest],
         )
+
+    def _depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
+        """The view depths of (sample, triangle) pairs, exact ones rounded to nearest."""
+        depth = np.empty(len(sample))
+        order = np.argsort(sample, kind="stable")
+        first = np.searchsorted(sample[order], sample[order])
+        layer = np.arange(len(order)) - first
+        for number in range(int(layer.max(initial=-1)) + 1):
+            pairs = order[layer == number]
+            owner = np.full(camera.samples, BACKGROUND, np.int32)
+            owner[sample[pairs]] = triangle[pairs]
+            depth[pairs] = self._depth(camera, sample[pairs], owner)[sample[pairs]]
+        return depth
 
 
 def compare_depths(
