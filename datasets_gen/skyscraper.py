@@ -2,8 +2,8 @@
 
 The counterpart of Greene's skyscraper, with which Klosowski and Silva ("Efficient Conservative
 Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001, section 4) measure
-depth complexity. Theirs is a steel frame; this one is laid out here: open-plan floors of 3 x 3
-modules, six above each other, with a well through every slab, so that much lies behind much.
+depth complexity. Theirs is a steel frame; this one is laid out here: floors of 3 x 3
+modules, six above each other, each of nine rooms whose doors stand in line.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ SIDE = 3
 MODULE_M = 12.0
 STOREY_M = 3.5
 WELL_M = 1.5  # half-width of the hole in the slab
-SEATS = ((-4.0, -4.0), (0.0, -4.5), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))
+ROOM_M = 4.0
+SEATS = ((-4.0, -4.0), (0.0, -4.0), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))
 
 
 def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     """54 modules at scale 1; `scale` sets the number of floors. The path (512 by 512) walks
-    round the wells of a middle floor, looking across them. Raises InputError for a scale or a
-    number of frames that makes no tower."""
+    through the doors along one side of a middle floor, looking across the tower. Raises
+    InputError for a scale or a number of frames that makes no tower."""
     if not 0.0 < scale <= 100.0:
         raise InputError(f"the tower's scale is {scale}", place="scale", mend="give up to 100")
     if frames < 1:
@@ -72,6 +73,7 @@ def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, floa
         "chair": furniture.mesh("chair", furniture.visitor_chair()),
     }
     pieces = [("frame", _frame(), (0.0, 0.0, 0.0), 0), ("rail", _rail(), (0.0, 0.0, 0.0), 0)]
+    pieces += [("walls", _walls(), (0.0, 0.0, 0.0), turns) for turns in (0, 1)]
     for k, (x, z) in enumerate(SEATS):
         turns = int(rng.integers(4))
         pieces.append((f"partition{k}", _partition(), (x, 0.0, z), turns))
@@ -79,7 +81,7 @@ def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, floa
             step = quarter_turn(turns) @ [0.0, 0.0, 0.8 if label == "chair" else 0.0]
             turned = turns + 2 if label == "chair" else turns
             pieces.append((f"{label}{k}", mesh, (x + step[0], 0.0, z + step[2]), turned))
-    plant = furniture.mesh("plant", furniture.plant(rng, 110))
+    plant = furniture.mesh("plant", furniture.plant(rng, 70))
     pieces.append(("plant", plant, (2.2, 0.0, 2.2), 0))
     return pieces
 
@@ -127,6 +129,20 @@ def _rail() -> Mesh:
     return furniture.mesh("rail", {"metal": merge(bars)})
 
 
+def _walls() -> Mesh:
+    """Three walls across x to the next slab, a door in the middle of each room's side."""
+    half, top = MODULE_M / 2, STOREY_M - 0.25
+    parts = []
+    for x in (-half, -ROOM_M / 2, ROOM_M / 2):
+        for k in range(3):
+            low = -half + k * ROOM_M
+            middle = low + ROOM_M / 2
+            for z0, z1, y in ((low, middle - 0.6, 0.0), (middle + 0.6, low + ROOM_M, 0.0),
+                              (middle - 0.6, middle + 0.6, 2.2)):  # fmt: skip
+                parts.append(box([x - 0.06, y, z0], [x + 0.06, top, z1]))
+    return furniture.mesh("walls", {"wall": merge(parts)})
+
+
 def _partition() -> Mesh:
     """Two screens at a right angle round a desk."""
     screens = [
@@ -137,14 +153,16 @@ def _partition() -> Mesh:
 
 
 def _path(floors: int, frames: int) -> CameraPath:
-    """Round the middle of a middle floor, looking across it."""
-    middle = (SIDE - 1) * MODULE_M / 2
+    """Through the doors along the first row of rooms of a middle floor, looking across the
+    whole tower, left and right."""
     y = (floors // 2) * STOREY_M + 1.625
+    length = SIDE * MODULE_M - ROOM_M
     cameras = []
     for k in range(frames):
-        turn = 2.0 * math.pi * (k + 0.5) / frames
-        eye = (middle + 10.0 * math.cos(turn), y, middle + 10.0 * math.sin(turn))
-        target = (middle - 6.0 * math.cos(turn + 0.6), y, middle - 6.0 * math.sin(turn + 0.6))
+        done = (k + 0.5) / frames
+        eye = np.array([(done - 0.5) * length + (SIDE - 1) * MODULE_M / 2, y, -ROOM_M])
+        turn = 0.8 * math.sin(6.0 * math.pi * done)
+        target = eye + np.array([math.sin(turn), -0.05, math.cos(turn)])
         cameras.append(
             Camera(look_at(eye, target), 512, 512, near=0.1, far=200.0, yfov=math.radians(60.0))
         )

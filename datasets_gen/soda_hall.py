@@ -4,12 +4,13 @@ The counterpart of the third floor of Berkeley's Soda Hall, of which Klosowski a
 ("Efficient Conservative Visibility Culling Using the Prioritized-Layered Projection Algorithm",
 2001, section 4) put three copies side by side: over a million triangles of furnished rooms, in
 octree leaves of fewer than 5,000, and a path of 500 frames from the right to the left. Theirs is
-a survey of a building; this one is laid out here: a corridor through all copies, offices along
-both of its sides, and their doors open.
+a survey of a building; this one is laid out here: a corridor through all copies, with screens
+across it that are open at one side in turn, offices along both of its sides, and doors open.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -26,6 +27,7 @@ OFFICES_AT_SCALE_1 = 13  # on each side of a copy's corridor
 OFFICE_M = (4.5, 6.0)
 CORRIDOR_M = 3.0
 HEIGHT_M = 3.0
+SCREENS = 3  # across a copy's corridor
 WALL_M = 0.125
 DOOR_M = (1.0, 2.125)
 EYE_HEIGHT_M = 1.625
@@ -65,6 +67,12 @@ def soda_hall(*, seed: int = 0, scale: float = 1.0, frames: int = 500) -> Datase
         for k, x in enumerate((0.0, COPIES * length))
     )
     return Dataset("soda_hall", (*copies, *ends), _path(offices, frames))
+
+
+def _opening(number: int, length: float) -> tuple[float, float]:
+    """Where one walks past a screen: (x, z), left and right in turn."""
+    side = CORRIDOR_M / 2 - WALL_M / 2 - DOOR_M[0] / 2
+    return (number + 0.5) * length / SCREENS, side if number % 2 else -side
 
 
 def _across(x: float) -> Soup:
@@ -125,6 +133,10 @@ def _shell(offices: int) -> Mesh:
             box([k * width - half, 0.0, z0], [k * width + half, HEIGHT_M, z1])
             for k in range(offices + 1)
         ]
+    for k in range(SCREENS):
+        x, z = _opening(k, length)
+        sides = sorted((-z / abs(z) * inner, z - z / abs(z) * DOOR_M[0] / 2))
+        walls.append(box([x - half, 0.0, sides[0]], [x + half, HEIGHT_M, sides[1]]))
     floor = box([0.0, -0.25, -outer], [length, 0.0, outer])
     ceiling = box([0.0, HEIGHT_M, -outer], [length, HEIGHT_M + 0.25, outer])
     return furniture.mesh("shell", {"wall": merge(walls), "floor": floor, "ceiling": ceiling})
@@ -184,7 +196,7 @@ def _path(offices: int, frames: int) -> CameraPath:
         corners += [(x + dx, z) for dx, z in (ring if place else ring[2:])]
         corners += [(x, door + 0.8 * side), (x, 0.0)]
     corners.append((0.5 * width, 0.0))
-    way = np.array(corners)
+    way = np.array(_past_screens(corners, offices * width))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     cameras = []
     for k in range(frames):
@@ -202,6 +214,24 @@ def _path(offices: int, frames: int) -> CameraPath:
             Camera(look_at(eye, target), 512, 512, near=0.1, far=500.0, yfov=math.radians(60.0))
         )
     return CameraPath(tuple(cameras))
+
+
+def _past_screens(corners: list[tuple[float, float]], length: float) -> list[tuple[float, float]]:
+    """The way with a corner at each opening that its stretches of corridor pass."""
+    openings = []
+    for copy in range(COPIES):
+        for k in range(SCREENS):
+            x, z = _opening(k, length)
+            openings.append((x + copy * length, z))
+    openings.sort(reverse=True)
+    way = corners[:1]
+    for before, after in itertools.pairwise(corners):
+        if before[1] == after[1] == 0.0:
+            for x, z in openings:
+                if after[0] < x < before[0]:
+                    way += [(x + 0.5, z), (x - 0.5, z)]
+        way.append(after)
+    return way
 
 
 def _along(way: Float64, walked: Float64, s: float) -> Float64:
