@@ -64,6 +64,9 @@ def test_malformed_definitions_name_their_entry(change: dict[str, object], place
     with pytest.raises(InputError) as caught:
         Ray.from_definition({**camera.definition(), **change}, 0, 0)
     assert caught.value.place == place
+    flat = {**camera.definition(), "R": camera.definition()["U"]}
+    with pytest.raises(InputError, match="one plane"):
+        along_ray(Ray.from_definition(flat, 0, 0), np.eye(3)[None])
     definition = camera.definition()
     del definition["far"]
     with pytest.raises(InputError, match="'far' is missing"):

@@ -177,11 +177,15 @@ def test_an_empty_scene_is_all_background() -> None:
     assert ExactScene(scene).decide(camera(), np.array([3])).offsets.tolist() == [0, 0]
 
 
-def test_an_eye_out_of_reach_is_a_clear_error() -> None:
+def test_views_out_of_reach_are_clear_errors() -> None:
     scene = soup(np.random.default_rng(4), 10)
     far = Camera(pose(np.eye(3), np.array([1e200, 0.0, 0.0])), 4, 4, 0.1, math.inf, yfov=HALF)
-    with pytest.raises(InputError, match=r"2\^300"):
+    with pytest.raises(InputError, match=r"2\^300 units of the origin"):
         ExactScene(scene).certify(far)
+    for ymag in (1e-310, 1e300):
+        view = Camera(np.eye(4), 4, 4, 0.1, math.inf, ymag=ymag)
+        with pytest.raises(InputError, match="half a pixel"):
+            ExactScene(scene).certify(view)
 
 
 def test_tall_and_single_sample_images_work() -> None:

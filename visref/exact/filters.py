@@ -71,6 +71,8 @@ PIXEL_SLACK = 2.0**-20
 GREATEST_SHIFT_PX = 2.0**24
 # Sums and products of three of vertex - eye must not overflow; float32 vertices cannot.
 GREATEST_EYE = 2.0**300
+# Nor may the dual vectors overflow, or lose their relative accuracy below the normal range.
+GREATEST_STEP = 2.0**300
 
 # What `set_up` says of a triangle.
 NOTHING, CERTAIN, DOUBTFUL = 0, 1, 2
@@ -158,6 +160,13 @@ def view_of(camera: Samples) -> View:
             place="world_from_camera",
             mend="bring it within 2^300 units of the origin",
         )
+    step = min(float(np.abs(r).max()), float(np.abs(u).max()))
+    if not 1.0 / GREATEST_STEP < step < GREATEST_STEP:
+        raise InputError(
+            f"half a pixel is {step:.3g} of a unit",
+            place="yfov" if camera.is_perspective else "ymag",
+            mend="give a view between 2^-300 and 2^300",
+        )
     a, b = camera.column_a, camera.row_b
     a_size, b_size = float(np.abs(a).max()), float(np.abs(b).max())
     norm = [float(np.abs(v).sum()) for v in (f, r, u)]
@@ -189,7 +198,7 @@ def view_of(camera: Samples) -> View:
         near_enough=near_enough,
         far_enough=far_enough,
         too_far=too_far,
-        boxes=bool(shifts <= GREATEST_SHIFT_PX and np.isfinite(duals).all()),
+        boxes=bool(shifts <= GREATEST_SHIFT_PX),
         width=camera.width,
         height=camera.height,
         shift_x_px=float(camera.shift_x_px),
@@ -212,11 +221,8 @@ def _dual_basis(r: Float64, u: Float64, f: Float64) -> Float64:
     rows = [cross(columns[i - 2], columns[i - 1]) for i in range(3)]
     determinant = sum((x * y for x, y in zip(columns[0], rows[0], strict=True)), Fraction(0))
     if determinant == 0:
-        return np.full((3, 3), np.nan)
-    try:
-        return np.array([[float(x / determinant) for x in row] for row in rows])
-    except OverflowError:
-        return np.full((3, 3), np.nan)
+        raise InputError("F, R and U lie in one plane", place="samples", mend="record them anew")
+    return np.array([[float(x / determinant) for x in row] for row in rows])
 
 
 def _key_range(camera: Samples) -> tuple[float, float, float, float]:
