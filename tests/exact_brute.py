@@ -52,9 +52,9 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
         v = [vertices[i] for i in corner]
         planes.append((v, _cross(_minus(v[1], v[0]), _minus(v[2], v[0])), index))
     result = []
-    for b in down:
-        for a in across:
-            ia, ib = _whole(a, k_ab), _whole(b, k_ab)
+    columns, rows = ([_whole(v, k_ab) for v in line] for line in (across, down))
+    for ib in rows:
+        for ia in columns:
             offset = [ia * r[i] + ib * u[i] for i in range(3)]
             if camera.is_perspective:
                 o, d = e, [f[i] + offset[i] for i in range(3)]
@@ -92,7 +92,10 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
 
 
 def truth(scene: Scene, camera: Camera):
-    """Per sample (t or None, tied opaque triangles, undecided, {blend object: triangles})."""
+    """Per sample (t or None, tied opaque triangles, undecided, {blend object: triangles}).
+
+    A blended object counts where its sample is decided and it does not own that sample anyway.
+    """
     result = []
     for found in hits(scene, camera):
         opaque = [(t, i) for t, i in found if scene.alpha[i] == Alpha.OPAQUE]
@@ -101,9 +104,12 @@ def truth(scene: Scene, camera: Camera):
         undecided = any(
             scene.alpha[i] == Alpha.MASK and (nearest is None or t <= nearest) for t, i in found
         )
+        owners = {int(scene.object_of_triangle[i]) for i in tied}
         blend: dict[int, list[int]] = {}
         for t, i in found:
-            if scene.alpha[i] == Alpha.BLEND and (nearest is None or t < nearest):
-                blend.setdefault(int(scene.object_of_triangle[i]), []).append(i)
+            owner = int(scene.object_of_triangle[i])
+            before = scene.alpha[i] == Alpha.BLEND and (nearest is None or t < nearest)
+            if before and not undecided and owner not in owners:
+                blend.setdefault(owner, []).append(i)
         result.append((nearest, tied, undecided, blend))
     return result

@@ -17,7 +17,7 @@ from visref.exact import ExactScene
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 
-CHUNKS, FRAMES = 10, 220
+CHUNKS, FRAMES = 10, 200
 
 
 def assert_equal(scene: Scene, camera: Camera, frame: FrameTruth) -> Counter[str]:

@@ -108,7 +108,7 @@ def test_bounds_hold_and_the_float_path_alone_would_be_wrong(perspective: bool) 
     terms = np.empty(filters.SET_UP_SIZE)
     wrong = {"edge": 0, "sign": 0}
     tightest = {"edge": 0.0, "sign": 0.0, "key": 0.0}
-    for index in range(1200):
+    for index in range(800):
         make = edge_on if index % 2 else on_an_edge
         v, camera, x, y = make(rng, perspective)
         corners = v.astype(np.float32).reshape(9)
@@ -149,7 +149,7 @@ def test_coverage_is_right_where_float64_alone_is_wrong(perspective: bool) -> No
     rng = np.random.default_rng(8)
     terms = np.empty(filters.SET_UP_SIZE)
     contradicted = 0
-    for _ in range(300):
+    for _ in range(200):
         v, camera, x, y = on_an_edge(rng, perspective)
         corners = v.astype(np.float32).reshape(9)
         owners = ExactScene(scene_of(v), threads=1).decide(camera, np.array([32 * y + x]))
@@ -171,7 +171,7 @@ def test_depth_order_is_right_where_float64_alone_is_wrong(perspective: bool) ->
     rng = np.random.default_rng(9)
     terms = np.empty(filters.SET_UP_SIZE)
     contradicted = met = 0
-    for _ in range(300):
+    for _ in range(200):
         first = loose_triangle(rng, rng.normal(size=3))
         target = first.T @ rng.dirichlet(np.ones(3))
         # A second triangle through about the same point; the camera aims at where they meet.
