@@ -191,10 +191,7 @@ def test_depth_order_is_right_where_float64_alone_is_wrong(perspective: bool) ->
             corners = triangle.astype(np.float32).reshape(9)
             edges, n, d = by_the_book(corners, camera, x, y)
             covered = d != 0 and min(edge if d > 0 else -edge for edge in edges) >= 0
-            if (
-                not covered
-                or set_up(corners, filters.view_of(camera), terms) != CERTAIN
-            ):
+            if not covered or set_up(corners, filters.view_of(camera), terms) != CERTAIN:
                 break
             a, b = camera.column_a[x], camera.row_b[y]
             depths.append(n / d)
