@@ -3,7 +3,8 @@
 "Real-Time Occlusion Culling With A Lazy Occlusion Grid" (TR-186-2-01-02, section 7) walks
 through a city of so many triangles, made of several copies of a model of Vienna. This one is
 `datasets_gen.city` with as many blocks as fit, instanced, and a field on the first plot that is
-left, tessellated so that the number is exact.
+left, tessellated so that the number is exact. As in an old town no street runs on for
+kilometres: every third one, or so, ends at a house.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from datasets_gen.city import BLOCK_M, PITCH_M, STREET_M, CityMaker
+from datasets_gen.city import BLOCK_M, PITCH_M, STREET_M, VARIANTS, CityMaker
 from datasets_gen.dataset import Dataset
 from datasets_gen.graph import Node
 from datasets_gen.shapes import Float64
@@ -26,6 +27,11 @@ from visref.errors import InputError
 TRIANGLES_AT_SCALE_1 = 34_034_176
 
 FAR_M = 1000.0
+
+# Of the streets between two crossings, how many a house closes; and how many crossings around
+# the walk are left open.
+CLOSED_SHARE = 0.35
+OPEN_AROUND = 1
 
 # A little less than a block has with its streets, so that some plots are left over.
 LEAST_A_BLOCK = 21_000
@@ -47,7 +53,7 @@ def city_large(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
     columns = math.ceil(math.sqrt(plots))
     rows = math.ceil(plots / columns)
     maker = CityMaker(seed, columns, rows)
-    nodes = [maker.ground(), *maker.streets()]
+    nodes = [maker.ground(), *maker.streets(), *_closures(maker)]
     left = total - sum(map(triangles_of, nodes))
     built = 0
     while built < columns * rows:
@@ -70,6 +76,26 @@ def city_large(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
     path = walk(columns, rows, PITCH_M, STREET_M, frames)
     path = CameraPath(tuple(replace(camera, far=FAR_M) for camera in path))
     return Dataset("city_large", tuple(nodes), path)
+
+
+def _closures(maker: CityMaker) -> list[Node]:
+    """Houses across streets, away from the walk, which turns at two crossings of the middle."""
+    rng = np.random.Generator(np.random.PCG64([maker.seed, *b"closures"]))
+    middle = np.array([(maker.columns + 1) // 2, (maker.rows + 1) // 2])
+    nodes = []
+    for j in range(maker.rows + 1):
+        for i in range(maker.columns + 1):
+            for along, (x, z) in enumerate(((PITCH_M[0] / 2, 0.0), (0.0, PITCH_M[1] / 2))):
+                closed = rng.random() < CLOSED_SHARE
+                variant, tint, turns = rng.integers(0, (VARIANTS, 3, 2)).tolist()
+                away = np.array([i, j]) - middle
+                if not closed or np.abs(away + 0.5).max() <= OPEN_AROUND + 1.0:
+                    continue
+                mesh, _, _ = maker.stock.building("walkup", int(STREET_M), variant, tint)
+                at = (i * PITCH_M[0] - STREET_M / 2 + x, 0.0, j * PITCH_M[1] - STREET_M / 2 + z)
+                # Its front looks along the street.
+                nodes.append(placed(f"closure-{i}-{j}-{along}", mesh, at, 2 * turns + 1 - along))
+    return nodes
 
 
 def triangles_of(node: Node) -> int:
