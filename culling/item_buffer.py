@@ -189,16 +189,19 @@ class ItemBufferEngine(TruthEngine):
         triangle = np.ascontiguousarray(target.read_ids())
         window = target.read_depth()
         depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
-        undecided = np.zeros(0, np.int64)
+        undecided, masked = np.zeros(0, np.int64), np.zeros(0, np.int32)
         if self.masked:
             items.forget_ids(target)
             items.draw(view, target, self.masked, depth_write=False)
-            undecided = np.flatnonzero(target.read_ids() != BACKGROUND)
+            ids = target.read_ids().reshape(-1)
+            undecided = np.flatnonzero(ids != BACKGROUND)
+            masked = np.unique(self.scene.object_of_triangle[ids[undecided]])
         return FrameTruth(
             camera,
             self.name,
             VisibilityBuffer(triangle, depth),
             undecided=undecided,
+            masked=masked,
             blend=self._blend(camera, view, target),
         )
 

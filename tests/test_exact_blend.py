@@ -70,3 +70,19 @@ def test_the_witness_of_a_blended_object_is_its_nearest_hit():
     # The surface comes nearer to the right: z = x, so depth = 10 - x at the last column.
     assert truth.blend.sample[0] % camera().width == camera().width - 1
     assert truth.blend.depth[0] == 10.0 - 1.5
+
+
+@pytest.mark.parametrize("engine", ["exact", "embree", "gl"])
+def test_masked_objects_that_may_be_seen_are_named(engine):
+    scene = with_alpha(scene_of_squares(0.0, -3.0, -6.0), Alpha.MASK, Alpha.OPAQUE, Alpha.MASK)
+    truth = make_engine(engine, scene).frame(camera())
+    assert truth.masked.tolist() == [0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_exact_and_rays_name_the_same_masked_objects(seed):
+    scene = mixed_scene(seed)
+    view = Camera(look_at((0, 2, 12), (0, 0, 0)), 64, 48, 0.5, 30.0, yfov=0.9)
+    exact = make_engine("exact", scene).frame(view)
+    assert len(exact.masked) > 0
+    assert exact.masked.tolist() == make_engine("embree", scene).frame(view).masked.tolist()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -288,3 +290,23 @@ def test_judge_equals_the_contract_read_aloud(data):
     assert found.counts == brute_force(scene, frame, units, drawn)
     counts = found.counts
     assert counts.missed == counts.confirmed + counts.ties + counts.within_raster_tolerance
+
+
+def masked_scene() -> Scene:
+    """A leaf of alpha-masked triangles before a wall."""
+    scene = soup([1, 1])
+    return Scene(
+        scene.vertices,
+        scene.triangles,
+        scene.object_offsets,
+        scene.names,
+        alpha=np.array([Alpha.OPAQUE, Alpha.MASK], np.uint8),
+    )
+
+
+def test_undrawn_masked_object_is_undecided_not_silently_forgotten():
+    frame = replace(truth([[0, 0]], undecided=[0]), masked=np.array([1], np.int32))
+    found = verdict(masked_scene(), frame, [0])
+    assert found.counts == Counts(visible=1, undecided=1, drawn=1)
+    assert found.undecided_objects.tolist() == [1]
+    assert verdict(masked_scene(), frame, [0, 1]).counts == Counts(visible=1, drawn=2)

@@ -219,8 +219,13 @@ def _superfluous(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int
 def _undecided(
     scene: Scene, truth: FrameTruth, seen: ObjectVisibility, drawn: NDArray[np.bool_]
 ) -> Int32:
+    """Objects that nobody saw for certain and that were not drawn where they may be visible:
+    owners of undecided samples, and objects with a masked triangle there."""
     owner = truth.buffer.triangle.reshape(-1)[truth.undecided]
     owner = owner[owner >= 0]
-    objects: Int32 = np.unique(scene.object_of_triangle[owner[~drawn[owner]]])
+    behind = scene.object_of_triangle[owner[~drawn[owner]]]
+    masks = drawn & (scene.alpha == Alpha.MASK)
+    foliage = np.setdiff1d(truth.masked, scene.object_of_triangle[masks])
+    objects: Int32 = np.union1d(behind, foliage).astype(np.int32)
     undecided: Int32 = objects[~seen.visible[objects]]
     return undecided

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,6 +83,7 @@ class FrameTruth:
     `ties_complete` says that `ties` lists every tie (the exact engine's promise; a ray
     engine lists none). `undecided`: (k,) int64, sorted flat indices of samples where an
     alpha-masked triangle lies at or before the owner; they neither clear nor convict.
+    `masked`: int32, ascending, the objects whose masked triangles those are.
     The arrays may belong to the engine and change with its next frame; `copy` them to keep.
     """
 
@@ -92,20 +93,13 @@ class FrameTruth:
     ties: Ties = field(default_factory=Ties)
     ties_complete: bool = False
     undecided: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
+    masked: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     blend: BlendVisibility = field(default_factory=BlendVisibility)
 
     def copy(self) -> FrameTruth:
         """A truth that owns its arrays."""
         buffer = VisibilityBuffer(self.buffer.triangle.copy(), self.buffer.depth.copy())
-        return FrameTruth(
-            self.camera,
-            self.engine,
-            buffer,
-            self.ties,
-            self.ties_complete,
-            self.undecided,
-            self.blend,
-        )
+        return replace(self, buffer=buffer)
 
     @cached_property
     def decided(self) -> NDArray[np.bool_]:

@@ -348,8 +348,8 @@ def splat(
     y1; x1, y1 excluded). Closed triangles, closed range; one-sided ones from behind do not count.
 
     OWN: at marked samples the nearest triangle becomes the owner.
-    MASK: mark samples where a triangle lies at or before the owner. Errs to undecided: depths
-    whose error bounds overlap count.
+    MASK: mark samples where a triangle lies at or before the owner, and set its object's `pixels`
+    to 1. Errs to undecided: depths whose error bounds overlap count.
     BLEND: count for each object the samples at which it lies before the owner, unless they are
     marked or the owner is its own. Errs to unseen: depths whose error bounds overlap do not
     count.
@@ -373,7 +373,10 @@ def splat(
             b = grid.row_b[y]
             for x in range(x0, x1):
                 s = y * width + x
-                if layers.mark[s] != (mode == OWN):
+                if mode == MASK:
+                    if layers.mark[s] and layers.pixels[o] > 0:
+                        continue
+                elif layers.mark[s] != (mode == OWN):
                     continue
                 a = grid.column_a[x]
                 s0 = e0[0] + (a * e0[1] + b * e0[2])
@@ -399,6 +402,7 @@ def splat(
                 if mode == MASK:
                     if z - error <= owner_z + owner_error:
                         layers.mark[s] = True
+                        layers.pixels[o] = 1
                     continue
                 if not z + error < owner_z - owner_error:
                     continue

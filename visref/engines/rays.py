@@ -101,18 +101,21 @@ class RayEngine(TruthEngine):
         grid = sample_grid(camera)
         if self._cast(grid, triangle, depth):
             self._settle(grid, triangle, depth)
-        undecided = np.zeros(0, np.int64)
+        undecided, masked = np.zeros(0, np.int64), np.zeros(0, np.int32)
         mark = np.zeros(samples if len(self._masked) or len(self._blended) else 0, np.bool_)
         if len(self._masked):
-            layers = _layers(triangle, depth, mark)
+            layers = _layers(triangle, depth, mark, objects=self.scene.object_count)
             self._splat(MASK, self._masked, grid, _whole(grid), lambda: layers)
             undecided = np.flatnonzero(mark).astype(np.int64)
+            masked = np.flatnonzero(layers.pixels).astype(np.int32)
         blend = BlendVisibility()
         if len(self._blended):
             blend = self._blend(grid, triangle, depth, mark)
         shape = (camera.height, camera.width)
         buffer = VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape))
-        return FrameTruth(camera, self.name, buffer, undecided=undecided, blend=blend)
+        return FrameTruth(
+            camera, self.name, buffer, undecided=undecided, masked=masked, blend=blend
+        )
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
         """Who is seen at any points of the continuous image, as `frame` sees its samples.

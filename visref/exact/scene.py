@@ -126,9 +126,11 @@ class ExactScene:
         flat = owner.reshape(-1)
         depth = self._depth(camera, self._in_tiles(camera), flat)
         undecided, blend = np.zeros(0, np.int64), BlendVisibility()
+        masked = np.zeros(0, np.int32)
         if self.scene.has_mask:
-            masked = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
-            undecided = np.unique(masked.sample)
+            before = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
+            undecided = np.unique(before.sample)
+            masked = np.unique(self.scene.object_of_triangle[before.triangle])
         if self.scene.has_blend:
             seen = self._before(camera, Alpha.BLEND, flat, bounds, closed=False)
             blend = self._by_object(camera, seen, flat, Ties(at, triangle), undecided)
@@ -139,6 +141,7 @@ class ExactScene:
             ties=Ties(at, triangle),
             ties_complete=True,
             undecided=undecided,
+            masked=masked,
             blend=blend,
         )
 
