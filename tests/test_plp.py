@@ -405,7 +405,7 @@ def test_names_options_and_promises():
     made = make_culler("cplp:query=item-buffer,budget=1000,leaf=300,image=restore")
     assert made.promise is Promise.CONSERVATIVE
     assert (made.budget, made.leaf, made.restores) == (1000, 300, True)
-    for spec in ("plp:budget=-1", "cplp:leaf=1", "cplp:query=none", "plp:query=histogram"):
+    for spec in ("plp:budget=-1", "cplp:leaf=1", "plp:query=histogram", "cplp:image=restore"):
         with pytest.raises(InputError):
             make_culler(spec)
 

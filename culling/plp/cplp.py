@@ -49,6 +49,7 @@ from culling.queries.item_buffer_query import ItemBufferQueries
 from culling.view import round_outward
 from visref.camera import Camera
 from visref.culler import Option, Promise, QueryStats
+from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
 
 HARDWARE_WAYS = {"occlusion-query": "sync", "fragment-histogram": "instanced"}
@@ -102,7 +103,13 @@ class ConservativePLPCulling(PLPCulling):
             self.way = HARDWARE_WAYS[query]
         else:
             self.items = self.items_of(query)
-        self.restores = self.items is not None and image == "restore" and order == "plp"
+        self.restores = image == "restore"
+        if self.restores and (self.items is None or order != "plp"):
+            raise InputError(
+                "image=restore has no ids to put over the picture",
+                place="image",
+                mend="give query=item-buffer or query=histogram, and order=plp",
+            )
         self.saved: moderngl.Framebuffer | None = None
 
     def decide(self, frame: Frame) -> None:
