@@ -59,12 +59,13 @@ def test_stats_come_through(tmp_path):
     assert read.stats[0].ms == {"cull": 1.5}
 
 
-def test_replay_plays_the_frame_of_the_camera_it_is_given(tmp_path):
-    path = CameraPath((camera(), camera()))
-    text = lines({"frame": 0, "visible": [0]}, {"frame": 1, "visible": [1, 2]})
-    replay = Replay(read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(2), 2), path)
-    assert replay.cull(path.frames[1]).unit_ids.tolist() == [1, 2]
-    assert replay.cull(path.frames[0]).unit_ids.tolist() == [0]
+def test_replay_plays_the_frames_that_are_judged_in_path_order(tmp_path):
+    same = camera()
+    path = CameraPath((same, same, same))
+    text = lines(*({"frame": f, "visible": [f]} for f in (2, 0, 1)))
+    file = write(tmp_path, "v.jsonl", text)
+    replay = Replay(read_visible_sets(file, SCENE, range(1, 3), 3), path)
+    assert [replay.cull(same).unit_ids.tolist() for _ in range(2)] == [[1], [2]]
 
 
 BAD = {

@@ -20,7 +20,7 @@ from visref.exact import ExactScene
 from visref.gate import Exit
 from visref.judge import judge
 from visref.outcome import verdict_json
-from visref.record import Recorder
+from visref.record import Recorder, slug
 from visref.run import Referee
 from visref.scene import Alpha, Units
 from visref.truth_file import TruthTable, read_truth
@@ -611,3 +611,11 @@ def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
         scene, slipped, scene.object_units(), np.array([0]), Promise.CONSERVATIVE, rulings
     )
     assert (found.counts.missed, found.counts.undecided) == (0, 1)
+
+
+def test_two_specs_never_share_a_file_name():
+    specs = ["a:b=1", "a:b,1", "a_b_1", "x" * 300, "x" * 301, "plain"]
+    names = [slug(spec) for spec in specs]
+    assert len(set(names)) == len(specs)
+    assert max(map(len, names)) < 100
+    assert slug("plain") == "plain"

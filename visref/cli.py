@@ -434,7 +434,9 @@ def _print_outcome(outcome: RunOutcome) -> None:
             )
             if part
         )
-        _OUT.print(f"{finding.code}: {where}: {finding.message}", markup=False)
+        # A plug-in's error may bring lines of its own.
+        message = " ".join(finding.message.split())
+        _OUT.print(f"{finding.code}: {where}: {message}", markup=False)
     if len(shown) > 10:
         _OUT.print(f"… and {len(shown) - 10} more findings in verdict.json", markup=False)
 

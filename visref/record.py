@@ -15,6 +15,7 @@ pictures/          PNGs of a few frames, listed in manifest.json
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -42,6 +43,9 @@ from visref.witness import write_witnesses
 
 MANIFEST = "manifest.json"
 VERDICT = "verdict.json"
+
+# File systems take names of 255 bytes; frame, kind and ending come on top.
+SLUG_LENGTH = 80
 
 _PACKAGES = ("numpy", "numba", "embreex", "open3d-cpu", "moderngl", "trimesh", "pyarrow")
 
@@ -88,8 +92,12 @@ _PENDING_ROWS = 1 << 17
 
 
 def slug(spec: str) -> str:
-    """A culler's spec as part of a file name."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "_", spec)
+    """A culler's spec as part of a file name: itself where it may be, else a likeness of it
+    with a digest, so that two specs never share a name."""
+    likeness = re.sub(r"[^A-Za-z0-9._-]+", "_", spec)[:SLUG_LENGTH]
+    if likeness == spec:
+        return spec
+    return f"{likeness}-{hashlib.sha256(spec.encode()).hexdigest()[:8]}"
 
 
 class Recorder:

@@ -73,13 +73,15 @@ class Replay(Culler):
         self.promise = promise
         self.raster = DeclaredRaster(raster) if raster is not None else None
         self._recorded = recorded
-        self._frame_of = {id(camera): index for index, camera in enumerate(path)}
+        self._path = path
+        self._coming = iter(recorded.frames)
 
     def prepare(self, scene: Scene) -> Units:
         return scene.object_units()
 
     def cull(self, camera: Camera) -> DrawnSet:
-        frame = self._frame_of[id(camera)]
+        frame = next(self._coming)
+        assert camera is self._path.frames[frame], "cameras come in path order, each once"
         return DrawnSet(self._recorded.frames[frame], self._recorded.stats[frame])
 
 
