@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import mean
+from statistics import mean, median
 from typing import Any
 
 import numpy as np
@@ -124,7 +124,7 @@ def choice_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey2001.
 def _cost(culler: LazyGridCulling, scene: Scene, path: CameraPath) -> str:
     frames = _walk(culler, scene, path)
     asked, drawn = (mean(f[name] for f in frames) for name in ("queries", "triangles_drawn"))
-    return f"{asked:,.0f} queries, {drawn:,.0f} triangles, {mean(f['ms'] for f in frames):.0f} ms"
+    return f"{asked:,.0f} queries, {drawn:,.0f} triangles, {median(f['ms'] for f in frames):.0f} ms"
 
 
 def _walk(culler: LazyGridCulling, scene: Scene, path: CameraPath) -> list[dict[str, Any]]:
@@ -190,7 +190,7 @@ def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey20
         for name, scan in ways.items():
             with _scanning(scan):
                 frames = _walk(make_culler(f"lazy-grid:cell={cell}{boxes}"), scene, path)
-            traversal, whole = (mean(f[key] for f in frames) for key in ("traversal", "ms"))
+            traversal, whole = (median(f[key] for f in frames) for key in ("traversal", "ms"))
             told = f"{traversal:.1f} of {whole:.0f} ms"
             yield f"traversal a frame, cell={cell}, cells scanned in {name}", told, ""
 
