@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from visref import commands
-from visref.culler import Promise
+from visref.culler import Culler, Promise
 from visref.engines import engine_names
 from visref.errors import InputError, NothingToJudge
 from visref.gate import Exit
@@ -285,7 +285,22 @@ def _truth(given: argparse.Namespace) -> Exit:
 
 def _run(given: argparse.Namespace) -> Exit:
     cullers = commands.make_cullers(given.culler)
+    return _judge(given, _inputs(given), cullers, image_check=given.image_check)
+
+
+def _check(given: argparse.Namespace) -> Exit:
     inputs = _inputs(given)
+    replay = commands.replay_of(inputs, given.visible, Promise(given.promise), given.raster)
+    return _judge(given, inputs, [(given.visible.name, replay)])
+
+
+def _judge(
+    given: argparse.Namespace,
+    inputs: commands.Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    *,
+    image_check: bool = False,
+) -> Exit:
     with _progress(len(inputs.frames)) as bar:
         outcome = commands.run(
             inputs,
@@ -293,24 +308,7 @@ def _run(given: argparse.Namespace) -> Exit:
             given.out,
             truth=given.truth,
             pictures=given.pictures,
-            image_check=given.image_check,
-            listeners=[bar],
-        )
-    _print_outcome(outcome)
-    _OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)
-    return outcome.exit
-
-
-def _check(given: argparse.Namespace) -> Exit:
-    inputs = _inputs(given)
-    replay = commands.replay_of(inputs, given.visible, Promise(given.promise), given.raster)
-    with _progress(len(inputs.frames)) as bar:
-        outcome = commands.run(
-            inputs,
-            [(given.visible.name, replay)],
-            given.out,
-            truth=given.truth,
-            pictures=given.pictures,
+            image_check=image_check,
             listeners=[bar],
         )
     _print_outcome(outcome)

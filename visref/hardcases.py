@@ -31,7 +31,7 @@ from visref.gate import Exit, decide
 from visref.judge import MissKind
 from visref.loading import load_path, load_scene
 from visref.outcome import CullerRecord, RunOutcome
-from visref.registry import SCENES, available, load_entry, make_culler
+from visref.registry import CULLERS, SCENES, available, load_entry, make_culler
 from visref.run import Referee
 from visref.scene import Scene
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
@@ -375,7 +375,7 @@ def _culler_cell(outcome: RunOutcome, record: CullerRecord) -> Cell:
 
 def every_spec(group: str) -> list[str]:
     """Every installed engine or culler of a group: with its default options, then once for
-    each other value of each option that has few."""
+    each other value of each option that has few, where it takes that value by itself."""
     specs = []
     for name in available(group):
         try:
@@ -385,8 +385,20 @@ def every_spec(group: str) -> list[str]:
         specs.append(name)
         for option, about in options.items():
             few = (False, True) if isinstance(about.default, bool) else about.choices
-            specs += [f"{name}:{option}={v}".lower() for v in few if v != about.default]
+            others = [f"{name}:{option}={v}".lower() for v in few if v != about.default]
+            specs += [spec for spec in others if _is_accepted(group, spec)]
     return specs
+
+
+def _is_accepted(group: str, spec: str) -> bool:
+    try:
+        if group == CULLERS:
+            make_culler(spec).close()
+        else:
+            check_engine(spec)
+    except InputError:
+        return False
+    return True
 
 
 def run_hard_cases(
