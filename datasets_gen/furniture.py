@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from datasets_gen.graph import Material, Mesh, Primitive
+from datasets_gen.graph import Material, Mesh, Node, Primitive
 from datasets_gen.shapes import (
     Soup,
     box,
@@ -17,6 +17,7 @@ from datasets_gen.shapes import (
     merge,
     moved,
     quads,
+    quarter_turn,
     ring,
     snap,
     turned,
@@ -53,6 +54,20 @@ def mesh(name: str, parts: Parts) -> Mesh:
             for material, (vertices, faces) in parts.items()
         ),
     )
+
+
+def placed(
+    name: str,
+    mesh: Mesh | None,
+    at: tuple[float, float, float],
+    turns: int = 0,
+    children: tuple[Node, ...] = (),
+) -> Node:
+    """A node at a place (metres, snapped), turned by quarter turns about the vertical."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = quarter_turn(turns)
+    matrix[:3, 3] = snap(at)
+    return Node(name, mesh, matrix, children)
 
 
 def _scaled(soup: Soup, size: tuple[float, float, float]) -> Soup:

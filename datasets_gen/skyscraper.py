@@ -14,8 +14,8 @@ import numpy as np
 
 from datasets_gen import furniture
 from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import box, boxes, lathe, merge, moved, quarter_turn, snap
+from datasets_gen.graph import Mesh
+from datasets_gen.shapes import box, boxes, lathe, merge, moved, quarter_turn
 from visref.camera import Camera, CameraPath, look_at
 from visref.errors import InputError
 
@@ -45,24 +45,11 @@ def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
                 name = f"module-{floor}-{i}-{j}"
                 at = (i * MODULE_M, floor * STOREY_M, j * MODULE_M)
                 parts = tuple(
-                    _at(f"{name}/{label}", mesh, place, turns)
+                    furniture.placed(f"{name}/{label}", mesh, place, turns)
                     for label, mesh, place, turns in pieces
                 )
-                modules.append(_at(name, None, at, 0, parts))
+                modules.append(furniture.placed(name, None, at, 0, parts))
     return Dataset("skyscraper", tuple(modules), _path(floors, frames))
-
-
-def _at(
-    name: str,
-    mesh: Mesh | None,
-    at: tuple[float, float, float],
-    turns: int = 0,
-    children: tuple[Node, ...] = (),
-) -> Node:
-    matrix = np.eye(4)
-    matrix[:3, :3] = quarter_turn(turns)
-    matrix[:3, 3] = snap(at)
-    return Node(name, mesh, matrix, children)
 
 
 def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, float, float], int]]:

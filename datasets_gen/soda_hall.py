@@ -18,7 +18,7 @@ import numpy as np
 from datasets_gen import furniture
 from datasets_gen.dataset import Dataset
 from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import Float64, Soup, box, merge, quarter_turn, snap
+from datasets_gen.shapes import Float64, Soup, box, merge
 from visref.camera import Camera, CameraPath, look_at
 from visref.errors import InputError
 
@@ -60,7 +60,9 @@ def soda_hall(*, seed: int = 0, scale: float = 1.0, frames: int = 500) -> Datase
         ]
         shell = Node(f"shell{copy}", _shell(offices))
         copies.append(
-            _at(f"floor{copy}", None, (copy * length, 0.0, 0.0), children=(shell, *rooms))
+            furniture.placed(
+                f"floor{copy}", None, (copy * length, 0.0, 0.0), children=(shell, *rooms)
+            )
         )
     ends = tuple(
         Node(f"end{k}", furniture.mesh("end", {"wall": _across(x)}))
@@ -79,19 +81,6 @@ def _across(x: float) -> Soup:
     """A wall across the corridor."""
     half = CORRIDOR_M / 2
     return box([x - WALL_M / 2, 0.0, -half], [x + WALL_M / 2, HEIGHT_M, half])
-
-
-def _at(
-    name: str,
-    mesh: Mesh | None,
-    at: tuple[float, float, float],
-    turns: int = 0,
-    children: tuple[Node, ...] = (),
-) -> Node:
-    matrix = np.eye(4)
-    matrix[:3, :3] = quarter_turn(turns)
-    matrix[:3, 3] = snap(at)
-    return Node(name, mesh, matrix, children)
 
 
 def _stock(rng: np.random.Generator) -> dict[str, Mesh]:
@@ -173,12 +162,12 @@ def _office(
     if rng.random() < 0.6:
         pieces.append(("cabinet", (far, 0.0, 0.8), opposite))
     children = tuple(
-        _at(f"{name}-{piece}{k}", stock[piece], at, turns)
+        furniture.placed(f"{name}-{piece}{k}", stock[piece], at, turns)
         for k, (piece, at, turns) in enumerate(pieces)
     )
     z = (CORRIDOR_M + depth) / 2
     at = ((number + 0.5) * width, 0.0, -z if side == "n" else z)
-    return _at(name, None, at, 0 if side == "n" else 2, children)
+    return furniture.placed(name, None, at, 0 if side == "n" else 2, children)
 
 
 def _path(offices: int, frames: int) -> CameraPath:

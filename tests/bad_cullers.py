@@ -99,23 +99,43 @@ EQUIVALENT: dict[tuple[str, str], str] = {}
 NOT_HERE: dict[tuple[str, str], str] = {}
 
 
+Step = Callable[[type], type]
+
+
+def registrar(mutants: list[Mutant]) -> Callable[..., Step]:
+    """A decorator that puts mutants into a list, to be used as `mutant` is."""
+
+    def mutant(
+        id: str, *, of: tuple[Method, ...], caught_by: str = "", contract: str = "", **options: Any
+    ) -> Step:
+        """Register the class below as a mutant of these methods. `options` change the method's."""
+        if bool(caught_by) == bool(contract):
+            raise ValueError("a mutant is caught by the verdict or by a contract")
+
+        def register(step: type) -> type:
+            for method in of:
+                broken = type(step.__name__, (step, method.culler), {"__doc__": step.__doc__})
+                about = " ".join((step.__doc__ or "").split())
+                values = {**method.options, **options}
+                mutants.append(Mutant(id, about, method, broken, caught_by, contract, values))
+            return step
+
+        return register
+
+    return mutant
+
+
 def mutant(
     id: str, *, of: tuple[Method, ...], caught_by: str = "", contract: str = "", **options: Any
-) -> Callable[[type], type]:
-    """Register the class below as a mutant of these methods. `options` change the method's."""
-    if bool(caught_by) == bool(contract):
-        raise ValueError("a mutant is caught by the verdict or by a contract")
+) -> Step:
+    """Register a mutant in MUTANTS; a step of a GL method may serve `common` again."""
+    enlist = registrar(MUTANTS)(id, of=of, caught_by=caught_by, contract=contract, **options)
 
     def register(step: type) -> type:
         gl = any(issubclass(method.culler, GLCuller) for method in of)
         if gl and step not in [known for known, _, _ in _STEPS.get(id, [])]:
             _STEPS.setdefault(id, []).append((step, caught_by, options))
-        for method in of:
-            broken = type(step.__name__, (step, method.culler), {"__doc__": step.__doc__})
-            about = " ".join((step.__doc__ or "").split())
-            values = {**method.options, **options}
-            MUTANTS.append(Mutant(id, about, method, broken, caught_by, contract, values))
-        return step
+        return enlist(step)
 
     return register
 

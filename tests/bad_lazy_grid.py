@@ -15,7 +15,7 @@ import numpy as np
 from culling.lazy_grid import LazyGridCulling
 from culling.lazy_grid.grid import FULL, OUTDATED, UNKNOWN, OcclusionGrid
 from culling.lazy_grid.nodes import corners_of, pixel_bounds
-from tests.bad_cullers import Method, Mutant
+from tests.bad_cullers import Method, Mutant, registrar
 from visref.camera import Camera
 from visref.conformance_scenes import Case, SceneMaker, box, camera, case, panel, pixel_panel
 from visref.conformance_scenes import together as merged
@@ -62,20 +62,7 @@ OF_THE_METHOD = {
 }
 
 
-def mutant(
-    id: str, *, of: tuple[Method, ...], caught_by: str = "", contract: str = "", **options: Any
-) -> Callable[[type], type]:
-    """Register the class below as a mutant of these methods."""
-
-    def register(step: type) -> type:
-        for sound in of:
-            broken = type(step.__name__, (step, sound.culler), {"__doc__": step.__doc__})
-            about = " ".join((step.__doc__ or "").split())
-            values = {**sound.options, **options}
-            MUTANTS.append(Mutant(id, about, sound, broken, caught_by, contract, values))
-        return step
-
-    return register
+mutant = registrar(MUTANTS)
 
 
 # Scenes. Orthographic ones have a world unit a pixel and the image's middle at the origin.

@@ -20,7 +20,7 @@ from culling.plp.traversal import UNMET
 from culling.queries.histogram import HistogramQueries
 from culling.queries.item_buffer_query import TILE_PX, ItemBufferQueries
 from culling.shared_geometry import SharedGeometry
-from tests.bad_cullers import Method, Mutant, ResolvedMultisamples
+from tests.bad_cullers import Method, Mutant, ResolvedMultisamples, registrar
 from tests.culling_scenes import box as solid
 from visref.conformance_scenes import Case, SceneMaker, camera, case
 from visref.scene import Units
@@ -75,20 +75,7 @@ OF_THE_METHOD = {
 }
 
 
-def mutant(
-    id: str, *, of: tuple[Method, ...], caught_by: str = "", contract: str = "", **options: Any
-) -> Callable[[type], type]:
-    """Register the class below as a mutant of these methods."""
-
-    def register(step: type) -> type:
-        for sound in of:
-            broken = type(step.__name__, (step, sound.culler), {"__doc__": step.__doc__})
-            about = " ".join((step.__doc__ or "").split())
-            values = {**sound.options, **options}
-            MUTANTS.append(Mutant(id, about, sound, broken, caught_by, contract, values))
-        return step
-
-    return register
+mutant = registrar(MUTANTS)
 
 
 def item_step(step: type) -> type:

@@ -107,7 +107,7 @@ def find_disputes(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> 
     samples = kernels.undrawn_samples(truth.buffer.triangle.reshape(-1), truth.decided, drawn)
     ties = truth.ties
     if len(ties.sample) and len(samples):
-        samples = np.setdiff1d(samples, ties.sample[drawn[ties.triangle]], assume_unique=False)
+        samples = np.setdiff1d(samples, ties.sample[drawn[ties.triangle]])
     blended = [o for o in truth.blend.object if not drawn[blended_triangles(scene, int(o))].any()]
     return Disputes(samples, np.array(blended, np.int32))
 
