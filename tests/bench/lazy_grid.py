@@ -28,8 +28,8 @@ from visref.engines.embree import EmbreeEngine
 from visref.papers import hey2001
 from visref.record import Recorder
 from visref.registry import make_culler
-from visref.report.records import read_run
 from visref.run import Referee
+from visref.run_record import read_run
 from visref.scene import Scene
 
 TITLE = "Lazy occlusion grid (Hey 2001): forest and city, 640x480 and 1280x960"

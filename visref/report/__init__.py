@@ -13,7 +13,7 @@ from visref.files import replacing_file
 from visref.report.junit import junit_xml
 from visref.report.markdown import markdown_summary
 from visref.report.page import page_html
-from visref.report.records import read_run
+from visref.run_record import read_run
 
 __all__ = ["write_report"]
 

@@ -6,9 +6,9 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
-from visref.report.measures import Measures, measure
-from visref.report.records import RunRecord
+from visref.measures import Measures, measure
 from visref.report.words import counted, culler_sentence, not_claimed
+from visref.run_record import RunRecord
 
 # Control characters that XML 1.0 cannot carry, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from visref.measures import Measures, measure
 from visref.report import words
-from visref.report.measures import Measures, measure
-from visref.report.records import RunRecord
+from visref.run_record import RunRecord
 
 _MAX_LOST = 5
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>|#&~])")

@@ -16,11 +16,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from visref.errors import InputError
+from visref.measures import Measures, best, measure
 from visref.report import words
-from visref.report.measures import Measures, best, measure
 from visref.report.plots import STYLES, Plot, Series
-from visref.report.records import LostObject, Row, RunRecord
 from visref.rules import RULES, Rule, Severity
+from visref.run_record import LostObject, Row, RunRecord
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from visref.gate import Exit, decide
-from visref.report.measures import Measures
-from visref.report.records import RunRecord
+from visref.measures import Measures
+from visref.run_record import RunRecord
 
 HEADLINES = {
     "violation": "Violation",

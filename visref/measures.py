@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from visref.report.records import LostObject, Row, RunRecord
+from visref.run_record import LostObject, Row, RunRecord
 
 SAFE = "no_violation_found"
 
