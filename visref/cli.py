@@ -22,6 +22,7 @@ from visref.engines import engine_names
 from visref.errors import InputError, NothingToJudge
 from visref.gate import Exit
 from visref.hardcases_page import culler_summary
+from visref.inputs import Inputs, open_inputs
 from visref.outcome import RunOutcome
 from visref.run import Job, JudgedFrame
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -251,8 +252,8 @@ def _judging_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _inputs(given: argparse.Namespace) -> commands.Inputs:
-    return commands.open_inputs(
+def _inputs(given: argparse.Namespace) -> Inputs:
+    return open_inputs(
         given.scene,
         path=given.path,
         frames=given.frames,
@@ -296,7 +297,7 @@ def _check(given: argparse.Namespace) -> Exit:
 
 def _judge(
     given: argparse.Namespace,
-    inputs: commands.Inputs,
+    inputs: Inputs,
     cullers: Sequence[tuple[str, Culler]],
     *,
     image_check: bool = False,
