@@ -1,0 +1,9 @@
+"""The papers' tables made again: what they need is run and recorded, then set beside what was
+published.
+
+`measure` runs; `write_tables` writes from the records alone.
+"""
+
+from visref.tables.recording import Measured, measure
+
+__all__ = ["Measured", "measure"]
