@@ -9,9 +9,10 @@ and times, which belong to a GeForce2 and a 900 MHz Thunderbird, as ratios withi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from visref.papers.readings import Reading, reading
 from visref.papers.table import Basis, Experiment, Records, Row, Size, Table, Trend, Walk
-from visref.run_record import RunRecord
 
 TITLE = (
     "H. Hey, R. F. Tobler, W. Purgathofer: Real-Time Occlusion Culling With A Lazy Occlusion "
@@ -49,157 +50,193 @@ def specs(scene: str) -> dict[str, str]:
     }
 
 
+# What stands in for a scene that is judged with --large alone.
+STAND_IN = {"city_large": "city_large:scale=0.1"}
+STAND_IN_NOTE = "a tenth of the City; the whole with --large"
+
+
 def _key(scene: str, width: int) -> str:
     return f"{scene}-{width}"
 
 
+def _stand_in_key(scene: str, width: int) -> str:
+    return f"{scene}-tenth-{width}"
+
+
+def _walk(key: str, spec: str, size: Size, *, large: bool = False) -> Walk:
+    cullers = tuple(specs(spec.partition(":")[0]).values())
+    return Walk(key, spec, cullers, size=size, large=large)
+
+
 WALKS = tuple(
-    Walk(
-        _key(scene, size[0]),
-        scene,
-        tuple(specs(scene).values()),
-        size=size,
-        large=scene == "city_large",
-    )
+    walk
     for scene in SCENE_TRIANGLES
     for size in SIZES
+    for walk in (
+        _walk(_key(scene, size[0]), scene, size, large=scene in STAND_IN),
+        *(
+            [_walk(_stand_in_key(scene, size[0]), STAND_IN[scene], size)]
+            if scene in STAND_IN
+            else []
+        ),
+    )
 )
 EXPERIMENTS: tuple[Experiment, ...] = ()
 
 
 def tables(records: Records) -> list[Table]:
     """Section 7's scenes, Figs. 7 to 9, and the share of readbacks."""
-    runs = {
-        (scene, width): records.run(_key(scene, width))
+    walks = {
+        (scene, width): walk
         for scene in SCENE_TRIANGLES
         for width, _ in SIZES
+        if (walk := _measured(records, scene, width)) is not None
     }
-    walks = {at: _walks(run, at[0]) for at, run in runs.items() if run is not None}
-    return [_scenes(runs), _figure_7(walks), _figure_8(walks), _figure_9(walks)]
+    return [_scenes(walks), _figure_7(walks), _figure_8(walks), _figure_9(walks)]
 
 
-Walks = dict[tuple[str, int], dict[str, Reading]]
+@dataclass(frozen=True)
+class _Walk:
+    """One scene and resolution: the scene's triangles, and the readings by update."""
+
+    triangles: int
+    by_update: dict[str, Reading]
+    note: str = ""
+
+    def mean(self, counter: str) -> dict[str, float]:
+        return {update: one.mean(counter) for update, one in self.by_update.items()}
+
+    def ms(self, phase: str = "frame") -> dict[str, float]:
+        return {update: one.ms(phase) for update, one in self.by_update.items()}
 
 
-def _walks(run: RunRecord, scene: str) -> dict[str, Reading]:
-    return {update: reading(run, spec) for update, spec in specs(scene).items()}
+_Walks = dict[tuple[str, int], _Walk]
+
+
+def _measured(records: Records, scene: str, width: int) -> _Walk | None:
+    run, note = records.run(_key(scene, width)), ""
+    if run is None and scene in STAND_IN:
+        run, note = records.run(_stand_in_key(scene, width)), STAND_IN_NOTE
+    if run is None:
+        return None
+    by_update = {update: reading(run, spec) for update, spec in specs(scene).items()}
+    return _Walk(run.manifest["scene"]["triangles"], by_update, note)
 
 
 def _named(scene: str, width: int) -> str:
     name = {"forest": "Forest", "city_large": "City"}[scene]
-    return f"{name}, {width} × {width * 3 // 4}"
+    return f"{name}, {width} × {dict(SIZES)[width]}"
 
 
-def _scenes(runs: dict[tuple[str, int], RunRecord | None]) -> Table:
+def _note(walk: _Walk | None) -> str:
+    return walk.note if walk is not None else ""
+
+
+def _scenes(walks: _Walks) -> Table:
     rows = []
     for scene, published in SCENE_TRIANGLES.items():
-        run = runs[scene, SIZES[0][0]]
-        ours = None if run is None else run.manifest["scene"]["triangles"]
-        rows.append(Row(f"{scene}: triangles", published, ours, note=_left_out(ours)))
-    rows.append(Row("cell, pixels a side", CELL_PX, CELL_PX))
-    rows.append(Row("triangles a box in the City, at most", TRIANGLES_A_BOX, TRIANGLES_A_BOX))
+        walk = walks.get((scene, SIZES[0][0]))
+        ours = None if walk is None else walk.triangles
+        name = "Forest" if scene == "forest" else "City"
+        rows.append(Row(f"{name}: triangles", published, ours, note=_note(walk)))
+    rows.append(Row("a cell's side", CELL_PX, CELL_PX, "px"))
+    rows.append(Row("City: triangles a box, at most", TRIANGLES_A_BOX, TRIANGLES_A_BOX))
     return Table("Scenes and set-up", "section 7", tuple(rows))
 
 
-def _left_out(ours: float | None) -> str:
-    return "asked for with --large" if ours is None else ""
-
-
-def _figure_7(walks: Walks) -> Table:
+def _figure_7(walks: _Walks) -> Table:
     rows: list[Row] = []
     for at, (published, everything) in TRIANGLES_DRAWN.items():
         walk = walks.get(at)
-        drawn = {name: one.mean("triangles_drawn") for name, one in (walk or {}).items()}
-        note = _left_out(drawn.get("lazy"))
-        name = _named(*at)
+        drawn = walk.mean("triangles_drawn") if walk is not None else {}
+        name, note = _named(*at), _note(walk)
+        share = drawn["lazy"] / drawn["none"] if drawn else None
         rows += [
             Row(f"{name}: lazy", published, drawn.get("lazy"), note=note),
             Row(f"{name}: busy", published, drawn.get("busy"), note=note),
             Row(f"{name}: no occlusion culling", everything, drawn.get("none"), note=note),
-            Row(
-                f"{name}: lazy over none",
-                published / everything,
-                drawn["lazy"] / drawn["none"] if drawn else None,
-                unit="%",
-                digits=2,
-                note=note,
-            ),
+            Row(f"{name}: lazy over none", published / everything, share, "%", 2, note=note),
         ]
     same = [_same_drawn(walk) for walk in walks.values()]
     trend = Trend("lazy draws as much as busy, in every frame", all(same) if same else None)
     return Table("Triangles drawn a frame", "Fig. 7", tuple(rows), (trend,))
 
 
-def _same_drawn(walk: dict[str, Reading]) -> bool:
+def _same_drawn(walk: _Walk) -> bool:
     """Whether lazy and busy drew the same number of triangles in every frame."""
-    lazy, busy = ([row["triangles_drawn"] for row in walk[name].rows] for name in ("lazy", "busy"))
+    lazy, busy = (
+        [row["triangles_drawn"] for row in walk.by_update[update].rows]
+        for update in ("lazy", "busy")
+    )
     return lazy == busy
 
 
-def _figure_8(walks: Walks) -> Table:
+def _figure_8(walks: _Walks) -> Table:
     rows: list[Row] = []
+    gains: dict[tuple[str, int], float] = {}
     for at, (lazy, busy) in PIXEL_QUERIES.items():
-        asked = {name: one.mean("queries") for name, one in walks.get(at, {}).items()}
-        note = _left_out(asked.get("lazy"))
-        name = _named(*at)
+        walk = walks.get(at)
+        asked = walk.mean("queries") if walk is not None else {}
+        if asked:
+            gains[at] = asked["busy"] / asked["lazy"]
+        name, note = _named(*at), _note(walk)
         rows += [
             Row(f"{name}: lazy", lazy, asked.get("lazy"), note=note),
             Row(f"{name}: busy", busy, asked.get("busy"), note=note),
-            Row(f"{name}: busy over lazy", busy / lazy, _gain(asked), digits=2, note=note),
+            Row(f"{name}: busy over lazy", busy / lazy, gains.get(at), digits=2, note=note),
         ]
     trends = []
     for scene in SCENE_TRIANGLES:
-        gains = [
-            _gain({name: one.mean("queries") for name, one in walks.get((scene, w), {}).items()})
-            for w, _ in SIZES
-        ]
-        low, high = gains
+        low, high = (gains.get((scene, width)) for width, _ in SIZES)
         holds = None if low is None or high is None else 1.0 < low < high
-        trends.append(
-            Trend(f"{scene}: lazy beats busy, and by more at the higher resolution", holds)
-        )
+        why = f"busy over lazy is {low:.2f}, then {high:.2f}" if low and high else ""
+        claim = f"{scene}: lazy beats busy, and by more at the higher resolution"
+        trends.append(Trend(claim, holds, why))
     return Table("Pixel-level queries a frame", "Fig. 8", tuple(rows), tuple(trends))
 
 
-def _gain(asked: dict[str, float]) -> float | None:
-    return asked["busy"] / asked["lazy"] if asked else None
-
-
-def _figure_9(walks: Walks) -> Table:
+def _figure_9(walks: _Walks) -> Table:
     rows: list[Row] = []
     low, high = FRAME_RATE_GAIN
     least, most = READBACK_SHARE
     for at in TRIANGLES_DRAWN:
         walk = walks.get(at)
-        ms = {name: one.ms() for name, one in (walk or {}).items()}
-        note = _left_out(ms.get("lazy"))
-        name = _named(*at)
+        ms = walk.ms() if walk is not None else {}
+        asking = walk.ms("query")["lazy"] / ms["lazy"] if walk is not None else None
+        name, note = _named(*at), _note(walk)
         rows += [
-            *(
-                Row(f"{name}: {update}", None, ms.get(update), "ms", 1, Basis.HARDWARE, note)
-                for update in ("lazy", "busy", "none")
-            ),
-            Row(
-                f"{name}: frame rate, lazy over none",
-                f"{low} to {high}",
-                ms["none"] / ms["lazy"] if ms else None,
-                digits=1,
-                basis=Basis.WITHIN_RUN,
-                note=note,
-            ),
-            Row(
-                f"{name}: queries' share of the time, lazy",
-                f"{least:.0%} to {most:.0%}",
-                walk["lazy"].ms("query") / ms["lazy"] if walk else None,
-                unit="%",
-                basis=Basis.WITHIN_RUN,
-                note=note,
-            ),
+            Row(f"{name}: {update}", None, ms.get(update), "ms", 1, Basis.HARDWARE, note)
+            for update in ("lazy", "busy", "none")
         ]
-    gains = [walk["none"].ms() / walk["lazy"].ms() for walk in walks.values()]
-    trend = Trend(
-        "lazy occlusion culling is faster than none",
-        min(gains) > 1.0 if gains else None,
-        "drawing hidden triangles costs a software rasteriser little beside the queries",
+        gain = ms["none"] / ms["lazy"] if ms else None
+        published = f"{low} to {high}"
+        shares = f"{least:.0%} to {most:.0%}".replace("%", " %")
+        rows += [
+            Row(f"{name}: frame rate, lazy over none", published, gain, "", 1,
+                Basis.WITHIN_RUN, note),
+            Row(f"{name}: queries' share of the time, lazy", shares, asking, "%", 0,
+                Basis.WITHIN_RUN, note),
+        ]  # fmt: skip
+    return Table("Time a frame", "Fig. 9 and section 7", tuple(rows), _time_trends(walks))
+
+
+def _time_trends(walks: _Walks) -> tuple[Trend, ...]:
+    gains = {at: walk.ms()["none"] / walk.ms()["lazy"] for at, walk in walks.items()}
+    told = "; ".join(f"{_named(*at)}: {gain:.2f}" for at, gain in gains.items())
+    faster = Trend(
+        "the lazy grid is faster than no occlusion culling",
+        min(gains.values()) > 1.0 if gains else None,
+        f"frame rate, lazy over none, is {told}",
     )
-    return Table("Time a frame", "Fig. 9 and section 7", tuple(rows), (trend,))
+    forests = {at: walk.ms() for at, walk in walks.items() if at[0] == "forest"}
+    slower = [ms["busy"] > ms["none"] for ms in forests.values()]
+    times = "; ".join(
+        f"{_named(*at)}: busy {ms['busy']:.0f} ms, none {ms['none']:.0f} ms"
+        for at, ms in forests.items()
+    )
+    busy = Trend(
+        "in the forest the busy grid is slower than no occlusion culling",
+        all(slower) if slower else None,
+        f"reading depth back is cheap where the image is in main memory ({times})",
+    )
+    return (faster, busy)
