@@ -107,7 +107,7 @@ class Steps:
     """Progress that only counts."""
 
     def __init__(self) -> None:
-        self.all = self.done = 0
+        self.all, self.done = 0, 0.0
         self.labels: list[str] = []
 
     def begin(self, steps: int) -> None:
@@ -116,5 +116,5 @@ class Steps:
     def task(self, label: str) -> None:
         self.labels.append(label)
 
-    def advance(self, steps: int) -> None:
+    def advance(self, steps: float) -> None:
         self.done += steps

@@ -34,7 +34,14 @@ def run_of(scene, triangles, by_update):
     for update, (drawn, queries, frame_ms, query_ms) in by_update.items():
         spec = specs(scene)[update]
         frames[spec] = [
-            {"frame": k, "triangles_drawn": drawn + k, "queries": queries} for k in (0, 1)
+            {
+                "frame": k,
+                "triangles_drawn": drawn + k,
+                "queries": queries,
+                "drawn": 10,
+                "superfluous": 1,
+            }
+            for k in (0, 1)
         ]
         for k in (0, 1):
             for phase, ms in (("frame", frame_ms), ("query", query_ms)):
@@ -99,6 +106,13 @@ def test_trends_hold_fail_or_are_not_measured():
     assert trends_of(Records(forest_640=low, forest_1280=high))[claim] is True
     assert trends_of(Records(forest_640=high, forest_1280=low))[claim] is False
     assert trends_of(Records(forest_640=low))[claim] is None
+    saving = "forest: lazy draws no more than 5.1 % of what none draws"
+    assert trends_of(Records(forest_640=low))[saving] is True
+    much = run_of("forest", 10, FOREST | {"none": (15_000, 0, 60.0, 0.0)})
+    (told,) = (t for table in hey2001.tables(Records(forest_640=much)) for t in table.trends
+               if t.claim == saving)  # fmt: skip
+    assert told.holds is False
+    assert "it is 6.7 %, and of the boxes drawn 90 % own a sample" in told.why
     other = FOREST | {"busy": (1001, 450, 70.0, 30.0), "lazy": (1000, 100, 80.0, 5.0)}
     found = trends_of(Records(forest_640=run_of("forest", 10, other)))
     assert found["lazy draws as much as busy, in every frame"] is False

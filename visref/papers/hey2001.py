@@ -158,8 +158,30 @@ def _figure_7(walks: _Walks) -> Table:
             Row(f"{name}: lazy over none", published / everything, share, "%", 2, note=note),
         ]
     same = [_same_drawn(walk) for walk in walks.values()]
-    trend = Trend("lazy draws as much as busy, in every frame", all(same) if same else None)
-    return Table("Triangles drawn a frame", "Fig. 7", tuple(rows), (trend,))
+    trends = [
+        Trend("lazy draws as much as busy, in every frame", all(same) if same else None),
+        *(_saving(scene, walks) for scene in SCENE_TRIANGLES),
+    ]
+    return Table("Triangles drawn a frame", "Fig. 7", tuple(rows), tuple(trends))
+
+
+def _saving(scene: str, walks: _Walks) -> Trend:
+    """Whether the grid leaves about as little to draw as in the paper; and where it does not,
+    how much of what it draws is really seen."""
+    published = max(lazy / none for (name, _), (lazy, none) in TRIANGLES_DRAWN.items()
+                    if name == scene)  # fmt: skip
+    claim = f"{scene}: lazy draws no more than {100 * published:.1f} % of what none draws"
+    found = [walk for (name, _), walk in walks.items() if name == scene]
+    if not found:
+        return Trend(claim, None)
+    shares = [walk.mean("triangles_drawn") for walk in found]
+    worst = max(drawn["lazy"] / drawn["none"] for drawn in shares)
+    seen = [walk.mean("superfluous")["lazy"] / walk.mean("drawn")["lazy"] for walk in found]
+    why = (
+        f"it is {100 * worst:.1f} %, and of the boxes drawn {100 * (1 - max(seen)):.0f} % own a "
+        "sample: the generated scene shows more at once than the paper's"
+    )
+    return Trend(claim, worst <= published, why)
 
 
 def _same_drawn(walk: _Walk) -> bool:

@@ -4,6 +4,7 @@ published.
 `measure` runs; `write_tables` writes from the records alone.
 """
 
-from visref.tables.recording import Measured, measure
+from visref.tables.output import write_tables
+from visref.tables.recording import Measured, Progress, measure
 
-__all__ = ["Measured", "measure"]
+__all__ = ["Measured", "Progress", "measure", "write_tables"]

@@ -27,16 +27,18 @@ from visref.papers import Paper
 from visref.papers.table import Experiment, Walk
 from visref.record import MANIFEST, Recorder, slug, write_json
 from visref.registry import SCENES, available, load_entry, make_culler
-from visref.run import Referee
+from visref.run import Job, JudgedFrame, Referee
 from visref.run_record import RunRecord, read_run
 from visref.scene import Scene
 from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
-from visref.visibility import FrameTruth
+from visref.visibility import FrameTruth, ObjectVisibility
 
 RESULT = "experiment.json"
 ENGINE = "embree"
 
-# An experiment's share of the progress, in frames: it does not say how many it takes.
+# What nobody knows beforehand, for the progress alone: the length of a path that was not
+# generated yet, and an experiment's share in frames.
+PATH_STEPS = 100
 EXPERIMENT_STEPS = 20
 
 
@@ -49,7 +51,7 @@ class Progress(Protocol):
     def task(self, label: str) -> None:
         """What is under way."""
 
-    def advance(self, steps: int) -> None:
+    def advance(self, steps: float) -> None:
         """Steps done, or found done already."""
 
 
@@ -117,14 +119,15 @@ def measure(
             progress.task(task.label)
             folder = out / "records" / task.paper / task.work.key
             asked = _asked(task, frames, code)
+            steps = _Share(progress, _steps(task, frames))
             if _asked_before(folder, task) != asked:
                 try:
-                    _record(task, folder, asked, stage, frames)
+                    _record(task, folder, asked, stage, frames, steps)
                 except (InputError, NothingToJudge) as error:
                     measured.failures[task.label] = str(error)
                     # What an earlier run left is no record of this one.
                     shutil.rmtree(folder, ignore_errors=True)
-            progress.advance(_steps(task, frames))
+            steps.end()
     finally:
         stage.close()
     return measured
@@ -133,7 +136,29 @@ def measure(
 def _steps(task: Task, frames: int | None) -> int:
     if isinstance(task.work, Experiment):
         return EXPERIMENT_STEPS
-    return len(task.work.cullers) * (frames or 1)
+    return len(task.work.cullers) * (frames or PATH_STEPS)
+
+
+class _Share:
+    """A task's share of the progress, as a run's listener."""
+
+    def __init__(self, progress: Progress, steps: int) -> None:
+        self._progress, self._all, self._left = progress, steps, float(steps)
+        self.verdicts = steps
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        pass
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        step = self._all / self.verdicts
+        self._left -= step
+        self._progress.advance(step)
+
+    def on_frame_done(self, frame: int) -> None:
+        pass
+
+    def end(self) -> None:
+        self._progress.advance(self._left)
 
 
 def _asked(task: Task, frames: int | None, code: str) -> dict[str, Any]:
@@ -200,7 +225,12 @@ class _Kept(TruthEngine):
 
 
 def _record(
-    task: Task, folder: Path, asked: dict[str, Any], stage: _Stage, frames: int | None
+    task: Task,
+    folder: Path,
+    asked: dict[str, Any],
+    stage: _Stage,
+    frames: int | None,
+    share: _Share,
 ) -> None:
     work = task.work
     scene = path = None
@@ -219,7 +249,7 @@ def _record(
         else:
             assert scene is not None
             assert path is not None
-            _judge(work, scene, path, picked, written, asked, stage)
+            _judge(work, scene, path, picked, written, asked, stage, share)
 
 
 def _judge(
@@ -230,12 +260,14 @@ def _judge(
     folder: Path,
     asked: dict[str, Any],
     stage: _Stage,
+    share: _Share,
 ) -> None:
+    share.verdicts = len(frames) * len(walk.cullers)
     settings = {"frames": frames, "asked": asked}
     recorder = Recorder(folder, scene, path, engine=ENGINE, settings=settings)
     referee = Referee(scene, lambda: _Kept(stage.engine()))
     cullers = [(spec, make_culler(spec)) for spec in walk.cullers]
-    outcome = referee.run(path, frames, cullers, [recorder])
+    outcome = referee.run(path, frames, cullers, [recorder, share])
     for finding in outcome.findings:
         # A table of the frames before it would be a table of something else.
         if finding.code in ("CULLER_FAILED", "NO_GL"):
