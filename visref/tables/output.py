@@ -166,6 +166,7 @@ def _markdown(measured: Measured, views: Sequence[PaperView]) -> str:
         "",
         f"{headline(views)}. On {_sampling(measured)}. {_DEFINED}",
         "",
+        _trends(views),
     ]
     for view in views:
         lines += [f"## {words.plain(view.paper.title)}", ""]
