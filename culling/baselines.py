@@ -19,6 +19,7 @@ class NoCulling(GLCuller):
 
     name = "none"
     summary = "no culling: draws every object"
+    notes_asked = True
 
     def in_frustum(self, view: View) -> Int64:
         return np.sort(self.tree.ids)
@@ -32,6 +33,7 @@ class FrustumCulling(GLCuller):
 
     name = "frustum"
     summary = "view-frustum culling alone, by bounding boxes"
+    notes_asked = True
 
     def decide(self, frame: Frame) -> None:
         self.draw(frame, np.arange(len(frame.ids)))
@@ -47,6 +49,7 @@ class SingleQueryCulling(GLCuller):
 
     name = "occlusion-query"
     summary = "front to back, one occlusion query for each object's box"
+    notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {
         **QUERY_OPTIONS,
         "size": Option(64, "boxes asked together, unless query=sync"),

@@ -35,7 +35,7 @@ from culling.queries.occlusion_query import BoxQueries
 from culling.view import View, round_outward
 from visref.camera import Camera
 from visref.culler import Culler, DrawnSet, Option, QueryStats
-from visref.scene import Float32, Float64, Int64, Scene, Units
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 
 # Called as observer(step, data) at "clear", "draw", "query" and a method's own steps. The
 # data are plain values; nothing that a method decides depends on it.
@@ -81,6 +81,11 @@ class Frame:
     sure: NDArray[np.bool_]
     drawn: list[Int64] = field(default_factory=list)
     asked: list[Asked] = field(default_factory=list)
+    asked_about: list[tuple[Int64, int]] = field(default_factory=list)
+
+    def note_asked(self, units: Int64) -> None:
+        """The depth buffer is asked about these units now: for the record of why each was drawn."""
+        self.asked_about.append((units, len(self.drawn)))
 
 
 class GLCuller(Culler):
@@ -88,6 +93,10 @@ class GLCuller(Culler):
 
     options: ClassVar[Mapping[str, Option]] = GL_OPTIONS
     observer: Observer | None = None
+
+    # Whether every question about a unit is noted: it is by `query`, and a method that asks in
+    # another way calls `Frame.note_asked` itself.
+    notes_asked = False
 
     # Values of QUERY_OPTIONS; a method that takes them as options sets them.
     way = "sync"
@@ -122,7 +131,7 @@ class GLCuller(Culler):
         drawn = np.concatenate([np.zeros(0, np.int64), *frame.drawn])
         if self.count_fragments:
             self._count(frame, drawn)
-        return DrawnSet(drawn.astype(np.int32), frame.stats)
+        return DrawnSet(drawn.astype(np.int32), frame.stats, self._asked_at(frame, drawn))
 
     @abstractmethod
     def decide(self, frame: Frame) -> None:
@@ -259,6 +268,7 @@ class GLCuller(Culler):
                 state_hook=self.query_state,
             )
         visible = self.passes(samples)
+        frame.note_asked(frame.ids[places])
         frame.asked.append(Asked(boxes, samples, corners_only))
         self.observe(
             "query",
@@ -272,6 +282,16 @@ class GLCuller(Culler):
     def observe(self, step: str, **data: Any) -> None:
         if self.observer is not None:
             self.observer(step, data)
+
+    def _asked_at(self, frame: Frame, drawn: Int64) -> Int32 | None:
+        """`DrawnSet.asked_at`."""
+        if not self.notes_asked:
+            return None
+        before = np.cumsum([0, *map(len, frame.drawn)])
+        asked_at = np.full(self.units.count, -1, np.int32)
+        for units, parts in frame.asked_about:
+            asked_at[units] = before[parts]
+        return asked_at[drawn]
 
     def _count(self, frame: Frame, drawn: Int64) -> None:
         assert self.geometry is not None

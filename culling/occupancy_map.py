@@ -61,6 +61,7 @@ class OccupancyMapCulling(GLCuller):
 
     name = "occupancy-map"
     summary = "Staneker 2003: screen tiles tell which queries to skip, and which to ask together"
+    notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {
         "maps": Option(5, "one map, or one and four that arrange five query lists", (1, 5)),
         "query": Option(

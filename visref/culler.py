@@ -102,11 +102,16 @@ def is_duration(value: object) -> bool:
 class DrawnSet:
     """The units whose own triangles are in the draw list of the final image.
 
-    `unit_ids`: int32, each at most once, in the order drawn.
+    `unit_ids`: int32, each at most once, in the order drawn (unless not `ordered`).
+    `asked_at`: optional, beside `unit_ids`: how many units had been drawn when the depth buffer
+    was asked about this one, -1 where it was drawn without asking. No verdict rests on it; it
+    lets a report say why a unit was drawn for nothing.
     """
 
     unit_ids: Int32
     stats: QueryStats = field(default_factory=QueryStats)
+    asked_at: Int32 | None = None
+    ordered: bool = True
 
 
 @dataclass(frozen=True)
@@ -182,6 +187,21 @@ def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> ND
     if len(np.unique(ids)) != len(ids):
         raise CullerError(f"{culler}: frame {frame}: a unit is drawn twice")
     return ids.astype(np.int32)
+
+
+def check_asked(
+    asked_at: object, drawn: int, *, culler: str, frame: int
+) -> NDArray[np.int32] | None:
+    """`DrawnSet.asked_at` as int32, one of `drawn` units each. Raises CullerError where it names
+    no moment before the unit's own draw."""
+    if asked_at is None:
+        return None
+    asked: NDArray[Any] = np.asarray(asked_at)
+    if asked.shape != (drawn,) or (drawn and not np.issubdtype(asked.dtype, np.integer)):
+        raise CullerError(f"{culler}: frame {frame}: asked_at is not an integer a unit drawn")
+    if (asked < -1).any() or (asked > np.arange(drawn)).any():
+        raise CullerError(f"{culler}: frame {frame}: asked_at names no moment before the draw")
+    return asked.astype(np.int32)
 
 
 def check_stats(stats: QueryStats, elapsed_ms: float, *, culler: str, frame: int) -> QueryStats:

@@ -6,7 +6,7 @@ frames.parquet     a row a culler and frame: counts and costs
 timings.parquet    a row a culler, frame and phase: milliseconds (the one file that
                    differs between two runs of the same inputs)
 objects.parquet    a row a culler, frame and object that was missed, undecided or drawn
-                   for nothing
+                   for nothing; the last with its cause, in the frames that have pictures
 truth.parquet      the truth, as `visref truth` writes it
 witnesses/         a file a culler; a JSON line a miss: its ray and the triangles along it
                    as hexadecimal floats, so that it replays without the scene
@@ -31,6 +31,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera import CameraPath
+from visref.causes import superfluous_causes
 from visref.culler import QueryStats
 from visref.judge import Counts, FrameVerdict
 from visref.outcome import RunOutcome, verdict_json, witness_json
@@ -65,6 +66,7 @@ _OBJECTS = pa.schema(
         ("margin_px", pa.float64()),
         ("margin_depth", pa.float64()),
         ("unit", pa.int32()),
+        ("cause", pa.string()),
     ]
 )
 _COUNTERS = tuple(name for name in vars(QueryStats()) if name != "ms")
@@ -158,7 +160,7 @@ class Recorder:
         self._timings += [
             _timing(job.spec, record.frame, phase, ms) for phase, ms in record.stats.ms.items()
         ]
-        self._add_objects(job, record.frame, verdict)
+        self._add_objects(job, judged)
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
             drawn[record.frame] = judged.drawn_units
@@ -190,7 +192,17 @@ class Recorder:
         self._extra_pictures[spec] = taken + 1
         return True
 
-    def _add_objects(self, job: Job, frame: int, verdict: FrameVerdict) -> None:
+    def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
+        """Why each superfluous unit was drawn; null in frames that are not explained, which are
+        all but the planned pictures'."""
+        units = judged.record.verdict.superfluous_units
+        if judged.truth is None or judged.record.frame not in self._picture_frames:
+            return pa.nulls(len(units), pa.string())
+        causes = superfluous_causes(self._scene, judged.truth, job.units, judged.drawn_set, units)
+        return pa.array([causes.get(int(unit)) for unit in units], pa.string())
+
+    def _add_objects(self, job: Job, judged: JudgedFrame) -> None:
+        frame, verdict = judged.record.frame, judged.record.verdict
         width = self._path.frames[frame].width
         misses = []
         for miss in verdict.misses:
@@ -199,7 +211,7 @@ class Recorder:
             misses.append({"culler": job.spec, **witness})
         self._pending.append(pa.Table.from_pylist(misses, schema=_OBJECTS))
         units = pa.array(verdict.superfluous_units, pa.int32())
-        columns: dict[str, pa.Array] = {"unit": units}
+        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
         if job.units.kind == OBJECT:
             columns |= {"object": units, "name": self._names.take(units)}
         else:

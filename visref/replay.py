@@ -82,7 +82,8 @@ class Replay(Culler):
     def cull(self, camera: Camera) -> DrawnSet:
         frame = next(self._coming)
         assert camera is self._path.frames[frame], "cameras come in path order, each once"
-        return DrawnSet(self._recorded.frames[frame], self._recorded.stats[frame])
+        ids, stats = self._recorded.frames[frame], self._recorded.stats[frame]
+        return DrawnSet(ids, stats, ordered=False)
 
 
 def read_visible_sets(

@@ -21,7 +21,7 @@ from visref.culler import (
     CullerError,
     DrawnSet,
     Promise,
-    QueryStats,
+    check_asked,
     check_drawn,
     check_stats,
 )
@@ -78,8 +78,12 @@ class JudgedFrame:
 
     record: FrameRecord
     truth: FrameTruth | None
-    drawn_units: Int32
+    drawn_set: DrawnSet
     drawn: NDArray[np.bool_]
+
+    @property
+    def drawn_units(self) -> Int32:
+        return self.drawn_set.unit_ids
 
 
 @dataclass(eq=False)
@@ -178,12 +182,13 @@ class Referee:
             if job.record.failed:
                 continue
             try:
-                stats, drawn_units = self._cull(job, camera, frame)
+                drawn_set = self._cull(job, camera, frame)
             except InputError:
                 raise
             except Exception as error:  # a plug-in may raise anything; the others go on
                 self._fail(job.record, outcome, frame, error)
                 continue
+            drawn_units = drawn_set.unit_ids
             drawn = job.units.mask(drawn_units, self.scene.triangle_count)
             rows = self.recorded.frames[frame] if self.recorded else None
             verdict = _clean_verdict(self.scene, rows, job, drawn_units) if rows else None
@@ -205,13 +210,13 @@ class Referee:
             record = FrameRecord(
                 frame,
                 verdict,
-                stats,
+                drawn_set.stats,
                 int(np.count_nonzero(drawn)),
                 rulings.corrections,
                 differ,
             )
             job.record.frames.append(record)
-            judged = JudgedFrame(record, truth, drawn_units, drawn)
+            judged = JudgedFrame(record, truth, drawn_set, drawn)
             for listener in listeners:
                 listener.on_verdict(job, judged)
 
@@ -228,14 +233,16 @@ class Referee:
             listener.on_truth(frame, truth, seen, ms)
         return truth, seen
 
-    def _cull(self, job: Job, camera: Camera, frame: int) -> tuple[QueryStats, Int32]:
+    def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
         start = time.perf_counter()
         drawn_set = job.culler.cull(camera)
         elapsed_ms = (time.perf_counter() - start) * 1e3
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
-        return check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame), ids
+        asked_at = check_asked(drawn_set.asked_at, len(ids), culler=job.spec, frame=frame)
+        stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
+        return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
 
     def _settle(
         self, truth: FrameTruth, drawn: NDArray[np.bool_], culler: Culler

@@ -127,6 +127,15 @@ class RunRecord:
         ]
         return sorted(lost, key=lambda one: (-one.pixels, one.worst["object"]))
 
+    def superfluous_causes(self, culler: str) -> dict[str, int]:
+        """Superfluous units by cause (`visref.causes`), summed over the frames that were
+        explained; empty where none was."""
+        if "cause" not in self.objects.column_names:
+            return {}
+        mine = pc.and_(pc.equal(self.objects["culler"], culler), pc.is_valid(self.objects["cause"]))
+        counts = pc.value_counts(self.objects["cause"].filter(mine))
+        return {row["values"]: row["counts"] for row in counts.to_pylist()}
+
     def superfluous_units(self, culler: str) -> list[tuple[int, str, int]]:
         """(unit, name, frames) of what was drawn for nothing, the most often first; the name
         is empty unless units are objects."""

@@ -1,7 +1,8 @@
-"""A small z-buffered rasteriser, for pictures only: no verdict rests on it.
+"""A small z-buffered rasteriser, for pictures and explanations only: no verdict rests on it.
 
 It draws the silhouettes of units that lie hidden behind others, so that a picture can show
-what was drawn for nothing.
+what was drawn for nothing, and the depth that a culler had drawn at some moment, so that a report
+can say why.
 """
 
 from __future__ import annotations
@@ -13,46 +14,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.scene import Int32, Scene, Units
+from visref.scene import Float32, Int32, Scene, Units
+
+
+class UnitImage:
+    """An image of `shape` (height, width) that spans the camera's view; units are drawn into it.
+
+    `owner`: int32, the nearest unit's id at each pixel, -1 where there is none. `nearness`:
+    float32, 1 / view depth there, or minus the depth if orthographic; -inf where there is none.
+    Triangles are clipped at the near plane, and cover the pixel centres inside them.
+    """
+
+    def __init__(self, scene: Scene, camera: Camera, units: Units, shape: tuple[int, int]) -> None:
+        self._scene, self._camera, self._units = scene, camera, units
+        self.owner: Int32 = np.full(shape, -1, np.int32)
+        self.nearness: Float32 = np.full(shape, -np.inf, np.float32)
+        # Half pixels of the image for one unit of camera space, at depth 1 if perspective.
+        self._per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
+            2.0 * float(np.linalg.norm(camera.right_step))
+        )
+        self._centre = np.array(
+            [
+                (camera.width / 2 - camera.shift_x_px) * shape[1] / camera.width,
+                (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
+            ]
+        )
+
+    def draw(
+        self, unit_ids: Int32, *, only: NDArray[np.bool_] | None = None, marks_small: bool = False
+    ) -> None:
+        """Draw units. `only`: (t,) bool, the triangles to draw. `marks_small`: a triangle that
+        falls between the pixel centres still marks the pixel that it lies in."""
+        triangles = self._units.gather(unit_ids)
+        unit_of = np.repeat(np.asarray(unit_ids, np.int32), self._units.sizes[unit_ids])
+        if only is not None:
+            kept = only[triangles]
+            triangles, unit_of = triangles[kept], unit_of[kept]
+        camera = self._camera
+        _rasterise(
+            self._scene.vertices,
+            self._scene.triangles,
+            triangles,
+            unit_of,
+            camera.world_from_camera,
+            camera.is_perspective,
+            camera.near,
+            self._per_unit,
+            self._centre,
+            marks_small,
+            self.owner,
+            self.nearness,
+        )
 
 
 def silhouettes(
     scene: Scene, camera: Camera, units: Units, unit_ids: Int32, shape: tuple[int, int]
 ) -> Int32:
     """The nearest of the given units at each pixel of an image of `shape` (height, width)
-    that spans the camera's view: int32 unit ids, -1 where there is none.
-
-    Triangles are clipped at the near plane. One that falls between the pixel centres still
-    marks the pixel that it lies in, so that a small unit does not vanish.
-    """
-    owner = np.full(shape, -1, np.int32)
-    nearness = np.full(shape, -np.inf, np.float32)
-    triangles = units.gather(unit_ids)
-    unit_of = np.repeat(np.asarray(unit_ids, np.int32), units.sizes[unit_ids])
-    # Half pixels of the image for one unit of camera space, at depth 1 if perspective.
-    per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
-        2.0 * float(np.linalg.norm(camera.right_step))
-    )
-    centre = np.array(
-        [
-            (camera.width / 2 - camera.shift_x_px) * shape[1] / camera.width,
-            (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
-        ]
-    )
-    _rasterise(
-        scene.vertices,
-        scene.triangles,
-        triangles,
-        unit_of,
-        camera.world_from_camera,
-        camera.is_perspective,
-        camera.near,
-        per_unit,
-        centre,
-        owner,
-        nearness,
-    )
-    return owner
+    that spans the camera's view: int32 unit ids, -1 where there is none. A small unit between
+    the pixel centres does not vanish."""
+    image = UnitImage(scene, camera, units, shape)
+    image.draw(unit_ids, marks_small=True)
+    return image.owner
 
 
 @numba.njit(cache=True, nogil=True)
@@ -66,6 +89,7 @@ def _rasterise(
     near: float,
     per_unit: NDArray[Any],
     centre: NDArray[Any],
+    marks_small: bool,
     owner: NDArray[Any],
     nearness: NDArray[Any],
 ) -> None:
@@ -114,7 +138,7 @@ def _rasterise(
             low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
             if high_x < 0.0 or high_y < 0.0 or low_x >= width or low_y >= height:
                 continue
-            if high_x - low_x < 1.0 and high_y - low_y < 1.0:
+            if marks_small and high_x - low_x < 1.0 and high_y - low_y < 1.0:
                 px = int(min(max((x0 + x1 + x2) / 3.0, 0.0), width - 1.0))
                 py = int(min(max((y0 + y1 + y2) / 3.0, 0.0), height - 1.0))
                 near_here = (w0 + w1 + w2) / 3.0

@@ -88,6 +88,7 @@ class LazyGridCulling(GLCuller):
 
     name = "lazy-grid"
     summary = "grid of cells over the depth buffer, brought up to date only when asked"
+    notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {
         "buffer": Option("occlusion", "what a cell knows", ("occlusion", "z")),
         "update": Option(
@@ -342,6 +343,8 @@ class LazyGridCulling(GLCuller):
         if not internal and not border:
             stats = walk.frame.stats
             stats.tests_skipped = (stats.tests_skipped or 0) + 1
+        elif not free and walk.unit[node] != INNER:
+            walk.frame.note_asked(np.array([walk.unit[node]]))
         self.observe("tested", node=node, hidden=hidden)
         return hidden
 

@@ -110,6 +110,8 @@ class ConservativePLPCulling(PLPCulling):
                 place="image",
                 mend="give query=item-buffer or query=histogram, and order=plp",
             )
+        # Cells found after the estimate are asked about over others drawn to depth alone.
+        self.notes_asked = not self.restores
         self.saved: moderngl.Framebuffer | None = None
 
     def decide(self, frame: Frame) -> None:
@@ -255,6 +257,7 @@ class ConservativePLPCulling(PLPCulling):
                 state_hook=self.query_state,
             )
         visible = self.passes(samples)
+        frame.note_asked(frame.ids[places])
         for drawn in self.items.passes:
             frame.asked.append(Asked(boxes[drawn], samples[drawn], corners_only=False))
         self.observe("query", units=frame.ids[places], samples=samples, visible=visible)

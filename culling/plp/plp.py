@@ -48,6 +48,7 @@ class PLPCulling(GLCuller):
 
     name = "plp"
     summary = "Klosowski 2001: octree cells, the least occluded first, up to a budget of triangles"
+    notes_asked = True
     promise = Promise.AGGRESSIVE
     options: ClassVar[Mapping[str, Option]] = {**PLP_OPTIONS, **GL_OPTIONS}
     geometry: SharedGeometry | None
