@@ -17,6 +17,7 @@ import trimesh
 
 from tests.bad_input import BAD_INPUT
 from visref.cli import main
+from visref.inputs import open_inputs
 
 REAL_MODEL = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")
 
@@ -123,6 +124,17 @@ def test_a_truth_file_gives_the_same_verdict_as_casting_again(inputs, tmp_path):
         reused = check(inputs, tmp_path, visible, "--truth", str(truth))
         assert cast[0] == reused[0]
         assert cast[1]["cullers"] == reused[1]["cullers"]
+        # The folder needs the file no longer, and knows the samples owned either way.
+        kept = tmp_path / "run" / "truth.parquet"
+        assert kept.read_bytes() == truth.read_bytes()
+        owned = pq.read_table(tmp_path / "run" / "frames.parquet")["owned"].to_pylist()
+        assert all(count > 0 for count in owned)
+
+
+def test_a_generated_scenes_seed_is_recorded_though_nobody_gave_it():
+    spec = "city:scale=0.01,frames=2"
+    opened = open_inputs(spec, path=None, frames=None, engine="embree")
+    assert opened.settings["generated"] == {"seed": 0, "scale": 0.01, "frames": 2}
 
 
 def test_a_truth_file_is_followed_by_the_engine_that_cast_it(inputs, tmp_path, capsys):

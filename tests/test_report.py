@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import collections
 import itertools
 import json
 import re
 import shutil
 import statistics
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -35,10 +37,12 @@ from tests.report_runs import (
     scene,
     write_run,
 )
+from visref import papers
 from visref.culler import Promise
 from visref.errors import InputError
+from visref.papers.table import Row, Table, Trend
 from visref.report import write_report
-from visref.report.plots import ticks
+from visref.report.plots import Series, on_scale, ticks
 from visref.report.words import percent, quantity
 from visref.scene import Units
 
@@ -194,6 +198,8 @@ def test_every_number_of_the_table_is_the_records(runs, pages):
         assert shown("visible") == f"{counts['visible']:,}"
         unit = "" if counts["unit_kind"] == "object" else "triangles"
         assert shown("drawn") == f"{counts['drawn']:,}{unit}"
+        owned = sum(row["owned"] for row in rows)
+        assert shown("fnr_px") == percent(counts["missed_pixels"] / owned)
         share = percent(counts["superfluous"] / counts["drawn"])
         assert shown("superfluous") == f"{counts['superfluous']:,}{share}"
         confirmed = f"{counts['confirmed']:,} confirmed" if counts["confirmed"] else ""
@@ -397,7 +403,7 @@ def test_markdown_table_survives_any_name(runs, pages):
     lines = pages["violation"][2].splitlines()
     table = [line for line in lines if line.startswith("|")]
     assert len(table) == 2 + len(record(runs["violation"])["cullers"])
-    assert {len(re.findall(r"(?<!\\)\|", line)) for line in table} == {8}
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in table} == {12}
     assert len(lines) < 60
 
 
@@ -519,6 +525,157 @@ def test_axis_marks_start_at_zero_and_reach_the_top(top, whole):
     assert not whole or all(mark == int(mark) for mark in marks)
 
 
+def test_misses_are_told_by_kind_and_the_kinds_add_up(runs, pages):
+    (page, _, _) = pages["violation"]
+    table = page[page.index("<h2>Misses by kind") :]
+    rows = re.findall(r"<tr><th scope=\"row\"><code>(.*?)</code></th>(.*?)</tr>", table)
+    verdict = record(runs["violation"])["cullers"]
+    assert {culler for culler, _ in rows} == {BROKEN, LOOSE}
+    for culler, cells in rows:
+        missed, *kinds, undecided = map(int, re.findall(r"<td>(\d+)</td>", cells))
+        assert missed == sum(kinds) == verdict[culler]["missed"]
+        assert kinds[0] == verdict[culler]["violations"]
+        assert (kinds[0] > 0) == (culler == BROKEN)
+        assert undecided == 0
+
+
+def test_what_was_drawn_for_nothing_is_told_by_cause_as_recorded(runs, pages):
+    shown = {
+        (attrs["data-culler-name"], attrs["data-cause"]): text
+        for attrs, text in Reader(pages["violation"][0]).find("td")
+        if "data-cause" in attrs
+    }
+    rows = pq.read_table(runs["violation"] / "objects.parquet").to_pylist()
+    recorded = collections.Counter(
+        (row["culler"], row["cause"]) for row in rows if row["cause"] is not None
+    )
+    explained = collections.Counter(row["culler"] for row in rows if row["cause"] is not None)
+    assert recorded
+    assert {key for key, text in shown.items() if text != "0"} == set(recorded)
+    for (culler, cause), number in recorded.items():
+        text = shown[culler, cause]
+        assert text == f"{number:,}{percent(number / explained[culler])}"
+    # A wall hides it; the scripted culler does not tell when it asked.
+    assert "- tight: hidden, culler silent 100 %" in pages["violation"][2]
+
+
+def test_a_run_folder_from_before_causes_and_rates_by_pixel_is_still_shown(runs, tmp_path):
+    folder = shutil.copytree(runs["violation"], tmp_path / "run")
+    for name, column in (("objects", "cause"), ("frames", "owned")):
+        table = pq.read_table(folder / f"{name}.parquet")
+        pq.write_table(table.drop_columns([column]), folder / f"{name}.parquet")
+    page = write_report([folder], tmp_path / "page").read_text()
+    assert "Drawn for nothing, and why" not in page
+    cells = [text for attrs, text in Reader(page).find("td", data_measure="fnr_px")]
+    assert set(cells) == {"–"}
+
+
+def test_the_junit_case_says_how_to_replay_and_the_rates(runs, tmp_path):
+    write_report([runs["violation"]], tmp_path / "a" / "b")
+    suite = ET.parse(tmp_path / "a" / "b" / "junit.xml").getroot()
+    (failure,) = suite.iter("failure")
+    command = re.search(r"visref explain (\S+) --frame \d+ --object \d+", failure.text)
+    assert (tmp_path / "a" / "b" / command[1]).resolve() == runs["violation"].resolve()
+    (case,) = [case for case in suite.iter("testcase") if case.get("name") == "tight"]
+    assert "FNR 0 %, FPR " in case.find("system-out").text
+
+
+def bench_folder(folder):
+    folder.mkdir()
+    (folder / "bench.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    record = {
+        "format": "visref-bench",
+        "version": 1,
+        "says": ["Stop at <b>", "Exact costs more."],
+        "scene": {"source": "somewhere/city.glb"},
+        "path": {"frames": [0, 5]},
+        "machine": {"processor": "x", "cores": 2, "threads": 2},
+    }
+    (folder / "bench.json").write_text(json.dumps(record))
+    return folder
+
+
+def test_a_bench_folder_among_the_runs_is_shown_as_speed_against_error(runs, tmp_path):
+    bench = bench_folder(tmp_path / "bench")
+    page = write_report([bench, runs["clean"]], tmp_path / "page").read_text()
+    assert page == write_report([runs["clean"], bench], tmp_path / "page").read_text()
+    reader = Reader(page)
+    ((_, section),) = reader.find("section", **{"class": "bench"})
+    for text in ("Stop at <b>", "Exact costs more.", "city.glb, 2 frames", "../bench"):
+        assert text in section
+    assert any(attrs["src"].startswith("data:image/svg+xml") for attrs, _ in reader.find("img"))
+    markdown = (tmp_path / "page" / "summary.md").read_text()
+    assert "Speed against error, city.glb**: Stop at" in markdown
+    with pytest.raises(InputError, match="no run folder"):
+        write_report([bench], tmp_path / "other")
+
+
+def without_plot(folder):
+    (folder / "bench.svg").unlink()
+
+
+def newer(folder):
+    record = json.loads((folder / "bench.json").read_text())
+    (folder / "bench.json").write_text(json.dumps(record | {"version": 2}))
+
+
+def no_json(folder):
+    (folder / "bench.json").write_text("{")
+
+
+@pytest.mark.parametrize("spoil", [without_plot, newer, no_json])
+def test_a_spoilt_bench_folder_is_an_error_in_one_line(runs, tmp_path, spoil):
+    bench = bench_folder(tmp_path / "bench")
+    spoil(bench)
+    with pytest.raises(InputError) as caught:
+        write_report([runs["clean"], bench], tmp_path / "page")
+    assert str(bench) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatch):
+    """Only the rows and the trends that this run measures."""
+    wanted = papers.Walk("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))
+
+    def tables(records):
+        run = records.run("squares")
+        assert records.experiment("any") is None
+        drawn = None if run is None else run.verdict["cullers"]["only"]["drawn"]
+        rows = (Row("drawn | all", 30, drawn), Row("elsewhere", 7, None))
+        return [
+            Table("Drawn <units>", "Fig. 7", rows, (Trend("a", True), Trend("b", None))),
+            Table("Empty", "Fig. 8", rows[1:]),
+        ]
+
+    for walk, shown in ((wanted, True), (replace(wanted, size=(9, 9)), False),
+                        (replace(wanted, cullers=("only", "other")), False),
+                        (replace(wanted, scene="city"), False)):  # fmt: skip
+        paper = papers.Paper("p", "A. Author: A Title", (walk,), (), tables)
+        monkeypatch.setattr(papers, "paper_names", lambda: ["p"])
+        monkeypatch.setattr(papers, "load_paper", lambda name, paper=paper: paper)
+        page = write_report([runs["clean"]], tmp_path).read_text()
+        assert ("Beside the papers" in page) is shown
+        markdown = (tmp_path / "summary.md").read_text()
+        assert ("## Beside A. Author" in markdown) is shown
+        if shown:
+            (found,) = Reader(page).find("section", **{"class": "paper-table"})
+            assert "drawn | all" in found[1]
+            assert "0.500" in found[1]
+            assert "elsewhere" not in found[1]
+            assert "Fig. 8" not in page
+            assert "| drawn \\| all | 30 | 15 | 0.500 |" in markdown
+
+
+def test_a_line_far_above_all_others_is_named_and_does_not_squash_them():
+    few = Series("few", {0: 3.0, 1: 5.0}, 1)
+    none = Series("none", {0: 40.0, 1: 40.0}, 0)
+    assert on_scale([none, few]) == ([few], "Off the scale in every frame: none with 40.")
+    near = Series("near", {0: 9.0, 1: 9.0}, 0)
+    moving = Series("moving", {0: 40.0, 1: 41.0}, 0)
+    for kept in ([near, few], [moving, few], [none]):
+        assert on_scale(kept) == (kept, "")
+
+
 def test_superfluous_units_are_listed_by_how_often(runs, pages):
     assert "hidden" in pages["violation"][0]
     assert {HIDDEN, ALSO_HIDDEN, OUTSIDE} == set(EVERYTHING) - set(VISIBLE)
@@ -589,8 +746,51 @@ def test_a_reader_can_click_through_the_page(runs, tmp_path):
 
 
 @pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
+def test_print_shows_every_frame_and_no_control(runs, tmp_path):
+    page_file = write_report([runs["violation"]], tmp_path)
+    seen = "[...document.querySelectorAll('{}')].filter(e => e.offsetParent).length"
+    with chromium.browser() as page:
+        page.open(page_file)
+        frames = page.run("document.querySelectorAll('.frame').length")
+        assert page.run(seen.format(".frame")) == 1 < frames
+        page.call("Emulation.setEmulatedMedia", media="print")
+        assert page.run(seen.format(".frame")) == frames
+        assert page.run(seen.format(".controls, .copy")) == 0
+
+
+@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
+def test_dark_and_light_pages_can_be_read(runs, tmp_path):
+    """Every text stands out from its page at 4.5 to 1 (WCAG 2.2, 1.4.3), in either scheme."""
+    page_file = write_report([runs["violation"], bench_folder(tmp_path / "bench")], tmp_path)
+    colours = """[...document.querySelectorAll('main *')]
+        .filter(e => e.offsetParent && !e.closest('button, .glyph, svg, figure')
+            && [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()))
+        .map(e => getComputedStyle(e).color)"""
+    with chromium.browser() as page:
+        for scheme in ("light", "dark"):
+            feature = {"name": "prefers-color-scheme", "value": scheme}
+            page.call("Emulation.setEmulatedMedia", media="screen", features=[feature])
+            page.open(page_file)
+            paper = luminance(page.run("getComputedStyle(document.body).backgroundColor"))
+            assert (paper > 0.5) == (scheme == "light")
+            found = set(page.run(colours))
+            assert len(found) > 2
+            for colour in found:
+                low, high = sorted((paper, luminance(colour)))
+                assert (high + 0.05) / (low + 0.05) >= 4.5, (scheme, colour)
+
+
+def luminance(colour):
+    """Relative luminance (WCAG 2.2) of a colour as `rgb(r, g, b)`."""
+    channels = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
 def test_the_page_never_scrolls_sideways(runs, tmp_path):
-    page_file = write_report([runs["violation"], runs["clean"]], tmp_path)
+    bench = bench_folder(tmp_path / "bench")
+    page_file = write_report([runs["violation"], runs["clean"], bench], tmp_path)
     with chromium.browser() as page:
         for width in (360, 768, 1280):
             page.open(page_file, width=width)

@@ -37,6 +37,14 @@ def test_frames_come_back_whatever_their_order(file):
         2: [0, 2],
     }
     assert read.frames[0].pixels.tolist() == [2]
+    assert {frame: rows.owned for frame, rows in read.frames.items()} == {0: 2, 1: 0, 2: 2}
+
+
+def test_a_file_from_before_owned_samples_were_counted_is_still_read(file):
+    older = _facts(lambda facts: facts.pop("owned"))(pq.read_table(file))
+    pq.write_table(older, file)
+    read = read_truth(file, SCENE, PATH, range(3))
+    assert {rows.owned for rows in read.frames.values()} == {None}
 
 
 def _facts(change):

@@ -81,6 +81,7 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
         np.full(count, NO_SAMPLE, np.int64),
         np.full(count, np.inf),
         np.full(count, np.inf),
+        len(owners_at),
     )
     for o in range(count):
         mine = sorted(s for s, owners in owners_at.items() if o in owners)
@@ -105,6 +106,7 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
 def test_objects_seen_counts_what_a_slow_count_counts(seed: int) -> None:
     truth = random_truth(seed)
     fast, slow = objects_seen(truth, SCENE), brute_force(truth)
+    assert fast.owned == slow.owned
     for name in ("pixels", "alone", "sample", "depth", "nearest"):
         np.testing.assert_array_equal(getattr(fast, name), getattr(slow, name), err_msg=name)
 

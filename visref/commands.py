@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from visref.hardcases import HardCaseTable, every_spec, run_hard_cases
 from visref.hardcases_page import hard_cases_page
 from visref.inputs import Inputs, open_inputs, open_scene
 from visref.outcome import RunOutcome
-from visref.record import MANIFEST, Recorder, slug
+from visref.record import MANIFEST, TRUTH, Recorder, slug
 from visref.registry import CULLERS, available, load_entry, make_culler
 from visref.replay import Replay, read_visible_sets
 from visref.report import write_report
@@ -181,6 +182,8 @@ def run(
         outcome = referee.run(inputs.path, frames, cullers, [recorder, *listeners])
         outcome.findings[:0] = inputs.notes
         recorder.finish(outcome)
+        if truth is not None:
+            shutil.copyfile(truth, folder / TRUTH)
     return outcome
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import tempfile
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -65,7 +66,9 @@ def open_inputs(
         cameras = load_path(scene)
     else:
         raise InputError("the scene has no camera path", source=scene, mend="give --path")
-    settings = {"cull_backfaces": cull_backfaces, "lenient": lenient}
+    settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
+    if generated := generated_with(scene):
+        settings["generated"] = generated
     picked = picked_frames(frames, len(cameras))
     return Inputs(loaded, cameras, picked, engine, threads, settings, notes)
 
@@ -101,6 +104,21 @@ def open_scene(
         path = load_path(files[1])
     # Records name what was asked for, not the files that it went through.
     return replace(loaded, source=spec), replace(path, source=spec), _findings(loaded)
+
+
+def generated_with(spec: str) -> dict[str, int | float]:
+    """The seed and whatever else a generated scene was made with, defaults included; empty where
+    the spec is a file."""
+    name, _, options = spec.partition(":")
+    if Path(spec).exists() or name not in available(SCENES):
+        return {}
+    generator = cast(Any, load_entry(SCENES, name, kind="scene"))
+    defaults = {
+        option: parameter.default
+        for option, parameter in inspect.signature(generator).parameters.items()
+        if isinstance(parameter.default, (int, float))
+    }
+    return defaults | _generator_options(spec, options)
 
 
 def _write(generator: Any, values: dict[str, int | float], folder: Path) -> tuple[Path, Path]:

@@ -81,12 +81,14 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class FrameVerdict:
-    """What the judge says of one frame. `misses` come with the most samples lost first."""
+    """What the judge says of one frame. `misses` come with the most samples lost first; `owned`:
+    how many decided samples anything owns, None where the truth on file does not say."""
 
     counts: Counts
     misses: tuple[Miss, ...] = ()
     superfluous_units: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     undecided_objects: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    owned: int | None = None
 
 
 def judge(
@@ -131,7 +133,7 @@ def judge(
         drawn=len(drawn_units),
         superfluous=len(superfluous),
     )
-    return FrameVerdict(counts, tuple(misses), superfluous, undecided)
+    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned)
 
 
 def _miss(

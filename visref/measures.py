@@ -1,11 +1,4 @@
-"""Each culler's measures over a run, and the rates, defined once.
-
-With V visible objects, M missed, S superfluous units and D drawn ones, summed over frames:
-
-    FNR  false-negative rate  M / V
-    FPR  false-positive rate  S / H, H the objects that are not visible (units = objects only)
-    PER  pixel error rate     missed samples / samples of the judged frames
-"""
+"""Each culler's measures over a run, and its error rates, defined once: here."""
 
 from __future__ import annotations
 
@@ -17,6 +10,67 @@ from typing import Any
 from visref.run_record import LostObject, Row, RunRecord
 
 SAFE = "no_violation_found"
+
+
+@dataclass(frozen=True)
+class Rate:
+    """An error rate: its key in `Rates`, its name in tables, and what is divided by what, each
+    summed over the judged frames."""
+
+    key: str
+    name: str
+    meaning: str
+
+
+RATES = (
+    Rate("fnr", "FNR", "false-negative rate by object, missed / visible"),
+    Rate(
+        "fpr",
+        "FPR",
+        "false-positive rate by object, superfluous / not visible; where a culler decides about "
+        "objects",
+    ),
+    Rate(
+        "fnr_px",
+        "FNR px",
+        "false-negative rate by pixel, samples lost / samples that anything owns",
+    ),
+    Rate("per", "PER", "pixel error rate, samples lost / all samples"),
+)
+# A false positive has no pixel: what is superfluous changes no sample of the finished image.
+NO_FPR_PX = (
+    "There is no FPR by pixel: what is superfluous changes no sample. Its price in pixels is "
+    "fragments."
+)
+
+
+@dataclass(frozen=True)
+class Rates:
+    """One culler's shares of 1 by `RATES`; None stands for what cannot be said."""
+
+    fnr: float | None
+    fpr: float | None
+    fnr_px: float | None
+    per: float | None
+
+    def named(self) -> list[tuple[Rate, float | None]]:
+        return [(rate, getattr(self, rate.key)) for rate in RATES]
+
+
+def rates(run: RunRecord, culler: str) -> Rates:
+    """The culler's error rates over the frames that it was judged on."""
+    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+    rows = run.frames_of[culler]
+    hidden = None
+    if verdict["unit_kind"] == "object":
+        hidden = int(run.manifest["cullers"][culler]["units"]) * len(rows) - verdict["visible"]
+    owned: list[Any] = [row.get("owned") for row in rows]
+    return Rates(
+        fnr=_ratio(verdict["missed"], verdict["visible"]),
+        fpr=_ratio(verdict["superfluous"], hidden),
+        fnr_px=_ratio(verdict["missed_pixels"], None if None in owned else sum(owned)),
+        per=_ratio(verdict["missed_pixels"], sum(run.samples_of(row["frame"]) for row in rows)),
+    )
 
 
 @dataclass(frozen=True)
@@ -33,10 +87,9 @@ class Measures:
     counts: dict[str, int]
     lost: tuple[LostObject, ...]
     frames_with_miss: int
-    fnr: float | None
-    fpr: float | None
-    per: float | None
+    rates: Rates
     superfluous_share: float | None
+    causes: dict[str, int]
     queries: float | None
     batches: float | None
     query_fragments: float | None
@@ -63,8 +116,6 @@ def measure(run: RunRecord, culler: str) -> Measures:
         for name, value in verdict.items()
         if isinstance(value, int) and name != "frames"
     }
-    units = int(run.manifest["cullers"][culler]["units"])
-    hidden = units * len(rows) - counts["visible"] if verdict["unit_kind"] == "object" else 0
     triangles = run.manifest["scene"]["triangles"]
     drawn_triangles = _mean(rows, "triangles_drawn")
     times = list(run.cull_ms.get(culler, {}).values())
@@ -73,15 +124,14 @@ def measure(run: RunRecord, culler: str) -> Measures:
         status=verdict["status"],
         promise=verdict["promise"],
         unit_kind=verdict["unit_kind"],
-        units=units,
+        units=int(run.manifest["cullers"][culler]["units"]),
         frames=verdict["frames"],
         counts=counts,
         lost=tuple(run.lost_objects(culler)),
         frames_with_miss=sum(1 for row in rows if row["confirmed"]),
-        fnr=_ratio(counts["missed"], counts["visible"]),
-        fpr=_ratio(counts["superfluous"], hidden),
-        per=_ratio(counts["missed_pixels"], sum(run.samples_of(row["frame"]) for row in rows)),
+        rates=rates(run, culler),
         superfluous_share=_ratio(counts["superfluous"], counts["drawn"]),
+        causes=run.superfluous_causes(culler),
         queries=_mean(rows, "queries"),
         batches=_mean(rows, "batches"),
         query_fragments=_mean(rows, "query_fragments"),
@@ -92,8 +142,8 @@ def measure(run: RunRecord, culler: str) -> Measures:
     )
 
 
-def _ratio(part: int, whole: int) -> float | None:
-    return part / whole if whole > 0 else None
+def _ratio(part: int, whole: int | None) -> float | None:
+    return part / whole if whole else None
 
 
 def _mean(rows: Sequence[Row], name: str) -> float | None:

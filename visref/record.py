@@ -44,6 +44,7 @@ from visref.witness import write_witnesses
 
 MANIFEST = "manifest.json"
 VERDICT = "verdict.json"
+TRUTH = "truth.parquet"
 
 # File systems take names of 255 bytes; frame, kind and ending come on top.
 SLUG_LENGTH = 80
@@ -81,6 +82,7 @@ _FRAMES = pa.schema(
                 *_COUNTERS,
                 "corrections",
                 "image_pixels_differ",
+                "owned",
             )
         ),
     ]
@@ -155,6 +157,7 @@ class Recorder:
                 **counters,
                 "corrections": record.corrections,
                 "image_pixels_differ": record.image_pixels_differ,
+                "owned": verdict.owned,
             }
         )
         self._timings += [
@@ -244,7 +247,7 @@ class Recorder:
         self._objects.close()
         if self._has_truth:
             self._truth.write(
-                folder / "truth.parquet",
+                folder / TRUTH,
                 engine=self._engine,
                 path=self._path,
                 ties_complete=self._ties_complete,

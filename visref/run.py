@@ -293,7 +293,7 @@ def _clean_verdict(
         return None
     superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
     counts = Counts(visible=len(rows.objects), drawn=len(drawn_units), superfluous=len(superfluous))
-    return FrameVerdict(counts, (), superfluous)
+    return FrameVerdict(counts, (), superfluous, owned=rows.owned)
 
 
 _CODES = {

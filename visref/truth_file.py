@@ -43,10 +43,12 @@ _VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class FrameRows:
-    """One frame of a truth file: visible objects, ascending, and samples owned by each."""
+    """One frame of a truth file: visible objects, ascending, samples owned by each, and samples
+    that anything owns (None in a file that does not say)."""
 
     objects: NDArray[np.int64]
     pixels: NDArray[np.int64]
+    owned: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +68,12 @@ class TruthTable:
         self._names = np.array(scene.names, dtype=object)
         self._parts: list[pa.Table] = []
         self._frames: list[int] = []
+        self._owned: list[int] = []
 
     def add(self, frame: int, width: int, seen: ObjectVisibility) -> None:
         """Add one frame, `width` samples wide."""
         self._frames.append(frame)
+        self._owned.append(seen.owned)
         objects = np.flatnonzero(seen.visible)
         sample = seen.sample[objects]
         status = np.where(seen.alone[objects] > 0, "visible", "tie")
@@ -95,6 +99,7 @@ class TruthTable:
             "path": path_digest(path),
             "ties_complete": ties_complete,
             "frames": self._frames,
+            "owned": self._owned,
         }
         table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
         table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
@@ -137,8 +142,10 @@ def read_truth(
     order = np.argsort(frame, kind="stable")
     low = np.searchsorted(frame, frames, side="left", sorter=order)
     high = np.searchsorted(frame, frames, side="right", sorter=order)
+    # Files that an earlier visref wrote do not say it.
+    owned = dict(zip(facts["frames"], facts.get("owned", ()), strict=False))
     rows = {
-        index: FrameRows(objects[order[start:end]], pixels[order[start:end]])
+        index: FrameRows(objects[order[start:end]], pixels[order[start:end]], owned.get(index))
         for index, start, end in zip(frames, low, high, strict=True)
     }
     return RecordedTruth(facts["engine"], facts["ties_complete"], rows)

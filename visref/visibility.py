@@ -63,6 +63,7 @@ class ObjectVisibility:
     `alone` int64: samples owned with no other object tied. `sample` int64: one owned sample
     (flat index; owned alone if there is such), `NO_SAMPLE` if none. `depth` float64: view
     depth at that sample. `nearest` float64: the least depth of all its samples, inf if none.
+    `owned`: how many decided samples anything owns, each counted once.
     """
 
     pixels: Int64
@@ -70,6 +71,7 @@ class ObjectVisibility:
     sample: Int64
     depth: Float64
     nearest: Float64
+    owned: int
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -164,4 +166,6 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     sample[blend.object[fresh]] = blend.sample[fresh]
     at[blend.object[fresh]] = blend.depth[fresh]
     np.minimum.at(nearest, blend.object, blend.depth)
-    return ObjectVisibility(pixels, alone, sample, at, nearest)
+    owner = truth.buffer.triangle.reshape(-1)
+    owned = np.count_nonzero(owner >= 0) - np.count_nonzero(owner[truth.undecided] >= 0)
+    return ObjectVisibility(pixels, alone, sample, at, nearest, int(owned))

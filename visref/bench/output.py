@@ -21,10 +21,10 @@ from visref.bench.verdict import headline, sentences
 from visref.camera import CameraPath
 from visref.engines.rays import available_threads
 from visref.report import words
+from visref.report.bench_record import MARKER
 from visref.scene import Scene
 from visref.truth_file import path_digest
 
-MARKER = "bench.json"
 _LIBRARIES = ("visref", "embreex", "open3d-cpu", "open3d", "moderngl", "numba", "numpy")
 _DENSITIES = {16: "1", 8: "1/2", 4: "1/4", 2: "1/8", 1: "1/16"}
 

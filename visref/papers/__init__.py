@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 from visref.errors import InputError
 from visref.papers.table import Experiment, Records, Table, Walk
+from visref.run_record import RunRecord
 
 
 @dataclass(frozen=True)
@@ -37,3 +39,49 @@ def load_paper(name: str) -> Paper:
         raise InputError(f"no paper is named '{name}'", mend=f"known are {', '.join(known)}")
     module = importlib.import_module(f"{__name__}.{name}")
     return Paper(name, module.TITLE, module.WALKS, module.EXPERIMENTS, module.tables)
+
+
+@dataclass(frozen=True)
+class _OneRun:
+    """Records that hold a single run, as whichever walk it fits."""
+
+    paper: Paper
+    record: RunRecord
+
+    def run(self, key: str) -> RunRecord | None:
+        walk = next(walk for walk in self.paper.walks if walk.key == key)
+        return self.record if _fits(walk, self.record) else None
+
+    def experiment(self, key: str) -> Mapping[str, Any] | None:
+        return None
+
+
+def _fits(walk: Walk, record: RunRecord) -> bool:
+    """Whether a run is the walk, over whatever frames."""
+    sizes = {
+        (record.manifest["samples"][frame]["width"], record.manifest["samples"][frame]["height"])
+        for frame in record.frame_numbers
+    }
+    return (
+        record.manifest["scene"]["source"] == walk.scene
+        and set(walk.cullers) <= {culler for culler, rows in record.frames_of.items() if rows}
+        and (walk.size is None or sizes == {walk.size})
+    )
+
+
+def tables_beside(record: RunRecord) -> list[tuple[Paper, list[Table]]]:
+    """The papers whose walks this run is, and what of their tables it fills."""
+    found = []
+    for paper in map(load_paper, paper_names()):
+        if not any(_fits(walk, record) for walk in paper.walks):
+            continue
+        filled = [
+            replace(
+                table,
+                rows=tuple(row for row in table.rows if row.ours is not None),
+                trends=tuple(trend for trend in table.trends if trend.holds is not None),
+            )
+            for table in paper.tables(_OneRun(paper, record))
+        ]
+        found.append((paper, [table for table in filled if table.rows]))
+    return found

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from visref.errors import InputError
 from visref.files import replacing_file
+from visref.report.bench_record import is_bench, read_bench
 from visref.report.junit import junit_xml
 from visref.report.markdown import markdown_summary
 from visref.report.page import page_html
@@ -18,20 +19,23 @@ from visref.run_record import read_run
 __all__ = ["write_report"]
 
 
-def write_report(run_folders: Sequence[Path], out: Path) -> Path:
+def write_report(folders: Sequence[Path], out: Path) -> Path:
     """Write `report.html`, `junit.xml` and `summary.md` into `out`; returns the page's path.
 
-    The page is self-contained. The same run folders give the same bytes. Raises InputError
-    where a folder is no run folder or `out` cannot be written to.
+    A folder that `visref bench` wrote may stand among the run folders: its plot and its advice
+    come too. The page is self-contained. The same folders give the same bytes. Raises InputError
+    where a folder is neither, no run is among them, or `out` cannot be written to.
     """
-    if not run_folders:
+    out = Path(out)
+    benches = [read_bench(folder) for folder in map(Path, folders) if is_bench(folder)]
+    runs = [read_run(folder) for folder in map(Path, folders) if not is_bench(folder)]
+    if not runs:
         raise InputError("no run folder was given", mend="name one that `visref run` wrote")
-    runs = [read_run(Path(folder)) for folder in run_folders]
-    page = Path(out) / "report.html"
+    page = out / "report.html"
     for file, text in (
-        (page, page_html(runs, Path(out))),
-        (Path(out) / "junit.xml", junit_xml(runs)),
-        (Path(out) / "summary.md", markdown_summary(runs)),
+        (page, page_html(runs, benches, out)),
+        (out / "junit.xml", junit_xml(runs, out)),
+        (out / "summary.md", markdown_summary(runs, benches, out)),
     ):
         with replacing_file(file) as beside:
             beside.write_text(text, encoding="utf-8")

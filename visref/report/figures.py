@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from markupsafe import Markup, escape
 
 from visref.papers.table import Curve, Figure
-from visref.report.plots import STYLES, short, ticks
+from visref.report.plots import short, ticks
 
 WIDTH = 560
 _PLOT_HEIGHT, _LEFT, _RIGHT, _BOTTOM = 250, 66, 18, 46
@@ -119,7 +119,7 @@ def _curve(
 
 
 def _joined(points: Sequence[tuple[float, float]], style: int, *, dashed: bool) -> str:
-    style %= STYLES
+    style %= len(_COLOURS)
     dash = f' stroke-dasharray="{_DASH}"' if dashed else ""
     return (
         f'<polyline class="curve c{style}" fill="none" stroke="{_COLOURS[style]}" '
@@ -136,7 +136,7 @@ def _mark(x: float, y: float, style: int, *, hollow: bool) -> str:
         ((0, -5), (5, 0), (0, 5), (-5, 0)),
         ((0, 4.8), (4.4, -3.2), (-4.4, -3.2)),
     )[style % 5]
-    style %= STYLES
+    style %= len(_COLOURS)
     kind = "hollow" if hollow else "solid"
     fill = "#ffffff" if hollow else _COLOURS[style]
     look = f'class="{kind} c{style}" fill="{fill}" stroke="{_COLOURS[style]}" stroke-width="1.5"'

@@ -5,9 +5,16 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from pathlib import Path
 
 from visref.measures import Measures, measure
-from visref.report.words import counted, culler_sentence, not_claimed
+from visref.report.words import (
+    counted,
+    culler_sentence,
+    not_claimed,
+    rates_line,
+    replay_command,
+)
 from visref.run_record import RunRecord
 
 # Control characters that XML 1.0 cannot carry, not even escaped.
@@ -15,9 +22,10 @@ _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 _MAX_LOST = 20
 
 
-def junit_xml(runs: Sequence[RunRecord]) -> str:
+def junit_xml(runs: Sequence[RunRecord], out: Path) -> str:
     """A violation is a failure; an inconclusive verdict is an error, since a check that
-    checked nothing must not pass."""
+    checked nothing must not pass. `out` is the folder it will stand in: replay commands start
+    there."""
     suites = ET.Element("testsuites", name="visref")
     for run in runs:
         rows = [measure(run, culler) for culler in run.cullers]
@@ -41,12 +49,12 @@ def junit_xml(runs: Sequence[RunRecord]) -> str:
         ):
             ET.SubElement(properties, "property", name=name, value=_clean(value))
         for row in rows:
-            _add_case(suite, run, row)
+            _add_case(suite, run, row, out)
     ET.indent(suites)
     return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_case(suite: ET.Element, run: RunRecord, row: Measures) -> None:
+def _add_case(suite: ET.Element, run: RunRecord, row: Measures, out: Path) -> None:
     seconds = sum(run.cull_ms.get(row.culler, {}).values()) / 1e3
     case = ET.SubElement(
         suite,
@@ -58,10 +66,10 @@ def _add_case(suite: ET.Element, run: RunRecord, row: Measures) -> None:
     sentence = _clean(culler_sentence(row))
     if row.status == "violation":
         failure = ET.SubElement(case, "failure", type="violation", message=sentence)
-        failure.text = _clean("\n".join(_losses(row)))
+        failure.text = _clean("\n".join(_losses(run, row, out)))
     elif row.status == "inconclusive":
         ET.SubElement(case, "error", type="inconclusive", message=sentence)
-    output = [sentence, *not_claimed(run)]
+    output = [sentence, rates_line(row), *not_claimed(run)]
     output += [
         f"{finding['code']}: {finding['message']}"
         for finding in run.verdict["findings"]
@@ -70,12 +78,12 @@ def _add_case(suite: ET.Element, run: RunRecord, row: Measures) -> None:
     ET.SubElement(case, "system-out").text = _clean("\n".join(output))
 
 
-def _losses(row: Measures) -> list[str]:
+def _losses(run: RunRecord, row: Measures, out: Path) -> list[str]:
     lines = [
         f"{lost.worst['name']}: {counted(lost.pixels, 'sample')} over "
         f"{counted(lost.frames, 'frame')}; witness: frame "
         f"{lost.worst['frame']}, pixel ({lost.worst['x']}, {lost.worst['y']}), depth "
-        f"{lost.worst['depth']:.9g}"
+        f"{lost.worst['depth']:.9g}; {replay_command(run, lost.worst, out)}"
         for lost in row.lost[:_MAX_LOST]
     ]
     if len(row.lost) > _MAX_LOST:

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
-from visref.measures import Measures, measure
+from visref.measures import RATES, Measures, measure
+from visref.papers import tables_beside
 from visref.report import words
+from visref.report.bench_record import BenchRecord
+from visref.report.tables import table_markdown
 from visref.run_record import RunRecord
 
 _MAX_LOST = 5
 
 
-def markdown_summary(runs: Sequence[RunRecord]) -> str:
-    """The verdict, a table of the cullers, and the worst losses of each run."""
+def markdown_summary(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], out: Path) -> str:
+    """The verdict, a table of the cullers, and the worst losses of each run. `out` is the folder
+    it will stand in: replay commands start there."""
     status = words.overall(runs).status
     lines = [f"# {words.GLYPHS[status]} {words.HEADLINES[status]}"]
     for run in runs:
-        lines += ["", *_run_lines(run)]
+        lines += ["", *_run_lines(run, out)]
+    for bench in benches:
+        headline, *sentences = map(words.plain, bench.says)
+        lines += ["", f"**Speed against error, {words.plain(bench.scene)}**: {headline}. "
+                  f"{' '.join(sentences)}"]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
-def _run_lines(run: RunRecord) -> list[str]:
+def _run_lines(run: RunRecord, out: Path) -> list[str]:
     rows = [measure(run, culler) for culler in run.cullers]
+    headings = [
+        "culler", "verdict", "missed / visible", "samples lost", "superfluous / drawn",
+        *(rate.name for rate in RATES), "triangles drawn", "ms a frame",
+    ]  # fmt: skip
     lines = [
         f"**{words.plain(run.scene_name)}**: {words.plain(words.run_sentence(run, rows))}",
         "",
-        "| culler | verdict | missed / visible | samples lost | superfluous / drawn "
-        "| triangles drawn | ms a frame |",
-        "|---|---|--:|--:|--:|--:|--:|",
+        f"| {' | '.join(headings)} |",
+        "|---|---|" + "--:|" * (len(headings) - 2),
     ]
     for row in rows:
         counts = row.counts
@@ -37,18 +49,30 @@ def _run_lines(run: RunRecord) -> list[str]:
             f"{words.count(counts['missed'])} / {words.count(counts['visible'])}",
             words.count(counts["missed_pixels"]),
             f"{words.count(counts['superfluous'])} / {words.count(counts['drawn'])}",
+            *(words.percent(share) for _, share in row.rates.named()),
             words.percent(row.triangle_share),
             words.quantity(row.ms_median),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     for row in rows:
         if row.lost:
-            lines += ["", *_loss_lines(row)]
+            lines += ["", *_loss_lines(run, row, out)]
+    causes = [
+        f"- {words.plain(row.culler)}: {words.plain(line)}"
+        for row in rows
+        if (line := words.causes_line(row))
+    ]
+    if causes:
+        lines += ["", "Superfluous by cause:", "", *causes]
+    for paper, tables in tables_beside(run):
+        lines += ["", f"## Beside {words.plain(paper.title)}"]
+        for table in tables:
+            lines += ["", table_markdown(table).rstrip()]
     lines += ["", " ".join(["Counts are summed over frames.", *words.not_claimed(run)])]
     return lines
 
 
-def _loss_lines(row: Measures) -> list[str]:
+def _loss_lines(run: RunRecord, row: Measures, out: Path) -> list[str]:
     lines = [f"Lost by {words.plain(row.culler)}:", ""]
     for lost in row.lost[:_MAX_LOST]:
         worst = lost.worst
@@ -59,4 +83,5 @@ def _loss_lines(row: Measures) -> list[str]:
         )
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")
+    lines += ["", f"Replay the worst: `{words.replay_command(run, row.lost[0].worst, out)}`"]
     return lines

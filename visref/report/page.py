@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import os
 import re
-import shlex
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +13,14 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from visref.causes import Cause
 from visref.errors import InputError
-from visref.measures import Measures, best, measure
+from visref.measures import NO_FPR_PX, RATES, Measures, best, measure
+from visref.papers import tables_beside
 from visref.report import words
-from visref.report.plots import STYLES, Plot, Series
+from visref.report.bench_record import BenchRecord
+from visref.report.plots import STYLES, Plot, Series, on_scale
+from visref.report.tables import table_view
 from visref.rules import RULES, Rule, Severity
 from visref.run_record import LostObject, Row, RunRecord
 
@@ -111,9 +113,7 @@ _COLUMNS = (
     Column("missed", "missed", "visible, and not drawn", "sums over frames"),
     Column("missed_pixels", "samples lost", "nothing at the nearest depth drawn",
            "sums over frames"),
-    Column("fnr", "FNR", "missed / visible", "rates"),
-    Column("fpr", "FPR", "superfluous / not visible", "rates"),
-    Column("per", "PER", "samples lost / samples", "rates"),
+    *(Column(rate.key, rate.name, rate.meaning, "rates") for rate in RATES),
     Column("queries", "queries", "mean, asked of the depth buffer", "per frame"),
     Column("batches", "batches", "mean, waits for answers (stalls)", "per frame"),
     Column("query_fragments", "query fragments", "mean, samples that query geometry covers",
@@ -123,7 +123,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def page_html(runs: Sequence[RunRecord], out: Path) -> str:
+def page_html(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], out: Path) -> str:
     """The whole page. `out` is the folder it will stand in: replay commands start there."""
     environment = Environment(
         loader=PackageLoader("visref.report"),
@@ -148,6 +148,10 @@ def page_html(runs: Sequence[RunRecord], out: Path) -> str:
         glyphs=words.GLYPHS,
         runs=views,
         columns=_COLUMNS,
+        rates=RATES,
+        no_fpr_px=NO_FPR_PX,
+        causes=words.CAUSES,
+        benches=[_bench_view(bench, out) for bench in benches],
         styles=STYLES,
     )
 
@@ -170,7 +174,6 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
     rows = [measure(run, culler) for culler in run.cullers]
     frames, frames_left_out = _frame_views(run)
     pictured = {(view.frame, name) for view in frames for _, name, _, _ in view.cullers}
-    relative = os.path.relpath(run.folder.resolve(), out.resolve())
     return {
         "id": f"run{index}",
         "run": run,
@@ -183,15 +186,13 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
         ],
         "cells": _cells(rows),
         "lost": [
-            (row, [_lost_view(relative, row, lost, pictured) for lost in row.lost[:MAX_LOST]])
+            (row, [_lost_view(run, row, lost, pictured, out) for lost in row.lost[:MAX_LOST]])
             for row in sorted(rows, key=lambda row: row.status != "violation")
             if row.lost
         ],
-        "cleared": [
-            row
-            for row in rows
-            if row.counts["missed"] - row.counts["confirmed"] or row.counts["undecided"]
-        ],
+        "misses": [row for row in rows if row.counts["missed"] or row.counts["undecided"]],
+        "causes": [row for row in rows if row.causes],
+        "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
         "plots": _plots(run, rows),
         "frames": frames,
         "frames_left_out": frames_left_out,
@@ -202,7 +203,10 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
             if (units := run.superfluous_units(row.culler))
         ],
         "findings": _findings(run),
-        "relative": relative,
+        "beside": [
+            (paper, [table_view(table) for table in tables]) for paper, tables in tables_beside(run)
+        ],
+        "relative": words.path_from(out, run.folder),
     }
 
 
@@ -224,7 +228,7 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
     """The table, by culler."""
     ranked: dict[str, tuple[Callable[[Measures], float | None], bool]] = {
         "superfluous": (lambda row: row.counts["superfluous"], True),
-        "fpr": (lambda row: row.fpr, True),
+        "fpr": (lambda row: row.rates.fpr, True),
         "queries": (lambda row: row.queries or None, False),
         "batches": (lambda row: row.batches or None, False),
         "query_fragments": (lambda row: row.query_fragments or None, False),
@@ -237,9 +241,7 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
     for row in rows:
         texts = {
             **{name: words.count(value) for name, value in row.counts.items()},
-            "fnr": words.percent(row.fnr),
-            "fpr": words.percent(row.fpr),
-            "per": words.percent(row.per),
+            **{rate.key: words.percent(share) for rate, share in row.rates.named()},
             "queries": words.quantity(row.queries),
             "batches": words.quantity(row.batches),
             "query_fragments": words.large(row.query_fragments),
@@ -251,7 +253,11 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
             "superfluous": words.percent(row.superfluous_share) if row.counts["drawn"] else "",
             "missed": _parts(row),
         }
-        alarms = {"missed", "missed_pixels", "fnr", "per"} if row.counts["confirmed"] else set()
+        alarms = (
+            {"missed", "missed_pixels", "fnr", "fnr_px", "per"}
+            if row.counts["confirmed"]
+            else set()
+        )
         table[row.culler] = [
             Cell(
                 column.name,
@@ -277,12 +283,17 @@ def _parts(row: Measures) -> str:
 
 
 def _lost_view(
-    relative: str, row: Measures, lost: LostObject, pictured: set[tuple[int, str]]
+    run: RunRecord, row: Measures, lost: LostObject, pictured: set[tuple[int, str]], out: Path
 ) -> LostView:
-    worst = lost.worst
-    where = ("--frame", str(worst["frame"]), "--object", str(worst["object"]))
-    command = shlex.join(["visref", "explain", relative, *where])
-    return LostView(lost, command, (worst["frame"], row.culler) in pictured)
+    command = words.replay_command(run, lost.worst, out)
+    return LostView(lost, command, (lost.worst["frame"], row.culler) in pictured)
+
+
+def _bench_view(bench: BenchRecord, out: Path) -> dict[str, Any]:
+    """A bench as the page shows it: its plot as an image, so that nothing in it can act."""
+    plot = base64.b64encode(bench.svg).decode()
+    relative = words.path_from(out, bench.folder)
+    return {"record": bench, "uri": f"data:image/svg+xml;base64,{plot}", "relative": relative}
 
 
 def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
@@ -309,7 +320,8 @@ def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
     for kind, cullers in sorted(kinds.items(), key=lambda item: item[0] != "object"):
         area = ("visible", visible) if kind == "object" else None
         title = "Drawn against visible" if kind == "object" else f"Drawn {kind}s"
-        plots.append(Plot(title, f"{kind}s", series("drawn", cullers), area))
+        drawn, note = on_scale(series("drawn", cullers))
+        plots.append(Plot(title, f"{kind}s", drawn, area, note))
     missing = [row for row in rows if row.counts["missed"]]
     if missing:
         plots.append(Plot("Missed", "objects", series("missed", missing)))
@@ -318,8 +330,8 @@ def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
     if queries:
         plots.append(Plot("Queries", "asked of the depth buffer", queries))
     if triangles := run.manifest["scene"]["triangles"]:
-        shares = series("triangles_drawn", scale=100.0 / triangles)
-        plots.append(Plot("Triangles drawn", "per cent of the scene", shares))
+        shares, note = on_scale(series("triangles_drawn", scale=100.0 / triangles))
+        plots.append(Plot("Triangles drawn", "per cent of the scene", shares, note=note))
     times = [
         Series(row.culler, run.cull_ms[row.culler], numbers[row.culler])
         for row in rows

@@ -14,8 +14,9 @@ from markupsafe import Markup, escape
 
 WIDTH, HEIGHT = 440, 190
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 12, 26
-# The palette and the dashes are classes s0…s7 of the page's style.
-STYLES = 8
+# The palette and the dashes are classes s0…s15 of the page's style: eight colours, and each again
+# with other dashes.
+STYLES = 16
 # With more points than this, dots would hide the line.
 _DOTTED = 40
 
@@ -27,6 +28,22 @@ class Series:
     label: str
     values: Mapping[int, float]
     style: int
+
+
+# A line as flat as this, so many times above all others, would squash them.
+_OFF_SCALE = 2.0
+
+
+def on_scale(series: Sequence[Series]) -> tuple[list[Series], str]:
+    """The series without those that stay at one value far above all others, as no culling does,
+    and a note that says so."""
+    flat = [line for line in series if len(line.values) > 1 and len({*line.values.values()}) == 1]
+    others = [value for line in series if line not in flat for value in line.values.values()]
+    top = _OFF_SCALE * max(others, default=math.inf)
+    off = [line for line in flat if next(iter(line.values.values())) > top]
+    said = [f"{line.label} with {short(next(iter(line.values.values())))}" for line in off]
+    note = f"Off the scale in every frame: {', '.join(said)}." if off else ""
+    return [line for line in series if line not in off], note
 
 
 @dataclass(frozen=True)

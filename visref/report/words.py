@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
+from visref.causes import Cause
 from visref.gate import Exit, decide
 from visref.measures import Measures
-from visref.run_record import RunRecord
+from visref.run_record import Row, RunRecord
 
 HEADLINES = {
     "violation": "Violation",
@@ -69,6 +73,61 @@ def large(value: float | None) -> str:
         power, letter = (1e9, "G") if value >= 1e9 else (1e6, "M")
         return f"{quantity(value / power)} {letter}"
     return quantity(value)
+
+
+# Each cause of `visref.causes` in a word or two, and in a sentence.
+CAUSES = {
+    Cause.OUTSIDE: ("outside the view", "its box shows nowhere in the image"),
+    Cause.BOX: (
+        "box larger than object",
+        "its box, unlike itself, shows in the finished image: no question about boxes spares it",
+    ),
+    Cause.ORDER: (
+        "occluder drawn later",
+        "its box is hidden in the finished image, and was not yet when the depth buffer was asked",
+    ),
+    Cause.COARSE: (
+        "test too coarse",
+        "its box was hidden when it was asked about, and the answer was “visible”: a tile, a "
+        "texel or an inflated box",
+    ),
+    Cause.SKIPPED: (
+        "query skipped",
+        "its box was hidden already, and it was drawn without asking",
+    ),
+    Cause.HIDDEN: (
+        "hidden, culler silent",
+        "its box is hidden in the finished image; the culler does not tell when it asked",
+    ),
+}
+
+
+def path_from(out: Path, folder: Path) -> str:
+    """A folder as the files in `out` name it."""
+    return os.path.relpath(folder.resolve(), out.resolve())
+
+
+def replay_command(run: RunRecord, lost: Row, out: Path) -> str:
+    """The command that replays a lost object's witness, started in `out`."""
+    where = ("--frame", str(lost["frame"]), "--object", str(lost["object"]))
+    return shlex.join(["visref", "explain", path_from(out, run.folder), *where])
+
+
+def rates_line(row: Measures) -> str:
+    """A culler's error rates in a line."""
+    return ", ".join(f"{rate.name} {percent(share)}" for rate, share in row.rates.named())
+
+
+def causes_line(row: Measures) -> str:
+    """Why a culler drew what is superfluous, the commonest cause first; empty if unexplained."""
+    explained = sum(row.causes.values())
+    if not explained:
+        return ""
+    order = sorted(row.causes, key=lambda cause: -row.causes[cause])
+    parts = [
+        f"{CAUSES[Cause(cause)][0]} {percent(row.causes[cause] / explained)}" for cause in order
+    ]
+    return f"{', '.join(parts)} (of {counted(explained, row.unit_kind)} explained)"
 
 
 def overall(runs: Sequence[RunRecord]) -> Exit:

@@ -96,7 +96,7 @@
       swatch.setAttribute("viewBox", "0 0 22 8");
       const mark = document.createElementNS(ns, style < 0 ? "rect" : "line");
       const shape = style < 0 ? { class: "area", width: 22, height: 8 }
-        : { class: `line s${style % 8}`, x1: 1, x2: 21, y1: 4, y2: 4 };
+        : { class: `line s${style % 16}`, x1: 1, x2: 21, y1: 4, y2: 4 };
       for (const [name, text] of Object.entries(shape)) mark.setAttribute(name, text);
       swatch.append(mark);
       const name = document.createElement("code");
