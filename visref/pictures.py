@@ -19,7 +19,7 @@ from visref import kernels
 from visref.camera import Camera
 from visref.disputes import find_disputes
 from visref.judge import FrameVerdict, MissKind
-from visref.scene import Float32, Int32, Int64, Scene, Units
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 from visref.silhouettes import silhouettes
 from visref.visibility import FrameTruth
 
@@ -33,6 +33,8 @@ MISSED_RGB = (0xD5, 0x5E, 0x00)
 # A missed patch smaller than this (page pixels) gets a ring, or nobody would find it.
 RING_BELOW_PX = 40
 MAX_RINGS = 60
+# How far a ring's white halo reaches from its line, in page pixels.
+_RING_HALO = 3.4
 
 _SKY_TOP = np.array([0.73, 0.82, 0.91], np.float32)
 _SKY_FOOT = np.array([0.95, 0.96, 0.97], np.float32)
@@ -62,6 +64,15 @@ class _Ring:
     x: float
     y: float
     radius: float
+
+    def around(self, shape: tuple[int, int]) -> tuple[tuple[slice, slice], Float64]:
+        """The part of an image of `shape` that the ring may touch, and there the distance of each
+        pixel's centre from its line, in pixels."""
+        reach = self.radius + _RING_HALO
+        rows = slice(max(int(self.y - reach), 0), min(int(self.y + reach) + 1, shape[0]))
+        columns = slice(max(int(self.x - reach), 0), min(int(self.x + reach) + 1, shape[1]))
+        y, x = np.mgrid[rows, columns]
+        return (rows, columns), np.abs(np.hypot(x + 0.5 - self.x, y + 0.5 - self.y) - self.radius)
 
 
 def draw_pictures(
@@ -282,9 +293,10 @@ def _overlay(
     _blend(image, strength.astype(np.float32), SUPERFLUOUS_RGB)
     _blend(image, missed.astype(np.float32), MISSED_RGB)
     for ring in rings:
-        distance = np.abs(np.hypot(x + 0.5 - ring.x, y + 0.5 - ring.y) - ring.radius)
-        _blend(image, np.clip(3.4 - distance, 0.0, 1.0).astype(np.float32), (255, 255, 255))
-        _blend(image, np.clip(2.0 - distance, 0.0, 1.0).astype(np.float32), MISSED_RGB)
+        part, distance = ring.around(shape)
+        halo = np.clip(_RING_HALO - distance, 0.0, 1.0).astype(np.float32)
+        _blend(image[part], halo, (255, 255, 255))
+        _blend(image[part], np.clip(2.0 - distance, 0.0, 1.0).astype(np.float32), MISSED_RGB)
     return Image.fromarray(np.round(image * 255.0).astype(np.uint8))
 
 
@@ -303,10 +315,9 @@ def _errors(
 ) -> Image.Image:
     """The missed samples alone, over the silhouette of the scene."""
     index = np.where(_nearest(truth.buffer.triangle, shape) >= 0, 1, 0).astype(np.uint8)
-    y, x = np.indices(shape)
     for ring in rings:
-        distance = np.abs(np.hypot(x + 0.5 - ring.x, y + 0.5 - ring.y) - ring.radius)
-        index[distance < 1.2] = 3
+        part, distance = ring.around(shape)
+        index[part][distance < 1.2] = 3
     index[missed] = 2
     picture = Image.fromarray(index)
     picture.putpalette([14, 18, 23, 52, 62, 74, *MISSED_RGB, 255, 255, 255])
