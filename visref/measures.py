@@ -44,6 +44,12 @@ NO_FPR_PX = (
 )
 
 
+def definitions() -> str:
+    """`RATES` in a line of prose."""
+    said = "; ".join(f"{rate.name}: {rate.meaning}" for rate in RATES)
+    return f"{said}. {NO_FPR_PX}"
+
+
 @dataclass(frozen=True)
 class Rates:
     """One culler's shares of 1 by `RATES`; None stands for what cannot be said."""

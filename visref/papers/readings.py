@@ -5,8 +5,6 @@ from __future__ import annotations
 import statistics
 from dataclasses import dataclass
 
-from visref.measures import rates
-from visref.papers.table import Row as TableRow
 from visref.run_record import Row, RunRecord
 
 
@@ -40,12 +38,3 @@ def reading(record: RunRecord, culler: str) -> Reading:
     if not rows:
         raise KeyError(culler)
     return Reading(rows, times)
-
-
-def rate_rows(record: RunRecord, culler: str, name: str = "") -> tuple[TableRow, ...]:
-    """The culler's error rates (`visref.measures.RATES`), a row each; `name` in its spec's place.
-    They stand beside no published number."""
-    return tuple(
-        TableRow(f"{name or culler}: {rate.name}", None, share, unit="%", digits=2)
-        for rate, share in rates(record, culler).named()
-    )

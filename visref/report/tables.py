@@ -1,4 +1,4 @@
-"""A paper's tables in Markdown, LaTeX (booktabs), CSV and HTML, all from the same texts.
+"""A paper's tables in Markdown, LaTeX (booktabs), CSV and for HTML, all from the same texts.
 
 Numbers are rounded here alone, so that no two forms of a table differ.
 """
@@ -10,7 +10,6 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from visref.papers.table import Basis, Row, Table, Trend
@@ -210,19 +209,6 @@ def _raw(row: Row, value: float | str | None) -> str:
 
 def _full(value: float | None) -> str:
     return "" if value is None else f"{value:.12g}"
-
-
-def table_html(table: Table) -> Markup:
-    """The table as a `section`, for a page with the reports' style sheet."""
-    environment = Environment(
-        loader=PackageLoader("visref.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    macro = environment.get_template("_tables.html.j2").module.paper_table  # type: ignore[attr-defined]
-    return Markup(macro(table_view(table)))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from visref.files import replacing_file
 from visref.gate import Exit, decide
-from visref.measures import Measures, measure
+from visref.measures import RATES, Measures, definitions, measure
 from visref.papers import Paper
 from visref.papers.table import Table
 from visref.record import machine, versions
@@ -34,13 +34,9 @@ from visref.tables.recording import Measured
 
 VERDICT_HEADINGS = (
     "scene and size", "culler", "declares itself", "frames", "visible", "missed", "violations",
-    "FNR", "FPR", "PER",
+    *(rate.name for rate in RATES),
 )  # fmt: skip
-_DEFINED = (
-    "FNR: missed over visible objects; FPR: superfluous over hidden objects, where the method "
-    "decides about objects; PER: samples lost over all samples. Violations are misses of a culler "
-    "that declares itself conservative."
-)
+_DEFINED = f"{definitions()} Violations are misses of a culler that declares itself conservative."
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +59,7 @@ class PaperView:
                 words.count(row.counts["visible"]),
                 words.count(row.counts["missed"]),
                 words.count(row.counts["violations"]),
-                words.percent(row.fnr),
-                words.percent(row.fpr),
-                words.percent(row.per),
+                *(words.percent(share) for _, share in row.rates.named()),
             )
             for run, rows in self.walks
             for row in rows

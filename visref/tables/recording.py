@@ -22,7 +22,7 @@ from visref.camera import Camera, CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.files import replacing_folder
-from visref.inputs import open_scene
+from visref.inputs import generated_with, open_scene
 from visref.papers import Paper
 from visref.papers.table import Experiment, Walk
 from visref.record import MANIFEST, Recorder, slug, write_json
@@ -263,7 +263,7 @@ def _judge(
     share: _Share,
 ) -> None:
     share.verdicts = len(frames) * len(walk.cullers)
-    settings = {"frames": frames, "asked": asked}
+    settings = {"frames": frames, "generated": generated_with(walk.scene), "asked": asked}
     recorder = Recorder(folder, scene, path, engine=ENGINE, settings=settings)
     referee = Referee(scene, lambda: _Kept(stage.engine()))
     cullers = [(spec, make_culler(spec)) for spec in walk.cullers]
