@@ -176,7 +176,9 @@ def _parser() -> argparse.ArgumentParser:
     bench.set_defaults(command=_bench, engine="exact")
 
     report = commands_.add_parser("report", help="make a page from run folders")
-    report.add_argument("runs", nargs="+", type=Path, metavar="RUN")
+    report.add_argument(
+        "runs", nargs="+", type=Path, metavar="RUN", help="a run folder, or one of `visref bench`"
+    )
     report.add_argument("--out", type=Path, required=True, metavar="DIR")
     report.set_defaults(command=_report)
 
