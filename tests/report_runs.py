@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -31,6 +32,9 @@ WALL, NASTY_ID, PILLAR, HIDDEN, ALSO_HIDDEN, OUTSIDE = range(6)
 VISIBLE = (WALL, NASTY_ID, PILLAR)
 EVERYTHING = tuple(range(6))
 WIDTH, HEIGHT = 48, 32
+
+BROKEN = "module:Forgets"
+LOOSE = "loose:budget=3"
 
 
 def scene() -> Scene:
@@ -143,4 +147,48 @@ def write_run(
     )
     outcome = Referee(world, lambda: truth(world)).run(cameras, range(frames), cullers, [recorder])
     recorder.finish(outcome)
+    return folder
+
+
+def triangle_units() -> Units:
+    count = scene().triangle_count
+    return Units(np.arange(count + 1), np.arange(count, dtype=np.int32), "triangle")
+
+
+def write_runs(root: Path) -> dict[str, Path]:
+    """Run folders by what is to be said of them."""
+    without_nasty = (WALL, PILLAR, HIDDEN)
+    return {
+        "violation": write_run(
+            root / "violation",
+            [
+                ("none", Scripted(EVERYTHING)),
+                ("tight", Scripted(VISIBLE, (*VISIBLE, HIDDEN), queries=7)),
+                (BROKEN, Scripted(VISIBLE, without_nasty, VISIBLE, without_nasty, queries=3)),
+                (LOOSE, Scripted(VISIBLE, (WALL,), promise=Promise.APPROXIMATE)),
+                ("triangles", Scripted(range(12), units=triangle_units())),
+                ("falls", Scripted(EVERYTHING, fails_at=2)),
+            ],
+        ),
+        "clean": write_run(root / "clean", [("only", Scripted(VISIBLE))], engine="exact:tile=64"),
+        "loose": write_run(
+            root / "loose", [("loose", Scripted((WALL,), promise=Promise.AGGRESSIVE))]
+        ),
+        "inconclusive": write_run(root / "open", [("falls", Scripted(VISIBLE, fails_at=0))]),
+    }
+
+
+def bench_folder(folder: Path) -> Path:
+    """What a report reads of a bench folder."""
+    folder.mkdir()
+    (folder / "bench.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    record = {
+        "format": "visref-bench",
+        "version": 1,
+        "says": ["Stop at <b>", "Exact costs more."],
+        "scene": {"source": "somewhere/city.glb"},
+        "path": {"frames": [0, 5]},
+        "machine": {"processor": "x", "cores": 2, "threads": 2},
+    }
+    (folder / "bench.json").write_text(json.dumps(record))
     return folder

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import collections
 import itertools
 import json
 import re
 import shutil
 import statistics
 import xml.etree.ElementTree as ET
-from dataclasses import replace
-from html.parser import HTMLParser
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests import chromium
+from tests.page_reader import Reader
 from tests.report_runs import (
     ALSO_HIDDEN,
+    BROKEN,
     EVERYTHING,
     HEIGHT,
     HIDDEN,
+    LOOSE,
     NASTY,
     NASTY_ID,
     OUTSIDE,
@@ -36,48 +34,17 @@ from tests.report_runs import (
     SlippingPainter,
     scene,
     write_run,
+    write_runs,
 )
-from visref import papers
-from visref.culler import Promise
 from visref.errors import InputError
-from visref.papers.table import Row, Table, Trend
 from visref.report import write_report
 from visref.report.plots import Series, on_scale, ticks
 from visref.report.words import percent, quantity
-from visref.scene import Units
-
-BROKEN = "module:Forgets"
-LOOSE = "loose:budget=3"
-
-
-def triangle_units():
-    count = scene().triangle_count
-    return Units(np.arange(count + 1), np.arange(count, dtype=np.int32), "triangle")
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Run folders by what is to be said of them."""
-    root = tmp_path_factory.mktemp("runs")
-    without_nasty = (WALL, PILLAR, HIDDEN)
-    return {
-        "violation": write_run(
-            root / "violation",
-            [
-                ("none", Scripted(EVERYTHING)),
-                ("tight", Scripted(VISIBLE, (*VISIBLE, HIDDEN), queries=7)),
-                (BROKEN, Scripted(VISIBLE, without_nasty, VISIBLE, without_nasty, queries=3)),
-                (LOOSE, Scripted(VISIBLE, (WALL,), promise=Promise.APPROXIMATE)),
-                ("triangles", Scripted(range(12), units=triangle_units())),
-                ("falls", Scripted(EVERYTHING, fails_at=2)),
-            ],
-        ),
-        "clean": write_run(root / "clean", [("only", Scripted(VISIBLE))], engine="exact:tile=64"),
-        "loose": write_run(
-            root / "loose", [("loose", Scripted((WALL,), promise=Promise.AGGRESSIVE))]
-        ),
-        "inconclusive": write_run(root / "open", [("falls", Scripted(VISIBLE, fails_at=0))]),
-    }
+    return write_runs(tmp_path_factory.mktemp("runs"))
 
 
 @pytest.fixture(scope="module")
@@ -93,42 +60,6 @@ def pages(runs, tmp_path_factory):
             for file in ("report.html", "junit.xml", "summary.md")
         )
     return found
-
-
-class Reader(HTMLParser):
-    """Every element as (tag, attributes, text below it)."""
-
-    VOID = frozenset({"meta", "img", "input", "br", "wbr", "line", "circle", "rect"})
-
-    def __init__(self, text):
-        super().__init__()
-        self.elements, self._open = [], []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        element = (tag, dict(attrs), [])
-        self.elements.append(element)
-        if tag not in self.VOID:
-            self._open.append(element)
-
-    def handle_startendtag(self, tag, attrs):
-        self.elements.append((tag, dict(attrs), []))
-
-    def handle_endtag(self, tag):
-        while self._open and self._open.pop()[0] != tag:
-            pass
-
-    def handle_data(self, data):
-        for element in self._open:
-            element[2].append(data)
-
-    def find(self, tag=None, **attributes):
-        return [
-            (attrs, "".join(text))
-            for name, attrs, text in self.elements
-            if (tag is None or name == tag)
-            and all(attrs.get(key.replace("_", "-")) == value for key, value in attributes.items())
-        ]
 
 
 def record(folder):
@@ -525,147 +456,6 @@ def test_axis_marks_start_at_zero_and_reach_the_top(top, whole):
     assert not whole or all(mark == int(mark) for mark in marks)
 
 
-def test_misses_are_told_by_kind_and_the_kinds_add_up(runs, pages):
-    (page, _, _) = pages["violation"]
-    table = page[page.index("<h2>Misses by kind") :]
-    rows = re.findall(r"<tr><th scope=\"row\"><code>(.*?)</code></th>(.*?)</tr>", table)
-    verdict = record(runs["violation"])["cullers"]
-    assert {culler for culler, _ in rows} == {BROKEN, LOOSE}
-    for culler, cells in rows:
-        missed, *kinds, undecided = map(int, re.findall(r"<td>(\d+)</td>", cells))
-        assert missed == sum(kinds) == verdict[culler]["missed"]
-        assert kinds[0] == verdict[culler]["violations"]
-        assert (kinds[0] > 0) == (culler == BROKEN)
-        assert undecided == 0
-
-
-def test_what_was_drawn_for_nothing_is_told_by_cause_as_recorded(runs, pages):
-    shown = {
-        (attrs["data-culler-name"], attrs["data-cause"]): text
-        for attrs, text in Reader(pages["violation"][0]).find("td")
-        if "data-cause" in attrs
-    }
-    rows = pq.read_table(runs["violation"] / "objects.parquet").to_pylist()
-    recorded = collections.Counter(
-        (row["culler"], row["cause"]) for row in rows if row["cause"] is not None
-    )
-    explained = collections.Counter(row["culler"] for row in rows if row["cause"] is not None)
-    assert recorded
-    assert {key for key, text in shown.items() if text != "0"} == set(recorded)
-    for (culler, cause), number in recorded.items():
-        text = shown[culler, cause]
-        assert text == f"{number:,}{percent(number / explained[culler])}"
-    # A wall hides it; the scripted culler does not tell when it asked.
-    assert "- tight: hidden, culler silent 100 %" in pages["violation"][2]
-
-
-def test_a_run_folder_from_before_causes_and_rates_by_pixel_is_still_shown(runs, tmp_path):
-    folder = shutil.copytree(runs["violation"], tmp_path / "run")
-    for name, column in (("objects", "cause"), ("frames", "owned")):
-        table = pq.read_table(folder / f"{name}.parquet")
-        pq.write_table(table.drop_columns([column]), folder / f"{name}.parquet")
-    page = write_report([folder], tmp_path / "page").read_text()
-    assert "Drawn for nothing, and why" not in page
-    cells = [text for attrs, text in Reader(page).find("td", data_measure="fnr_px")]
-    assert set(cells) == {"–"}
-
-
-def test_the_junit_case_says_how_to_replay_and_the_rates(runs, tmp_path):
-    write_report([runs["violation"]], tmp_path / "a" / "b")
-    suite = ET.parse(tmp_path / "a" / "b" / "junit.xml").getroot()
-    (failure,) = suite.iter("failure")
-    command = re.search(r"visref explain (\S+) --frame \d+ --object \d+", failure.text)
-    assert (tmp_path / "a" / "b" / command[1]).resolve() == runs["violation"].resolve()
-    (case,) = [case for case in suite.iter("testcase") if case.get("name") == "tight"]
-    assert "FNR 0 %, FPR " in case.find("system-out").text
-
-
-def bench_folder(folder):
-    folder.mkdir()
-    (folder / "bench.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
-    record = {
-        "format": "visref-bench",
-        "version": 1,
-        "says": ["Stop at <b>", "Exact costs more."],
-        "scene": {"source": "somewhere/city.glb"},
-        "path": {"frames": [0, 5]},
-        "machine": {"processor": "x", "cores": 2, "threads": 2},
-    }
-    (folder / "bench.json").write_text(json.dumps(record))
-    return folder
-
-
-def test_a_bench_folder_among_the_runs_is_shown_as_speed_against_error(runs, tmp_path):
-    bench = bench_folder(tmp_path / "bench")
-    page = write_report([bench, runs["clean"]], tmp_path / "page").read_text()
-    assert page == write_report([runs["clean"], bench], tmp_path / "page").read_text()
-    reader = Reader(page)
-    ((_, section),) = reader.find("section", **{"class": "bench"})
-    for text in ("Stop at <b>", "Exact costs more.", "city.glb, 2 frames", "../bench"):
-        assert text in section
-    assert any(attrs["src"].startswith("data:image/svg+xml") for attrs, _ in reader.find("img"))
-    markdown = (tmp_path / "page" / "summary.md").read_text()
-    assert "Speed against error, city.glb**: Stop at" in markdown
-    with pytest.raises(InputError, match="no run folder"):
-        write_report([bench], tmp_path / "other")
-
-
-def without_plot(folder):
-    (folder / "bench.svg").unlink()
-
-
-def newer(folder):
-    record = json.loads((folder / "bench.json").read_text())
-    (folder / "bench.json").write_text(json.dumps(record | {"version": 2}))
-
-
-def no_json(folder):
-    (folder / "bench.json").write_text("{")
-
-
-@pytest.mark.parametrize("spoil", [without_plot, newer, no_json])
-def test_a_spoilt_bench_folder_is_an_error_in_one_line(runs, tmp_path, spoil):
-    bench = bench_folder(tmp_path / "bench")
-    spoil(bench)
-    with pytest.raises(InputError) as caught:
-        write_report([runs["clean"], bench], tmp_path / "page")
-    assert str(bench) in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatch):
-    """Only the rows and the trends that this run measures."""
-    wanted = papers.Walk("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))
-
-    def tables(records):
-        run = records.run("squares")
-        assert records.experiment("any") is None
-        drawn = None if run is None else run.verdict["cullers"]["only"]["drawn"]
-        rows = (Row("drawn | all", 30, drawn), Row("elsewhere", 7, None))
-        return [
-            Table("Drawn <units>", "Fig. 7", rows, (Trend("a", True), Trend("b", None))),
-            Table("Empty", "Fig. 8", rows[1:]),
-        ]
-
-    for walk, shown in ((wanted, True), (replace(wanted, size=(9, 9)), False),
-                        (replace(wanted, cullers=("only", "other")), False),
-                        (replace(wanted, scene="city"), False)):  # fmt: skip
-        paper = papers.Paper("p", "A. Author: A Title", (walk,), (), tables)
-        monkeypatch.setattr(papers, "paper_names", lambda: ["p"])
-        monkeypatch.setattr(papers, "load_paper", lambda name, paper=paper: paper)
-        page = write_report([runs["clean"]], tmp_path).read_text()
-        assert ("Beside the papers" in page) is shown
-        markdown = (tmp_path / "summary.md").read_text()
-        assert ("## Beside A. Author" in markdown) is shown
-        if shown:
-            (found,) = Reader(page).find("section", **{"class": "paper-table"})
-            assert "drawn | all" in found[1]
-            assert "0.500" in found[1]
-            assert "elsewhere" not in found[1]
-            assert "Fig. 8" not in page
-            assert "| drawn \\| all | 30 | 15 | 0.500 |" in markdown
-
-
 def test_a_line_far_above_all_others_is_named_and_does_not_squash_them():
     few = Series("few", {0: 3.0, 1: 5.0}, 1)
     none = Series("none", {0: 40.0, 1: 40.0}, 0)
@@ -683,115 +473,3 @@ def test_superfluous_units_are_listed_by_how_often(runs, pages):
     tables = [text for attrs, text in reader.find("table", **{"class": "plain"})]
     (tight,) = [text for text in tables if "4 of 5" in text]
     assert "hidden" in tight
-
-
-@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
-def test_a_reader_can_click_through_the_page(runs, tmp_path):
-    page_file = write_report([runs["violation"]], tmp_path)
-    shown = "[...document.querySelectorAll('.frame')].filter(e => e.offsetParent)"
-    with chromium.browser() as page:
-        page.open(page_file)
-        # It opens at the violation's worst pictured frame, one frame and one culler at a time.
-        assert page.run(f"{shown}.length") == 1
-        assert page.run("document.querySelector('[aria-pressed=true]').dataset.cullerName") == (
-            BROKEN
-        )
-        first = page.run(f"{shown}[0].dataset.frame")
-        assert page.run("document.querySelector('.own:not([hidden]) img').naturalWidth") == WIDTH
-        before = page.run("document.querySelector('output').textContent")
-        assert before.startswith(f"Frame {first} (")
-
-        page.click('.step[data-step="1"]')
-        assert page.run(f"{shown}[0].dataset.frame") != first
-        page.click('.step[data-step="-1"]')
-        assert page.run(f"{shown}[0].dataset.frame") == first
-
-        page.run(
-            "(() => { const s = document.querySelector('input[type=range]'); s.value = s.max;"
-            "s.dispatchEvent(new Event('input')); })()"
-        )
-        assert page.run("document.querySelector('.step[data-step=\"1\"]').disabled") is True
-
-        page.click('.tabs button[data-culler-name="tight"]')
-        assert page.run(
-            f"{shown}[0].querySelector('figure.own:not([hidden]) figcaption').textContent"
-        ).startswith("tight:")
-
-        # A loss's link leads to its frame and culler.
-        page.click("[data-go-frame]")
-        go = page.run("({...document.querySelector('[data-go-frame]').dataset})")
-        assert page.run(f"{shown}[0].dataset.frame") == go["goFrame"]
-        assert (
-            page.run("document.querySelector('[aria-pressed=true]').dataset.cullerName")
-            == (go["goCuller"])
-        )
-
-        page.click(".frame:not([hidden]) .zoom")
-        assert page.run("document.querySelectorAll('figure.wide').length") == 1
-
-        # The pointer reads out a plot.
-        where = page.run(
-            "(() => { const e = document.querySelector('.plot svg');"
-            "e.scrollIntoView({block: 'center', behavior: 'instant'});"
-            "const r = e.getBoundingClientRect(); return [r.x + r.width - 14, r.y + 60]; })()"
-        )
-        page.call("Input.dispatchMouseEvent", type="mouseMoved", x=where[0], y=where[1])
-        assert page.run("document.querySelector('.readout:not([hidden])').textContent").startswith(
-            "Frame 4"
-        )
-        assert page.problems == []
-        assert {url for url in page.requests if not url.startswith("data:")} == {
-            page_file.resolve().as_uri()
-        }
-
-
-@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
-def test_print_shows_every_frame_and_no_control(runs, tmp_path):
-    page_file = write_report([runs["violation"]], tmp_path)
-    seen = "[...document.querySelectorAll('{}')].filter(e => e.offsetParent).length"
-    with chromium.browser() as page:
-        page.open(page_file)
-        frames = page.run("document.querySelectorAll('.frame').length")
-        assert page.run(seen.format(".frame")) == 1 < frames
-        page.call("Emulation.setEmulatedMedia", media="print")
-        assert page.run(seen.format(".frame")) == frames
-        assert page.run(seen.format(".controls, .copy")) == 0
-
-
-@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
-def test_dark_and_light_pages_can_be_read(runs, tmp_path):
-    """Every text stands out from its page at 4.5 to 1 (WCAG 2.2, 1.4.3), in either scheme."""
-    page_file = write_report([runs["violation"], bench_folder(tmp_path / "bench")], tmp_path)
-    colours = """[...document.querySelectorAll('main *')]
-        .filter(e => e.offsetParent && !e.closest('button, .glyph, svg, figure')
-            && [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()))
-        .map(e => getComputedStyle(e).color)"""
-    with chromium.browser() as page:
-        for scheme in ("light", "dark"):
-            feature = {"name": "prefers-color-scheme", "value": scheme}
-            page.call("Emulation.setEmulatedMedia", media="screen", features=[feature])
-            page.open(page_file)
-            paper = luminance(page.run("getComputedStyle(document.body).backgroundColor"))
-            assert (paper > 0.5) == (scheme == "light")
-            found = set(page.run(colours))
-            assert len(found) > 2
-            for colour in found:
-                low, high = sorted((paper, luminance(colour)))
-                assert (high + 0.05) / (low + 0.05) >= 4.5, (scheme, colour)
-
-
-def luminance(colour):
-    """Relative luminance (WCAG 2.2) of a colour as `rgb(r, g, b)`."""
-    channels = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
-def test_the_page_never_scrolls_sideways(runs, tmp_path):
-    bench = bench_folder(tmp_path / "bench")
-    page_file = write_report([runs["violation"], runs["clean"], bench], tmp_path)
-    with chromium.browser() as page:
-        for width in (360, 768, 1280):
-            page.open(page_file, width=width)
-            assert page.run("document.documentElement.scrollWidth") <= width

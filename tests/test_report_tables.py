@@ -8,7 +8,7 @@ import re
 import xml.etree.ElementTree as ET
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -115,6 +115,7 @@ def test_latex_rows_end_and_environments_close():
     assert r"\textsuperscript{a} asked for" in text
 
 
+@settings(deadline=None)
 @given(st.text(alphabet="&%$#_{}~^\\<>×≤a b", max_size=12))
 def test_latex_is_left_no_special_that_it_would_obey(text):
     escaped = latex_text(text)
@@ -156,6 +157,7 @@ def test_a_figures_points_lie_in_order_and_one_that_a_log_axis_cannot_show_is_sa
     assert colours[0] == colours[1] != colours[2]
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(VALUES, VALUES), max_size=5),
     st.booleans(),

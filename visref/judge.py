@@ -82,7 +82,8 @@ class Counts:
 @dataclass(frozen=True, eq=False)
 class FrameVerdict:
     """What the judge says of one frame. `misses` come with the most samples lost first; `owned`:
-    how many decided samples anything owns, None where the truth on file does not say."""
+    how many decided samples anything owns, None where the truth on file does not say.
+    `superfluous_units` ascend."""
 
     counts: Counts
     misses: tuple[Miss, ...] = ()

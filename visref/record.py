@@ -202,7 +202,9 @@ class Recorder:
         if judged.truth is None or judged.record.frame not in self._picture_frames:
             return pa.nulls(len(units), pa.string())
         causes = superfluous_causes(self._scene, judged.truth, job.units, judged.drawn_set, units)
-        return pa.array([causes.get(int(unit)) for unit in units], pa.string())
+        names = np.full(len(units), None, object)
+        names[np.searchsorted(units, list(causes))] = list(causes.values())
+        return pa.array(names, pa.string())
 
     def _add_objects(self, job: Job, judged: JudgedFrame) -> None:
         frame, verdict = judged.record.frame, judged.record.verdict
