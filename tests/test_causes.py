@@ -174,10 +174,54 @@ def test_a_box_shows_where_its_surface_lies_before_the_depth(low, size, look, pe
 
 def test_a_box_that_touches_the_surface_before_it_does_not_show():
     """Its face lies in the wall's plane: to rounding no nearer, and so hidden."""
-    depth = np.full((6, 8), 10.0)
+    # Off by what a float32 engine may make of ten.
+    depth = np.full((6, 8), 10.0 * (1.0 + 2.0**-23))
     touching = np.array([[-1.0, -1.0, -3.0], [1.0, 1.0, 0.0]])
     nearer = touching + np.array([0.0, 0.0, 1e-4])
     assert boxes_show(CAMERA, np.stack([touching, nearer]), depth).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("lens", [{"ymag": 3.0}, {"yfov": 1.0}])
+def test_a_box_around_one_sample_shows_there_and_nowhere_else(lens):
+    camera = Camera(look_at((0.3, 0.2, 10.0), (0, 0, 0)), 8, 6, near=1.0, far=100.0, **lens)
+    for y in range(camera.height):
+        for x in range(camera.width):
+            origin, step = camera.ray(x, y)
+            at = origin + 12.0 * step
+            box = np.stack([at - 0.01, at + 0.01])[None]
+            depth = np.full((camera.height, camera.width), np.inf)
+            assert boxes_show(camera, box, depth).all()
+            depth[y, x] = 11.0
+            assert not boxes_show(camera, box, depth).any()
+
+
+def test_of_a_box_across_the_near_plane_what_lies_beyond_it_shows():
+    """A floor from behind the eye to far ahead covers the lower samples alone."""
+    camera = Camera(look_at((0, 0, 10), (0, 0, 0)), 8, 6, near=1.0, far=100.0, yfov=1.2)
+    floor = np.array([[[-50.0, -1.2, -60.0], [50.0, -1.0, 20.0]]])
+    for y, expected in ((0, False), (2, False), (3, True), (5, True)):
+        depth = np.full((6, 8), 0.5)
+        depth[y, 4] = np.inf
+        assert boxes_show(camera, floor, depth).tolist() == [expected]
+
+
+@pytest.mark.parametrize("lens", [{"ymag": 3.0}, {"yfov": 1.0}])
+@pytest.mark.parametrize(
+    ("low_m", "high_m", "expected"),
+    [
+        (0.2, 0.9, False),
+        (0.2, 1.1, True),
+        (-5.0, 0.9, False),
+        (99.0, 120.0, True),
+        (101.0, 120.0, False),
+    ],
+)
+def test_only_what_lies_between_near_and_far_shows(lens, low_m, high_m, expected):
+    camera = Camera(look_at((0, 0, 10), (0, 0, 0)), 8, 6, near=1.0, far=100.0, **lens)
+    box = np.array([[[-0.3, -0.3, 10.0 - high_m], [0.3, 0.3, 10.0 - low_m]]])
+    # In perspective a box far away is smaller than the samples' spacing.
+    box[:, :, :2] *= max(high_m, 1.0) if "yfov" in lens else 3.0
+    assert boxes_show(camera, box, np.full((6, 8), np.inf)).tolist() == [expected]
 
 
 @pytest.mark.parametrize("lens", [{"ymag": 4.0}, {"yfov": 1.0}])
