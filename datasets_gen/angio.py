@@ -58,9 +58,7 @@ def angio(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
         Node(f"vessel-{number:03d}", _mesh(f"vessel-{number:03d}", vertices, part))
         for number, part in enumerate(_parts(vertices, triangles, shapes))
     )
-    path = orbit(frames, np.zeros(3), 1.1 * max(HALF_EXTENT_MM), np.array([14.0, 8.0, 0.0]),
-                 nearest=0.4)  # fmt: skip
-    return Dataset("angio", nodes, path)
+    return Dataset("angio", nodes, orbit(frames, nodes, (14.0, 8.0, 0.0), nearest=0.4))
 
 
 def _grow(rng: np.random.Generator, count: int) -> tuple[Float64, Int64]:

@@ -46,8 +46,8 @@ WALL_MM = 4.0
 RIM_MM = 9.0  # the bezel's width
 BEZEL_MM = 40.0  # z where the back shell ends and the bezel begins
 PANEL_MM = (70.0, 78.0)  # z of the front panels, which stand out of the bezel
-SPEAKER_X_MM = (-210.0, 210.0)
 SPEAKER_RADIUS_MM = 78.0
+SPEAKER_MM = (210.0, 0.0, 70.0)  # the right speaker, where the path zooms in
 
 CASE: Colour = (0.16, 0.17, 0.19)
 SILVER: Colour = (0.55, 0.56, 0.58)
@@ -64,9 +64,8 @@ def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     if not 0.0 < scale <= 10.0:
         raise InputError(f"the scale is {scale}", place="scale", mend="give 0.3 to 10")
     made = exactly(partial(_assembly, seed), round(TRIANGLES_AT_SCALE_1 * scale))
-    middle, detail = np.array([0.0, 15.0, 0.0]), np.array([150.0, 20.0, 60.0])
-    path = orbit(frames, middle, 1.04 * HALF_MM[0], detail, nearest=0.42)
-    return Dataset("boombox", made.nodes(), path)
+    nodes = made.nodes()
+    return Dataset("boombox", nodes, orbit(frames, nodes, SPEAKER_MM, nearest=0.42))
 
 
 def _assembly(seed: int, fine: float) -> Assembly:
@@ -88,14 +87,6 @@ def _case(made: Assembly) -> None:
     # Made lying on its back, and stood up.
     shell = open_box((-x, -z, -y), (x, BEZEL_MM, y), WALL_MM, 18.0, 2.5 * fine)
     made.add("back-shell", facing(shell, "+z"), CASE)
-    corner = chords(12, fine, 2)
-    rim = framed(
-        rounded_rectangle(x, y, 18.0, corner),
-        rounded_rectangle(x - RIM_MM, y - RIM_MM, 9.0, corner),
-        BEZEL_MM - 2.0,
-        PANEL_MM[1] - 4.0,
-    )
-    made.add("bezel", facing(rim, "+z"), SILVER)
     ends = [(-x + 28, y - 20, -18), (-x + 32, y + 36, -18), (-x + 70, y + 58, -18)]
     arch = [*ends, *((-a, b, c) for a, b, c in ends[::-1])]
     made.add("handle", tube(arch, 9.0, fine, bends=110, sides=26), CHROME)
@@ -112,18 +103,26 @@ def _front(made: Assembly) -> None:
     x, y, _ = HALF_MM
     back, front = PANEL_MM
     fine = made.fine
-    # A millimetre into the bezel and the neighbour: no gap to look through.
+    # One moulding: a rim, and panels a millimetre into the rim and into each other, so that
+    # there is no gap to look through.
     half_x, half_y = (x - RIM_MM + 1.0 - 108.0) / 2.0, y - RIM_MM + 1.0
     outlines = square_to_circle(half_x, half_y, SPEAKER_RADIUS_MM, 1.5 * fine)
+    corner = chords(12, fine, 2)
+    rim = framed(
+        rounded_rectangle(x, y, 18.0, corner),
+        rounded_rectangle(x - RIM_MM, y - RIM_MM, 9.0, corner),
+        BEZEL_MM - 2.0,
+        PANEL_MM[1] - 4.0,
+    )
     panel = framed(*outlines, back, front)
     middles = [(side * (108.0 + half_x), 0.0, 0.0) for side in (-1, 1)]
-    made.put("speaker-panel", panel, BLACK, middles, "+z")
     centre = rounded_box((-109.0, back, -half_y), (109.0, front, half_y), 1.5, fine)
-    made.add("centre-panel", facing(centre, "+z"), BLACK)
-    grille = perforated(SPEAKER_RADIUS_MM + 5.0, 4.4, 1.5, fine)
+    housing = merge([rim, centre, *(moved(panel, at) for at in middles)])
+    made.add("front-housing", facing(housing, "+z"), BLACK)
+    hoop = moved(torus(SPEAKER_RADIUS_MM + 4.0, 4.0, fine), (0.0, 0.5, 0.0))
+    grille = merge([hoop, perforated(SPEAKER_RADIUS_MM + 5.0, 4.4, 1.5, fine)])
     speakers = [(side * (108.0 + half_x), 0.0, front) for side in (-1, 1)]
     made.put("grille", grille, STEEL, speakers, "+z")
-    made.put("grille-ring", torus(SPEAKER_RADIUS_MM + 4.0, 4.0, fine), CHROME, speakers, "+z")
     fasteners: list[Place] = [
         (mx + sx * (half_x - 12.0), sy * (half_y - 14.0), front)
         for mx, _, _ in speakers

@@ -60,16 +60,17 @@ POD = [(0.42, 0.21, 0.10, 0.56, 4.0), (0.30, 0.23, 0.08, 0.58, 4.0), (-0.40, 0.2
        (-1.00, 0.19, 0.08, 0.44, 3.0), (-1.55, 0.09, 0.08, 0.26, 2.6)]  # fmt: skip
 POD_X = (0.50, 0.51, 0.50, 0.42, 0.31)  # their middles
 SKIN_M = 0.006
+COCKPIT_M = (0.0, 0.6, 0.1)  # where the path zooms in
+# How far a decal's two sides lie inside the bodywork: they lie outside.
+DECAL_M = (-0.0025, -0.001)
 
 
 def formula_one(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     """306 shapes, 746,827 triangles at scale 1; another scale is another fineness of the same
     assembly's tessellation. The path is `orbit`'s. Raises InputError for a scale that is none
     of its tessellations, or a path without frames."""
-    made = car(seed, scale)
-    middle, detail = np.array([0.0, 0.42, 0.1]), np.array([0.2, 0.4, 0.9])
-    path = orbit(frames, middle, 2.5, detail, nearest=0.36)
-    return Dataset("formula_one", made.nodes(), path)
+    made = car(seed, scale).nodes()
+    return Dataset("formula_one", made, orbit(frames, made, COCKPIT_M, nearest=0.36))
 
 
 def car(seed: int, scale: float) -> Assembly:
@@ -84,6 +85,7 @@ def _assembly(seed: int, fine: float) -> Assembly:
     _body(made)
     _wings(made)
     _fittings(made)
+    _decals(made)
     formula_one_wheels.fit(made)
     formula_one_inside.furnish(made, np.random.Generator(np.random.PCG64(seed)))
     _rivets(made)
@@ -240,6 +242,30 @@ def _fittings(made: Assembly) -> None:
              for a in np.linspace(0, 5.5, chords(40, fine))]), 0.006 * np.array(
              [(1, 0), (0, 1), (-1, 0), (0, -1)])), YELLOW)  # fmt: skip
     made.add("number", merge([box([-0.06, 0.53, 1.3], [0.06, 0.535, 1.5])]), WHITE)
+
+
+def _decals(made: Assembly) -> None:
+    """Sponsors' names and numbers: thin sheets on the bodywork, by shares of a part's length
+    and the angles that they span."""
+    up = math.pi / 2
+    for name, stations, (first, last), (start, end), x in (
+        ("sidepod", POD, (0.15, 0.75), (-0.45, 0.45), POD_X),
+        ("cover", COVER, (0.05, 0.7), (-0.1, 1.0), (0.0,) * 5),
+        ("tub", TUB, (0.05, 0.95), (-0.3, 0.3), (0.0,) * 5),
+        ("nose", NOSE, (0.3, 0.95), (up - 0.9, up - 0.02), (0.0,) * 5),
+    ):
+        count = chords(60, made.fine, 4)
+        rows = _stations(stations, 4 * count)[int(4 * count * first) : int(4 * count * last) : 4]
+        at = np.interp(rows[:, 0][::-1], [s[0] for s in stations][::-1], x[::-1])[::-1]
+        ends = np.full(len(rows), start), np.full(len(rows), end)
+        outer, inner = (_arc(rows, *ends, chords(40, made.fine, 4), skin) for skin in DECAL_M)
+        shift = at[:, None, None] * [1.0, 0.0, 0.0]
+        pair(made, f"decal-{name}", thick(outer + shift, inner + shift), WHITE)
+    for name, low, high in (
+        ("front-endplate", (0.695, 0.10, 2.0), (0.697, 0.27, 2.4)),
+        ("rear-endplate", (0.495, 0.45, -2.35), (0.497, 0.95, -1.95)),
+    ):
+        pair(made, f"decal-{name}", rounded_box(low, high, 0.0008, made.fine), WHITE)
 
 
 def _rivets(made: Assembly) -> None:

@@ -125,7 +125,7 @@ def _engine(made: Assembly) -> None:
     piston = annulus([(0.01, 0), (0.045, 0), *((0.045 - 0.003 * (k % 2), 0.01 + 0.006 * k) for k in range(6)),
                       (0.045, 0.055), (0.01, 0.055)], chords(56, fine))  # fmt: skip
     made.put("piston", piston, METAL, [(0.9 * x, 0.24, at) for x, at in banks])
-    bolt_z = np.linspace(-1.22, -0.69, 5).tolist()
+    bolt_z = np.linspace(-1.22, -0.69, 4).tolist()
     bolts = [(side * x, 0.422, at) for side in (1.0, -1.0) for x in (0.07, 0.17) for at in bolt_z]
     made.put("cover-bolt", screw(0.004, 0.012, fine), METAL, bolts)
     for k, at in enumerate(z):
@@ -203,8 +203,8 @@ def _electrics(made: Assembly, rng: np.random.Generator) -> None:
     made.add("battery", rounded_box((-0.1, 0.11, 0.2), (0.1, 0.14, 0.4), 0.006, 2 * fine), BLUE)
     bottle = facing(revolved([(0.02, 0), (0.05, 0.03), (0.05, 0.3), (0.015, 0.34)], chords(56, fine)), "+z")
     made.add("extinguisher", moved(bottle, (0.17, 0.16, 0.3)), RED)
-    for k in range(8):
-        y, side = 0.12 + 0.035 * k, 1.0 if k % 2 else -1.0
+    for k in range(4):
+        y, side = 0.14 + 0.06 * k, 1.0 if k % 2 else -1.0
         swing = rng.uniform(-0.02, 0.02, 2).tolist()
         loom = [(side * 0.2, y, 0.6), (side * (0.24 + swing[0]), y, 0.1), (side * 0.36, y, -0.38),
                 (side * (0.26 + swing[1]), y, -0.9), (side * 0.15, 0.2, -1.3)]  # fmt: skip

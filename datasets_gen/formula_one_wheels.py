@@ -79,7 +79,10 @@ def _wheel(half: float, fine: float) -> dict[str, tuple[Soup, Colour]]:
     upright = merge([rounded_box((-0.05, half - 0.2, -0.16), (0.05, half - 0.14, 0.16), 0.02, 2 * fine),
                      moved(rod(0.05, 0.1, fine, 60), (0.0, half - 0.2, 0.0))])  # fmt: skip
     duct = merge([rounded_box((-0.1, half - 0.24, 0.05), (0.1, half - 0.14, 0.14), 0.015, 2 * fine)])
+    letters = annulus([(0.24, half - 0.001), (0.29, half - 0.001), (0.29, half + 0.001),
+                       (0.24, half + 0.001)], chords(150, fine, 10))  # fmt: skip
     return {
+        "lettering": (letters, SPRING),
         "tyre": (annulus(profile, chords(150, fine, 10)), RUBBER),
         "rim": (merge([barrel, *spokes]), MAGNESIUM),
         "hub": (hub, STEEL),

@@ -6,27 +6,30 @@ import math
 
 import numpy as np
 
+from datasets_gen.graph import Node
 from datasets_gen.shapes import Float64
 from visref.camera import Camera, CameraPath
 from visref.errors import InputError
+
+Place = tuple[float, float, float]
 
 YFOV = math.radians(40.0)
 SIZE_PX = (876, 584)
 
 
-def orbit(
-    frames: int, centre: Float64, radius: float, detail: Float64, *, nearest: float
-) -> CameraPath:
+def orbit(frames: int, nodes: tuple[Node, ...], detail: Place, *, nearest: float) -> CameraPath:
     """Two thirds of the frames turn the model about its own y, x and z axes, all in view; the
     rest move in on it and back.
 
     The path of Staneker, Bartz and Meissner ("Improving Occlusion Query Efficiency with
-    Occupancy Maps", 2003, section 5.1), at their 876 by 584. `radius`: of the sphere around
-    `centre` that fills the image's height; `detail`: where the zoom ends, `nearest`: how far
-    from it, as a share of the first distance. Raises InputError for a path without frames.
+    Occupancy Maps", 2003, section 5.1), at their 876 by 584. A sphere that holds `nodes`, which
+    have no children, fills the image's height at first; `detail`: where the zoom ends,
+    `nearest`: how far from it, as a share of the first distance. Raises InputError for a path
+    without frames.
     """
     if frames < 1:
         raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+    centre, radius = _sphere(nodes)
     away = radius / math.sin(YFOV / 2)
     turning = frames - frames // 3
     cameras = []
@@ -39,7 +42,7 @@ def orbit(
         else:
             near = 0.5 - 0.5 * math.cos(2.0 * math.pi * (k + 0.5 - turning) / (frames - turning))
             distance = away * (1.0 - (1.0 - nearest) * near)
-            target = centre + near * (detail - centre)
+            target = centre + near * (np.array(detail) - centre)
             angle = 0.6 * near
         pose = np.eye(4)
         pose[:3, :3] = _rotation(axis, angle)
@@ -48,6 +51,20 @@ def orbit(
             Camera(pose, *SIZE_PX, near=0.03 * away, far=4.0 * away, yfov=YFOV)
         )
     return CameraPath(tuple(cameras))
+
+
+def _sphere(nodes: tuple[Node, ...]) -> tuple[Float64, float]:
+    """Around all vertices, about the middle of their box: centre and radius."""
+    points = np.concatenate(
+        [
+            primitive.vertices @ node.parent_from_node[:3, :3].T + node.parent_from_node[:3, 3]
+            for node in nodes
+            if node.mesh is not None
+            for primitive in node.mesh.primitives
+        ]
+    )
+    centre = np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+    return centre, float(np.linalg.norm(points - centre, axis=1).max())
 
 
 def _rotation(axis: int, angle: float) -> Float64:
