@@ -8,6 +8,7 @@ halves long edges of the parts that stand alone. Nothing but the tessellation ch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -31,9 +32,12 @@ _TURNS: dict[str, list[list[int]]] = {
     "-z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
 }
 
-# Enough rounds to come within a few in a hundred of the number; each measures a tessellation.
-_ROUNDS = 6
+# Rounds enough to come within a few in a hundred of the number, each a tessellation; what is
+# aimed at lies below it, as the number may not be passed.
+_ROUNDS = 8
+_AIM = 0.993
 _CLOSE_ENOUGH = 0.985
+_MOST_ADDED = 1.1
 _FINENESS = (0.02, 8.0)
 
 
@@ -117,23 +121,25 @@ def exactly(make: Callable[[float], Assembly], triangles: int) -> Assembly:
 
     Raises InputError if even the coarsest has more, or the finest too few to reach it.
     """
-    fine, best = 1.0, None
-    low, high = _FINENESS
+    coarsest, finest = _FINENESS
+    best = make(coarsest)
+    low, high = (coarsest, best.triangles), (finest, 0)
+    fine = 1.0
     for _ in range(_ROUNDS):
+        if best.triangles >= _CLOSE_ENOUGH * triangles:
+            break
         made = make(fine)
         if made.triangles <= triangles:
-            low, best = fine, made
-            if made.triangles >= _CLOSE_ENOUGH * triangles:
-                break
+            best, low = made, (fine, made.triangles)
         else:
-            high = fine
-        # Triangles go with the square of the fineness where surfaces are curved both ways.
-        fine *= (0.993 * triangles / made.triangles) ** 0.5
-        if not low < fine < high:
-            fine = (low * high) ** 0.5
-    if best is None:
-        best = make(_FINENESS[0])
-    if not best.triangles <= triangles <= 1.5 * best.triangles:
+            high = (fine, made.triangles)
+        # As a power of the fineness: measured where there is a bracket, else the square, as
+        # where surfaces curve both ways.
+        power = 2.0
+        if high[1]:
+            power = math.log(high[1] / low[1]) / math.log(high[0] / low[0])
+        fine = low[0] * (_AIM * triangles / low[1]) ** (1.0 / power)
+    if not best.triangles <= triangles <= _MOST_ADDED * best.triangles:
         raise InputError(
             f"{triangles} triangles are no tessellation of this assembly",
             place="scale",
