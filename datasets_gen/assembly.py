@@ -79,6 +79,12 @@ class Assembly:
         """A part that stands alone, where it was made."""
         self.put(name, soup, colour, [(0.0, 0.0, 0.0)])
 
+    def add_pair(self, name: str, soup: Soup, colour: Colour) -> None:
+        """A part and its mirror image in x, each a mesh of its own."""
+        self.add(f"{name}-left", soup, colour)
+        vertices, faces = soup
+        self.add(f"{name}-right", (vertices * [-1.0, 1.0, 1.0], faces[:, ::-1]), colour)
+
     def put(
         self,
         name: str,

@@ -139,8 +139,8 @@ def _front(made: Assembly) -> None:
     made.put("cassette-door", door, SILVER, [(0.0, -22.0, 0.0)], "+z")
     window = rounded_box((-60, front - 1.0, -30), (60, front + 2.0, 30), 1.0, fine)
     made.put("cassette-window", window, GLASS, [(0.0, -22.0, 0.0)], "+z")
-    made.put("door-hinge", rod(3.0, 14.0, fine), CHROME, [(-50.0, -70.0, 81.0), (36.0, -70.0, 81.0)],
-             "+x")  # fmt: skip
+    hinges = [(-50.0, -70.0, 81.0), (36.0, -70.0, 81.0)]
+    made.put("door-hinge", rod(3.0, 14.0, fine), CHROME, hinges, "+x")
     scale_ = rounded_box((-80, front - 1.0, -13), (80, front + 1.5, 13), 1.0, fine)
     made.put("tuner-scale", scale_, GLASS, [(0.0, 88.0, 0.0)], "+z")
     marks = [[k, 77.0, front + 1.4] for k in range(-75, 76, 5)]
@@ -191,8 +191,7 @@ def _top(made: Assembly) -> None:
 
 
 def _back(made: Assembly) -> None:
-    x, y, z = HALF_MM
-    fine = made.fine
+    z, fine = HALF_MM[2], made.fine
     lid = merge(
         [
             rounded_box((-130, -2.5, -35), (130, 1.0, 35), 1.0, fine),
@@ -210,5 +209,3 @@ def _back(made: Assembly) -> None:
     made.put("back-screw", screw(2.4, 14.0, fine), STEEL, spots, "-z")
     label = box([-60, 52, -z - 0.6], [60, 92, -z + 0.5])
     made.add("label", label, KEY)
-
-

@@ -86,12 +86,12 @@ def _deck(made: Assembly) -> None:
     made.put("deck-plate", plate, STEEL, [(0.0, -22.0, 0.0)], "+z")
     reels: list[Place] = [(-22.0, -18.0, 34.0), (22.0, -18.0, 34.0)]
     made.put("reel", gear(9.0, 6, 18.0, 3.0, 2.0 * fine), IVORY, reels, "+z")
-    made.put("reel-gear", gear(16.0, 44, 4.0, 5.0, fine), IVORY, [(x, y, 24.0) for x, y, _ in reels],
-             "+z")  # fmt: skip
+    wheels: list[Place] = [(x, y, 24.0) for x, y, _ in reels]
+    made.put("reel-gear", gear(16.0, 44, 4.0, 5.0, fine), IVORY, wheels, "+z")
     train: list[Place] = [(-40.0, -34.0, 22.0), (0.0, -40.0, 22.0), (40.0, -34.0, 22.0)]
     made.put("gear", gear(12.0, 32, 4.0, 3.0, fine), IVORY, train, "+z")
     made.put("pinion", gear(5.0, 14, 7.0, 1.5, fine), CHROME, train, "+z")
-    wheels: list[Place] = [(-30.0, -46.0, 8.0), (30.0, -46.0, 8.0)]
+    wheels = [(-30.0, -46.0, 8.0), (30.0, -46.0, 8.0)]
     made.put("flywheel", annulus([(2.5, 0), (22, 0), (24, 2), (24, 9), (22, 11), (2.5, 11)],
                                  chords(70, fine)), STEEL, wheels, "+z")  # fmt: skip
     spindles = [(x, y, 4.0) for x, y, _ in wheels]
@@ -184,17 +184,18 @@ def _on(middle: Place, axis: str, u: float, v: float) -> Place:
 
 def _components(fine: float) -> dict[str, tuple[Soup, Colour, int]]:
     """Kinds of component: (shape on y = 0, colour, how many); 0 is what the rest is."""
-    legs = boxes([[x, 0, z] for x in np.arange(-5.4, 5.0, 1.8) for z in (-4.2, 3.8)],
-                 [[x + 0.6, 2.5, z + 0.4] for x in np.arange(-5.4, 5.0, 1.8) for z in (-4.2, 3.8)])  # fmt: skip
+    leg = np.array([[x, 0, z] for x in np.arange(-5.4, 5.0, 1.8) for z in (-4.2, 3.8)])
+    legs = boxes(leg, np.add(leg, (0.6, 2.5, 0.4)))
     chip = merge([rounded_box((-6, 1.5, -3.6), (6, 4.5, 3.6), 0.4, 1.2 * fine), legs])
-    electrolytic = revolved(
-        [(4.6, 0), (5.2, 0.6), (5.2, 1.6), (4.8, 2.0), (5.2, 2.4), (5.2, 12), (4.6, 12.8), (2, 12.6)],
-        chords(44, fine),
-    )  # fmt: skip
+    can = [(4.6, 0), (5.2, 0.6), (5.2, 1.6), (4.8, 2.0), (5.2, 2.4), (5.2, 12), (4.6, 12.8),
+           (2, 12.6)]  # fmt: skip
+    electrolytic = revolved(can, chords(44, fine))
     profile = [(0.4, -6), (0.4, -3.2), (1.2, -3.2), (1.5, -2.8), (1.5, -1.8), (1.2, -1.4),
                (1.2, 1.4), (1.5, 1.8), (1.5, 2.8), (1.2, 3.2), (0.4, 3.2), (0.4, 6)]  # fmt: skip
     body = moved(facing(revolved(profile, chords(26, fine)), "+x"), (0.0, 2.5, 0.0))
-    pin = swept([(0, 0, 0), (0, 1.4, 0), (0, 2.6, 0)], 0.35 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]))
+    pin = swept(
+        [(0, 0, 0), (0, 1.4, 0), (0, 2.6, 0)], 0.35 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    )
     pins = [moved(pin, (x, 0.0, 0.0)) for x in (-5.7, 5.7)]
     transistor = merge([rounded_box((-5, 4, -2), (5, 18, 2), 0.8, fine), *(
         box([x - 0.4, 0, -0.3], [x + 0.4, 4.5, 0.3]) for x in (-2.5, 0.0, 2.5))])  # fmt: skip
@@ -203,8 +204,10 @@ def _components(fine: float) -> dict[str, tuple[Soup, Colour, int]]:
                      for z in (-4.0, 4.0))])  # fmt: skip
     trimmer = merge([rounded_box((-4.5, 0, -4.5), (4.5, 5, 4.5), 0.6, fine),
                      moved(rod(3.0, 2.0, fine, 30), (0, 4.8, 0))])  # fmt: skip
-    socket = merge([rounded_box((-6, 0, -3), (6, 6, 3), 0.5, fine), boxes(
-        [[x, 5, -0.4] for x in (-4.5, -1.5, 1.5, 3.7)], [[x + 0.8, 9, 0.4] for x in (-4.5, -1.5, 1.5, 3.7)])])  # fmt: skip
+    blade = np.array([[x, 5, -0.4] for x in (-4.5, -1.5, 1.5, 3.7)])
+    socket = merge(
+        [rounded_box((-6, 0, -3), (6, 6, 3), 0.5, fine), boxes(blade, np.add(blade, (0.8, 4, 0.8)))]
+    )
     return {
         "chip": (chip, PLASTIC, 38),
         "capacitor": (electrolytic, BLUE, 52),

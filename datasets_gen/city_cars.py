@@ -173,7 +173,7 @@ class _Maker:
         sides += [
             (t, s * (BLOCK_M[1] / 2 - 1.0)) for s in (-1, 1) for t in np.arange(-30.0, 31.0, 6.0)
         ]
-        spots = np.array([spot + [x, PAVEMENT_HEIGHT_M, z] for spot in self.blocks
+        spots = np.array([np.add(spot, (x, PAVEMENT_HEIGHT_M, z)) for spot in self.blocks
                           for x, z in sides])  # fmt: skip
         wanted = self.shapes - 1
         for k, spot in enumerate(spots[self.rng.permutation(len(spots))[:wanted]]):
@@ -197,7 +197,7 @@ def _hill(x: float, z: float) -> Height:
 
 def _cars(columns: int, rows: int, parts: tuple[Node, ...]) -> list[Node]:
     """Two at each corner of the walk, out of its way."""
-    nodes = []
+    nodes: list[Node] = []
     for corner, way in corners(columns, rows, PITCH_M, STREET_M):
         for x, z, turns in CAR_SPOTS_M:
             name = f"car{len(nodes)}"

@@ -17,6 +17,7 @@ import numpy as np
 from datasets_gen import formula_one_inside, formula_one_wheels
 from datasets_gen.assembly import Assembly, Colour, exactly
 from datasets_gen.dataset import Dataset
+from datasets_gen.hulls import SKIN_M, Station, hull, open_shell, outline, patch_on, tunnel
 from datasets_gen.orbit import orbit
 from datasets_gen.shapes import Float64, Soup, box, merge, moved, quads
 from datasets_gen.solids import (
@@ -46,20 +47,26 @@ METAL: Colour = (0.45, 0.46, 0.48)
 GLASS: Colour = (0.12, 0.18, 0.22)
 YELLOW: Colour = (0.80, 0.62, 0.06)
 
-# Stations of the bodywork: z, half width, lowest and highest y, and the section's exponent
-# (2 is an ellipse, more is boxier).
-NOSE = [(2.30, 0.05, 0.27, 0.33, 2.0), (2.22, 0.09, 0.24, 0.36, 2.2), (1.90, 0.13, 0.22, 0.41, 2.5),
-        (1.50, 0.17, 0.20, 0.48, 3.0), (1.20, 0.21, 0.17, 0.53, 3.4)]  # fmt: skip
-TUB = [(1.20, 0.21, 0.17, 0.53, 3.4), (0.80, 0.25, 0.12, 0.59, 3.6), (0.45, 0.29, 0.09, 0.64, 3.8),
-       (0.00, 0.32, 0.08, 0.66, 4.0), (-0.35, 0.33, 0.08, 0.68, 4.0)]  # fmt: skip
+NOSE: list[Station] = [
+    (2.30, 0.05, 0.27, 0.33, 2.0), (2.22, 0.09, 0.24, 0.36, 2.2), (1.90, 0.13, 0.22, 0.41, 2.5),
+    (1.50, 0.17, 0.20, 0.48, 3.0), (1.20, 0.21, 0.17, 0.53, 3.4),
+]  # fmt: skip
+TUB: list[Station] = [
+    (1.20, 0.21, 0.17, 0.53, 3.4), (0.80, 0.25, 0.12, 0.59, 3.6), (0.45, 0.29, 0.09, 0.64, 3.8),
+    (0.00, 0.32, 0.08, 0.66, 4.0), (-0.35, 0.33, 0.08, 0.68, 4.0),
+]  # fmt: skip
 # How far the tub's lips stand from its upper middle, radians, at each of its stations.
 COCKPIT = (0.03, 0.05, 0.75, 0.80, 0.70)
-COVER = [(-0.33, 0.24, 0.08, 0.97, 2.2), (-0.60, 0.27, 0.08, 0.96, 2.2), (-1.10, 0.26, 0.08, 0.78, 2.2),
-         (-1.60, 0.20, 0.09, 0.56, 2.4), (-2.02, 0.13, 0.11, 0.42, 2.6)]  # fmt: skip
-POD = [(0.42, 0.21, 0.10, 0.56, 4.0), (0.30, 0.23, 0.08, 0.58, 4.0), (-0.40, 0.24, 0.08, 0.56, 3.6),
-       (-1.00, 0.19, 0.08, 0.44, 3.0), (-1.55, 0.09, 0.08, 0.26, 2.6)]  # fmt: skip
+COVER: list[Station] = [
+    (-0.33, 0.24, 0.08, 0.97, 2.2), (-0.60, 0.27, 0.08, 0.96, 2.2), (-1.10, 0.26, 0.08, 0.78, 2.2),
+    (-1.60, 0.20, 0.09, 0.56, 2.4), (-2.02, 0.13, 0.11, 0.42, 2.6),
+]  # fmt: skip
+POD: list[Station] = [
+    (0.42, 0.21, 0.10, 0.56, 4.0), (0.30, 0.23, 0.08, 0.58, 4.0), (-0.40, 0.24, 0.08, 0.56, 3.6),
+    (-1.00, 0.19, 0.08, 0.44, 3.0), (-1.55, 0.09, 0.08, 0.26, 2.6),
+]  # fmt: skip
+INLET_M = (0.82, 0.075)  # height of the inlet's axis over the driver, and radius
 POD_X = (0.50, 0.51, 0.50, 0.42, 0.31)  # their middles
-SKIN_M = 0.006
 COCKPIT_M = (0.0, 0.6, 0.1)  # where the path zooms in
 # How far a decal's two sides lie inside the bodywork: they lie outside.
 DECAL_M = (-0.0025, -0.001)
@@ -92,89 +99,43 @@ def _assembly(seed: int, fine: float) -> Assembly:
     return made
 
 
-def _stations(stations: list[tuple[float, ...]], count: int) -> Float64:
-    """(count, 5) smooth through the stations."""
-    table = np.array(stations)
-    return np.concatenate([curve(table[:, :3], count), curve(table[:, 2:], count)[:, 1:]], axis=1)
-
-
-def _ring(station: Float64, angle: Float64, skin: float = 0.0) -> Float64:
-    """Points of a section at angles about its middle, `skin` inside it."""
-    z, half, low, high, power = station.tolist()
-    c, s = np.cos(angle), np.sin(angle)
-    x = (half - skin) * np.sign(c) * np.abs(c) ** (2.0 / power)
-    rise = ((high - low) / 2.0 - skin) * np.sign(s) * np.abs(s) ** (2.0 / power)
-    return np.stack([x, (high + low) / 2.0 + rise, np.full_like(x, z)], axis=1)
-
-
-def _arc(stations: Float64, start: Float64, end: Float64, count: int, skin: float) -> Float64:
-    """A sheet over stations from an angle to another."""
-    turn = np.linspace(0.0, 1.0, count)
-    return np.array([_ring(row, a + (b - a) * turn, skin)
-                     for row, a, b in zip(stations, start, end, strict=True)])  # fmt: skip
-
-
-def _open_shell(
-    stations: list[tuple[float, ...]], lips: tuple[float, ...], fine: float, down: bool = False
-) -> Soup:
-    """A shell open along its top, or its bottom, `lips` radians to either side of the middle."""
-    rows = _stations(stations, chords(76, fine, 4))
-    lip = np.interp(np.linspace(0, 1, len(rows)), np.linspace(0, 1, len(lips)), lips)
-    middle = -math.pi / 2 if down else math.pi / 2
-    start, end = middle + lip, middle + 2.0 * math.pi - lip
-    count = chords(110, fine, 8)
-    return thick(_arc(rows, start, end, count, 0.0), _arc(rows, start, end, count, SKIN_M))
-
-
-def _tunnel(stations: list[tuple[float, ...]], middles: tuple[float, ...], fine: float) -> Soup:
-    """A shell open at both ends, its sections' middles at some x."""
-    rows = _stations(stations, chords(64, fine, 4))
-    angle = np.linspace(0.0, 2.0 * math.pi, chords(96, fine, 8), endpoint=False)
-    shift = np.interp(np.linspace(0, 1, len(rows)), np.linspace(0, 1, len(middles)), middles)
-    outer, inner = (
-        np.array([_ring(row, angle, skin) + [x, 0, 0] for row, x in zip(rows, shift, strict=True)])
-        for skin in (0.0, SKIN_M)
-    )
-    return looped(np.concatenate([outer, inner[::-1]]))
-
-
-def mirrored(soup: Soup) -> Soup:
-    """The soup at the car's other side."""
-    return soup[0] * [-1.0, 1.0, 1.0], soup[1][:, ::-1]
-
-
-def pair(made: Assembly, name: str, soup: Soup, colour: Colour) -> None:
-    """A part on the car's left side, and its mirror image."""
-    made.add(f"{name}-left", soup, colour)
-    made.add(f"{name}-right", mirrored(soup), colour)
-
-
 def _body(made: Assembly) -> None:
     fine = made.fine
     low, high = (-0.2, 0.665, 0.46), (-0.17, 0.74, 0.36)
     screen = [[low, (0.2, 0.665, 0.46), (0.17, 0.74, 0.36), high]]
     made.add("windscreen", quads(screen), GLASS)
-    rows = _stations(NOSE, chords(60, fine, 4))
-    angle = np.linspace(0.0, 2.0 * math.pi, chords(110, fine, 8), endpoint=False)
-    made.add("nose", sections([_ring(row, angle) for row in rows]), PAINT)
-    made.add("tub", _open_shell(TUB, COCKPIT, fine), PAINT)
-    made.add("engine-cover", _open_shell(COVER, (0.5,) * 5, fine, down=True), PAINT)
-    pair(made, "sidepod", _tunnel(POD, POD_X, fine), PAINT)
+    made.add("nose", hull(NOSE, fine), PAINT)
+    made.add("tub", open_shell(TUB, COCKPIT, fine), PAINT)
+    made.add("engine-cover", open_shell(COVER, (0.5,) * 5, fine, down=True), PAINT)
+    made.add("firewall", _firewall(fine), CARBON)
+    made.add_pair("sidepod", tunnel(POD, POD_X, fine), PAINT)
     outline = [(0.25, 1.0), (0.55, 0.55), (0.68, 0.3), (0.68, -1.0), (0.5, -1.6), (0.30, -2.0)]
     side = curve([(x, 0.0, z) for x, z in outline], chords(70, fine, 6))
     edge = np.concatenate([side, side[::-1] * [-1, 1, 1]])
-    floor = sections(np.array([edge + [0, y, 0] for y in (0.055, 0.06, 0.075, 0.08)]))
+    floor = sections(np.array([np.add(edge, (0, y, 0)) for y in (0.055, 0.06, 0.075, 0.08)]))
     made.add("floor", floor, CARBON)
     made.add("plank", rounded_box((-0.15, 0.035, -1.5), (0.15, 0.056, 0.9), 0.004, fine), YELLOW)
     made.add("bulkhead", rounded_box((-0.30, 0.1, -0.36), (0.30, 0.66, -0.32), 0.01, fine), CARBON)
     ramp = curve([(0, 0.08, -1.85), (0, 0.12, -2.1), (0, 0.25, -2.35)], chords(40, fine))
-    sheet = np.stack([ramp + [x, 0, 0] for x in np.linspace(-0.45, 0.45, chords(30, fine))])
-    made.add("diffuser", thick(sheet, sheet + [0, 0.008, 0]), CARBON)
+    sheet = np.stack([np.add(ramp, (x, 0, 0)) for x in np.linspace(-0.45, 0.45, chords(30, fine))])
+    made.add("diffuser", thick(sheet, np.add(sheet, (0, 0.008, 0))), CARBON)
     for k, x in enumerate((-0.44, -0.22, 0.22, 0.44)):
         fin = [[(x, y, z) for y in (low_, 0.08)] for z, low_ in ((-1.9, 0.03), (-2.1, 0.05))]
         fin.append([(x, 0.2, -2.34), (x, 0.24, -2.34)])
         sheet = np.array(fin)
-        made.add(f"strake-{k}", thick(sheet, sheet + [0.006, 0, 0]), CARBON)
+        made.add(f"strake-{k}", thick(sheet, np.add(sheet, (0.006, 0, 0))), CARBON)
+
+
+def _firewall(fine: float) -> Soup:
+    """What closes the engine cover's front, but for the inlet."""
+    angle = np.linspace(0.0, 2.0 * math.pi, chords(90, fine, 8), endpoint=False)
+    hole = np.stack([np.cos(angle), np.sin(angle)], axis=1) * INLET_M[1] + [0.0, INLET_M[0]]
+    rings = []
+    for depth, inner in ((0.0, False), (0.012, False), (0.012, True), (0.0, True)):
+        rim = outline(np.array(COVER[0]), angle, 0.5 * SKIN_M)
+        rim[:, :2] = hole if inner else rim[:, :2]
+        rings.append(rim - [0.0, 0.0, 0.02 + depth])
+    return looped(rings)
 
 
 def _aerofoil(chord: float, depth: float, angle: float, fine: float) -> Float64:
@@ -203,32 +164,36 @@ def _wing(x0: float, x1: float, at: tuple[float, float], chord: float, angle: fl
 def _wings(made: Assembly) -> None:
     fine = made.fine
     made.add("front-plane", _wing(-0.68, 0.68, (0.12, 2.42), 0.28, 0.05, fine), PAINT)
-    pair(made, "front-flap", _wing(0.15, 0.68, (0.15, 2.22), 0.16, 0.35, fine), WHITE)
-    pair(made, "upper-flap", _wing(0.22, 0.68, (0.21, 2.10), 0.12, 0.6, fine), WHITE)
+    made.add_pair("front-flap", _wing(0.15, 0.68, (0.15, 2.22), 0.16, 0.35, fine), WHITE)
+    made.add_pair("upper-flap", _wing(0.22, 0.68, (0.21, 2.10), 0.12, 0.6, fine), WHITE)
     end = rounded_box((0.68, 0.05, 1.92), (0.695, 0.32, 2.46), 0.006, fine)
-    pair(made, "front-endplate", end, PAINT)
-    pair(made, "front-foot", rounded_box((0.60, 0.04, 1.92), (0.69, 0.05, 2.46), 0.004, fine), CARBON)
+    made.add_pair("front-endplate", end, PAINT)
+    foot = rounded_box((0.60, 0.04, 1.92), (0.69, 0.05, 2.46), 0.004, fine)
+    made.add_pair("front-foot", foot, CARBON)
     pylon = rounded_box((0.07, 0.11, 2.12), (0.08, 0.28, 2.28), 0.004, fine)
-    pair(made, "front-pylon", pylon, CARBON)
+    made.add_pair("front-pylon", pylon, CARBON)
     made.add("rear-plane", _wing(-0.48, 0.48, (0.78, -1.95), 0.36, 0.2, fine), PAINT)
     made.add("rear-flap", _wing(-0.48, 0.48, (0.88, -2.26), 0.20, 0.7, fine), WHITE)
     made.add("rear-beam", _wing(-0.48, 0.48, (0.42, -2.05), 0.20, 0.1, fine), CARBON)
-    made.add("gurney", rounded_box((-0.48, 0.985, -2.425), (0.48, 1.01, -2.415), 0.003, fine), CARBON)
+    made.add(
+        "gurney", rounded_box((-0.48, 0.985, -2.425), (0.48, 1.01, -2.415), 0.003, fine), CARBON
+    )
     plate = rounded_box((0.48, 0.25, -2.45), (0.495, 1.02, -1.88), 0.006, fine)
-    pair(made, "rear-endplate", plate, PAINT)
-    pair(made, "rear-pylon", rounded_box((0.05, 0.3, -2.2), (0.06, 0.8, -2.05), 0.004, fine), CARBON)
+    made.add_pair("rear-endplate", plate, PAINT)
+    mast = rounded_box((0.05, 0.3, -2.2), (0.06, 0.8, -2.05), 0.004, fine)
+    made.add_pair("rear-pylon", mast, CARBON)
     board = curve([(0.42, 0, 0.95), (0.55, 0, 0.75), (0.60, 0, 0.5)], chords(36, fine))
-    sheet = np.stack([board + [0, y, 0] for y in np.linspace(0.08, 0.42, chords(24, fine))])
-    pair(made, "bargeboard", thick(sheet, sheet + [0.006, 0, 0]), CARBON)
+    sheet = np.stack([np.add(board, (0, y, 0)) for y in np.linspace(0.08, 0.42, chords(24, fine))])
+    made.add_pair("bargeboard", thick(sheet, np.add(sheet, (0.006, 0, 0))), CARBON)
 
 
 def _fittings(made: Assembly) -> None:
     fine = made.fine
     shell = revolved([(0.02, 0), (0.05, 0.01), (0.055, 0.04), (0.045, 0.05)], chords(60, fine))
     housing = shell[0][:, [0, 2, 1]] * [1.6, -1.0, 1.0] + [0.42, 0.70, 0.42]
-    pair(made, "mirror", (housing, shell[1]), PAINT)
+    made.add_pair("mirror", (housing, shell[1]), PAINT)
     stalk = tube([(0.27, 0.62, 0.44), (0.34, 0.66, 0.44), (0.42, 0.68, 0.44)], 0.008, fine)
-    pair(made, "mirror-stalk", stalk, CARBON)
+    made.add_pair("mirror-stalk", stalk, CARBON)
     hoop = tube([(-0.16, 0.64, -0.33), (-0.12, 0.9, -0.33), (0, 0.94, -0.33), (0.12, 0.9, -0.33),
                  (0.16, 0.64, -0.33)], 0.02, fine, bends=60, sides=24)  # fmt: skip
     made.add("roll-hoop", hoop, METAL)
@@ -237,7 +202,7 @@ def _fittings(made: Assembly) -> None:
     made.add("rain-light", rounded_box((-0.05, 0.3, -2.1), (0.05, 0.36, -2.04), 0.008, fine), PAINT)
     made.add("crash-box", rounded_box((-0.07, 0.2, -2.05), (0.07, 0.34, -1.9), 0.02, fine), CARBON)
     pipe = [(0.2, 0.3, -1.3), (0.3, 0.42, -1.5), (0.3, 0.46, -1.7)]
-    pair(made, "tailpipe", tube(pipe, 0.035, fine, bends=60, sides=40), METAL)
+    made.add_pair("tailpipe", tube(pipe, 0.035, fine, bends=60, sides=40), METAL)
     made.add("tow-hook", swept(np.array([(0.1 * math.cos(a) * 0.4, 0.3 + 0.04 * math.sin(a), -2.12)
              for a in np.linspace(0, 5.5, chords(40, fine))]), 0.006 * np.array(
              [(1, 0), (0, 1), (-1, 0), (0, -1)])), YELLOW)  # fmt: skip
@@ -248,24 +213,19 @@ def _decals(made: Assembly) -> None:
     """Sponsors' names and numbers: thin sheets on the bodywork, by shares of a part's length
     and the angles that they span."""
     up = math.pi / 2
-    for name, stations, (first, last), (start, end), x in (
+    for name, stations, part, span, x in (
         ("sidepod", POD, (0.15, 0.75), (-0.45, 0.45), POD_X),
         ("cover", COVER, (0.05, 0.7), (-0.1, 1.0), (0.0,) * 5),
         ("tub", TUB, (0.05, 0.95), (-0.3, 0.3), (0.0,) * 5),
         ("nose", NOSE, (0.3, 0.95), (up - 0.9, up - 0.02), (0.0,) * 5),
     ):
-        count = chords(60, made.fine, 4)
-        rows = _stations(stations, 4 * count)[int(4 * count * first) : int(4 * count * last) : 4]
-        at = np.interp(rows[:, 0][::-1], [s[0] for s in stations][::-1], x[::-1])[::-1]
-        ends = np.full(len(rows), start), np.full(len(rows), end)
-        outer, inner = (_arc(rows, *ends, chords(40, made.fine, 4), skin) for skin in DECAL_M)
-        shift = at[:, None, None] * [1.0, 0.0, 0.0]
-        pair(made, f"decal-{name}", thick(outer + shift, inner + shift), WHITE)
+        decal = patch_on(stations, x, part, span, DECAL_M, made.fine)
+        made.add_pair(f"decal-{name}", decal, WHITE)
     for name, low, high in (
         ("front-endplate", (0.695, 0.10, 2.0), (0.697, 0.27, 2.4)),
         ("rear-endplate", (0.495, 0.45, -2.35), (0.497, 0.95, -1.95)),
     ):
-        pair(made, f"decal-{name}", rounded_box(low, high, 0.0008, made.fine), WHITE)
+        made.add_pair(f"decal-{name}", rounded_box(low, high, 0.0008, made.fine), WHITE)
 
 
 def _rivets(made: Assembly) -> None:

@@ -47,9 +47,7 @@ def orbit(frames: int, nodes: tuple[Node, ...], detail: Place, *, nearest: float
         pose = np.eye(4)
         pose[:3, :3] = _rotation(axis, angle)
         pose[:3, 3] = pose[:3, :3] @ [0.0, 0.0, distance] + target
-        cameras.append(
-            Camera(pose, *SIZE_PX, near=0.03 * away, far=4.0 * away, yfov=YFOV)
-        )
+        cameras.append(Camera(pose, *SIZE_PX, near=0.03 * away, far=4.0 * away, yfov=YFOV))
     return CameraPath(tuple(cameras))
 
 

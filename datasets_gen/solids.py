@@ -68,7 +68,7 @@ def _around(profile: Any, sides: int) -> Float64:
 
 def torus(radius: float, wire: float, fine: float) -> Soup:
     """A torus about y."""
-    section = ring(wire, chords(14, fine)) + [radius, 0.0]
+    section = np.add(ring(wire, chords(14, fine)), (radius, 0.0))
     return annulus(section, chords(56, fine, 8))
 
 
@@ -156,7 +156,9 @@ def framed(outer: Any, hole: Any, low: float, high: float) -> Soup:
     return looped(rings)
 
 
-def square_to_circle(half_x: float, half_z: float, radius: float, fine: float) -> tuple[Float64, Float64]:
+def square_to_circle(
+    half_x: float, half_z: float, radius: float, fine: float
+) -> tuple[Float64, Float64]:
     """The outlines of a rectangular plate with a round hole, for `framed`: points on the same
     rays, the rectangle's corners among them."""
     angles = 2.0 * math.pi * np.arange(4 * chords(16, fine, 3)) / (4 * chords(16, fine, 3))
@@ -295,8 +297,8 @@ def perforated(radius: float, pitch: float, thick_: float, fine: float) -> Soup:
     keys = {(int(i), int(j)) for i, j in np.round(cells / pitch - 0.5).astype(int)}
     parts = []
     for row in range(4):
-        quad = np.stack([grid[:, row, here], grid[:, row, after],
-                         grid[:, (row + 1) % 4, after], grid[:, (row + 1) % 4, here]], axis=2)  # fmt: skip
+        near, far = grid[:, row], grid[:, (row + 1) % 4]
+        quad = np.stack([near[:, here], near[:, after], far[:, after], far[:, here]], axis=2)
         if row == 0:
             # Between two squares there is no wall.
             middle = (square[here] + square[after]) / 2.0

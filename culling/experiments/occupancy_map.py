@@ -81,7 +81,10 @@ def latency(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         )
     )
     each = _best_ms(
-        *(asker.asking(SIZES_PX[0], count, way, cull_back_faces=True) for way, count in WAYS.items())
+        *(
+            asker.asking(SIZES_PX[0], count, way, cull_back_faces=True)
+            for way, count in WAYS.items()
+        )
     )
     asker.queries.release()
     return {
@@ -89,9 +92,7 @@ def latency(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         "sizes_px": list(SIZES_PX),
         "culled_ms": best[::2],
         "unculled_ms": best[1::2],
-        "each_ms": {
-            way: ms / count for (way, count), ms in zip(WAYS.items(), each, strict=True)
-        },
+        "each_ms": {way: ms / count for (way, count), ms in zip(WAYS.items(), each, strict=True)},
     }
 
 

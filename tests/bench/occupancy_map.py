@@ -20,9 +20,7 @@ def run() -> list[dict[str, str]]:
         (f"query of {small} x {small} px, {way}", f"{1e3 * ms:.1f} µs each")
         for way, ms in queries["each_ms"].items()
     ]
-    sizes = zip(
-        queries["sizes_px"], queries["unculled_ms"], queries["culled_ms"], strict=True
-    )
+    sizes = zip(queries["sizes_px"], queries["unculled_ms"], queries["culled_ms"], strict=True)
     rows += [
         (f"query of {px} x {px} px, waited for",
          f"{1e3 * both:.0f} µs; back faces culled {1e3 * front:.0f} µs ({front / both:.2f})")

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
+from datasets_gen.angio import angio
 from datasets_gen.city import city
 from datasets_gen.dataset import scene_of
-from datasets_gen.angio import angio
 from tests import bad_occupancy_map as _its_mutants  # noqa: F401
 from tests import strategies
 from tests.bad_cullers import MUTANTS

@@ -12,7 +12,9 @@ speed-ups of "35 % to 78 %" are over single queries without a map, Table 5's ove
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from visref.papers.readings import Reading, reading
 from visref.papers.table import (
@@ -61,19 +63,27 @@ FRAME_RATE = {  # Table 4: single queries, single with a map, multiple
     "FormulaOne": (17.7, 18.4, 24.9),
     "City": (17.2, 18.5, 30.7),
 }
-SPEED_UP = {  # Table 5: the map over none, multiple queries over single ones with a map
+SPEED_UP = {  # Table 5: the map over none, multiple queries over single ones with a map, less 1
     "Angio": (0.12, 0.34),
     "BoomBox": (0.01, 0.33),
     "FormulaOne": (0.04, 0.35),
     "City": (0.08, 0.66),
 }
+FIGURES = {"Angio": 8, "FormulaOne": 9, "BoomBox": 10, "City": 11}
 MAP_BYTES = 2_048  # section 3.1
 LISTS = 5  # section 3.2
 ALWAYS_VISIBLE = "5 to 10 %"  # section 2
 QUERY_IN_TRIANGLES = 190  # section 2, after Severson
 CULLED_SHARE = "about 0.5"  # section 2: a query's latency, back faces culled, over unculled
+ORDERS = "orders of magnitude"  # section 3.1: a query's latency over a lookup's
+
+# What the words must mean at least: "almost twice as fast" is nearer to twice than to once, as
+# a ratio; "orders of magnitude" are two.
+ALMOST_TWICE = 2.0**0.5
+LEAST_ORDERS = 100.0
 
 SINGLE, MAP, MULTIPLE = "occlusion-query", "occupancy-map:maps=1", "occupancy-map:maps=5"
+METHODS = {"single": SINGLE, "single with OM": MAP, "multiple": MULTIPLE}
 COUNTED_SINGLE = f"{SINGLE}:fragments=true"
 COUNTED_MAP = f"{MAP},fragments=true"
 # Drawn shapes mark by their whole boxes.
@@ -86,7 +96,7 @@ WALKS = (
         for model in BOX_PIXELS
     ),
     *(
-        Walk(f"{SCENES[model]}-1000", SCENES[model], (SINGLE, MAP, MULTIPLE), size=LARGE)
+        Walk(f"{SCENES[model]}-1000", SCENES[model], tuple(METHODS.values()), size=LARGE)
         for model in MODELS
     ),
 )  # fmt: skip
@@ -99,8 +109,7 @@ EXPERIMENTS = (
 
 def tables(records: Records) -> list[Table]:
     """Fig. 1, the map, Tables 3, 1, 2, 4 and 5, and Figs. 8 to 11."""
-    small = {model: _measured(records, model, SMALL) for model in BOX_PIXELS}
-    large = {model: _measured(records, model, LARGE) for model in MODELS}
+    small, large = _measured(records, SMALL), _measured(records, LARGE)
     return [
         _models(large),
         _latency(records),
@@ -109,7 +118,7 @@ def tables(records: Records) -> list[Table]:
         _table_2(small),
         _table_4(large),
         _table_5(large),
-        *(_along_the_path(model, walk) for model, walk in large.items()),
+        *(_along_the_path(model, large.get(model)) for model in MODELS),
     ]
 
 
@@ -125,227 +134,231 @@ class _Walk:
         """Frames a second, of the median frame."""
         return 1e3 / self.by_culler[culler].ms()
 
+    def gain(self, culler: str, over: str) -> float:
+        """One culler's frame rate over another's."""
+        return self.rate(culler) / self.rate(over)
 
-_Walks = dict[str, _Walk | None]
+    def box_pixels(self, culler: str) -> float:
+        """Pixels of boxes that are not occluded, a frame."""
+        return self.by_culler[culler].mean("query_fragments_passed")
 
 
-def _measured(records: Records, model: str, size: Size) -> _Walk | None:
-    run = records.run(f"{SCENES[model]}-{size[0]}")
-    if run is None:
-        return None
-    (cullers,) = (walk.cullers for walk in WALKS if walk.key == f"{SCENES[model]}-{size[0]}")
-    scene = run.manifest["scene"]
-    by_culler = {culler: reading(run, culler) for culler in cullers}
-    return _Walk(scene["objects"], scene["triangles"], by_culler)
+_Walks = dict[str, _Walk]  # by model, those that were measured
+_T = TypeVar("_T")
+
+
+def _measured(records: Records, size: Size) -> _Walks:
+    found = {}
+    for walk in WALKS:
+        run = records.run(walk.key) if walk.size == size else None
+        if run is not None:
+            scene = run.manifest["scene"]
+            by_culler = {culler: reading(run, culler) for culler in walk.cullers}
+            (model,) = (model for model, name in SCENES.items() if name == walk.scene)
+            found[model] = _Walk(scene["objects"], scene["triangles"], by_culler)
+    return found
+
+
+def _of(measured: _T | None, number: Callable[[_T], float]) -> float | None:
+    """A number of what was measured, None for nothing."""
+    return None if measured is None else number(measured)
 
 
 def _models(walks: _Walks) -> Table:
     rows = []
     for model, (shapes, polygons) in MODELS.items():
-        walk = walks[model]
-        ours = (walk.shapes, walk.triangles) if walk else None
+        walk = walks.get(model)
+        note = "the text says 2,134" if model == "City" else ""
         rows += [
-            Row(f"{model}: shapes", shapes, ours and ours[0]),
-            Row(f"{model}: polygons", polygons, ours and ours[1]),
-            Row(f"{model}: polygons a shape", polygons / shapes, ours and ours[1] / ours[0],
-                note="the text says 2,134" if model == "City" else ""),
+            Row(f"{model}: shapes", shapes, _of(walk, lambda w: w.shapes)),
+            Row(f"{model}: polygons", polygons, _of(walk, lambda w: w.triangles)),
+            Row(f"{model}: polygons a shape", polygons / shapes,
+                _of(walk, lambda w: w.triangles / w.shapes), note=note),
         ]  # fmt: skip
     return Table("Models", "Table 3", tuple(rows))
 
 
 def _latency(records: Records) -> Table:
     found = records.experiment("latency")
-    triangles = records.experiment("query-in-triangles")
-    ratio = found["culled_ms"][-1] / found["unculled_ms"][-1] if found else None
-    cost = triangles["query_ms"] / triangles["triangle_ms"] if triangles else None
+    ratio = _of(found, lambda f: f["culled_ms"][-1] / f["unculled_ms"][-1])
+    cost = _of(records.experiment("query-in-triangles"), lambda f: f["query_ms"] / f["triangle_ms"])
     rows = [
         Row("a query in triangles of 25 pixels", QUERY_IN_TRIANGLES, cost, basis=Basis.WITHIN_RUN),
         Row("largest box: back faces culled over not", CULLED_SHARE, ratio, digits=2,
             basis=Basis.WITHIN_RUN),
     ]  # fmt: skip
-    grows: bool | None = None
+    growth = _of(found, lambda f: f["unculled_ms"][-1] / f["unculled_ms"][0])
     figure = None
     if found:
         area = tuple(px * px / 1e3 for px in found["sizes_px"])
-        curves = [
+        curves = tuple(
             Curve(f"{name} back-face culling", area, tuple(1e3 * ms for ms in found[key]))
             for name, key in (("without", "unculled_ms"), ("with", "culled_ms"))
-        ]
-        figure = Figure("front face of the box, thousand pixels", "latency of a query, µs",
-                        tuple(curves))  # fmt: skip
-        grows = found["unculled_ms"][-1] > 2.0 * found["unculled_ms"][0]
+        )
+        figure = Figure("front face of the box, thousand pixels", "latency of a query, µs", curves)
         rows += [
-            Row(f"latency of a query of {px} × {px} pixels", None, ms, "ms", 3, Basis.HARDWARE)
+            Row(f"a query of {px} × {px} pixels", None, ms, "ms", 3, Basis.HARDWARE)
             for px, ms in zip(found["sizes_px"], found["culled_ms"], strict=True)
         ]
     trends = (
-        Trend("a query's latency grows with the box's pixels", grows),
-        Trend("back-face culling makes large queries almost twice as fast",
-              None if ratio is None else ratio < 0.75,
+        Trend("a query's latency grows with its box's pixels",
+              None if growth is None else growth > 1.0,
+              "" if growth is None else f"the largest takes {growth:.1f} times the smallest's"),
+        Trend("back-face culling makes a large query almost twice as fast",
+              None if ratio is None else ratio * ALMOST_TWICE < 1.0,
               "" if ratio is None else f"it takes {ratio:.2f} of the time"),
     )  # fmt: skip
-    return Table("Latency of an occlusion query", "section 2 and Fig. 1", tuple(rows), trends,
-                 figure)  # fmt: skip
+    return Table(
+        "Latency of an occlusion query", "section 2 and Fig. 1", tuple(rows), trends, figure
+    )
 
 
 def _map(records: Records, walks: _Walks) -> Table:
     lookup, latency = records.experiment("lookup"), records.experiment("latency")
     rows = [
-        Row("a map, bytes", MAP_BYTES, lookup and lookup["map_bytes"]),
-        Row("lists of queries", LISTS, lookup and lookup["lists"]),
+        Row("a map, bytes", MAP_BYTES, _of(lookup, lambda f: f["map_bytes"])),
+        Row("lists of queries", LISTS, _of(lookup, lambda f: f["lists"])),
     ]
-    share: float | None = None
+    share = None
     if lookup:
+        share = _of(latency, lambda f: min(f["culled_ms"]) / max(lookup["lookup_ms"]))
         rows += [
             Row(f"a lookup of {tiles} × {tiles} tiles", None, 1e6 * ms, "ns", 1, Basis.HARDWARE)
             for tiles, ms in zip(lookup["tiles"], lookup["lookup_ms"], strict=True)
         ]
-        if latency:
-            share = min(latency["culled_ms"]) / max(lookup["lookup_ms"])
-    rows.append(Row("the quickest query over the dearest lookup", "orders of magnitude", share,
-                    basis=Basis.WITHIN_RUN))  # fmt: skip
-    for model, walk in walks.items():
-        ours = None
-        if walk:
-            one = walk.by_culler[MAP]
-            skipped = one.mean("tests_skipped")
-            ours = skipped / (skipped + one.mean("queries"))
-        rows.append(Row(f"{model}: shapes in view that need no query", ALWAYS_VISIBLE, ours, "%",
-                        1, note="theirs of geometry, in various applications"))  # fmt: skip
-    batches = [
-        row["batches"] for walk in walks.values() if walk for row in walk.by_culler[MULTIPLE].rows
-    ]
+    rows.append(Row("quickest query over dearest lookup", ORDERS, share, basis=Basis.WITHIN_RUN))
+    rows += [
+        Row(f"{model}: shapes in view that need no query", ALWAYS_VISIBLE,
+            _of(walks.get(model), _unasked), "%", 1, note="theirs of geometry, by estimates")
+        for model in MODELS
+    ]  # fmt: skip
+    stalls = [row["batches"] for walk in walks.values() for row in walk.by_culler[MULTIPLE].rows]
     trends = (
         Trend("a lookup costs orders of magnitude less than a query",
-              None if share is None else share > 100.0,
+              None if share is None else share > LEAST_ORDERS,
               "" if share is None else f"a query takes {share:.0f} times as long"),
-        Trend("no frame asks more than five times", max(batches) <= LISTS if batches else None),
+        Trend("no frame waits for more than five multiple queries",
+              max(stalls) <= LISTS if stalls else None,
+              f"at most {max(stalls)}" if stalls else ""),
     )  # fmt: skip
     return Table("The map", "sections 2 and 3", tuple(rows), trends)
 
 
+def _unasked(walk: _Walk) -> float:
+    """The share of the shapes in view that the map alone shows to be visible."""
+    with_map = walk.by_culler[MAP]
+    skipped = with_map.mean("tests_skipped")
+    return skipped / (skipped + with_map.mean("queries"))
+
+
 def _table_1(walks: _Walks) -> Table:
     rows = []
-    for model, published in FRAME_RATE_HP.items():
-        walk = walks[model]
-        ours = [walk.rate(culler) for culler in (COUNTED_SINGLE, COUNTED_MAP)] if walk else None
+    for model, (without, with_map) in FRAME_RATE_HP.items():
+        walk = walks.get(model)
         rows += [
-            Row(f"{model}: {name} OM", published[k], ours and ours[k], "fps", 1, Basis.HARDWARE)
-            for k, name in enumerate(("without", "with"))
-        ]
-        rows.append(Row(f"{model}: with over without", published[1] / published[0],
-                        ours and ours[1] / ours[0], "", 2, Basis.WITHIN_RUN))  # fmt: skip
+            Row(f"{model}: without OM", without, _of(walk, lambda w: w.rate(COUNTED_SINGLE)),
+                "fps", 1, Basis.HARDWARE),
+            Row(f"{model}: with OM", with_map, _of(walk, lambda w: w.rate(COUNTED_MAP)),
+                "fps", 1, Basis.HARDWARE),
+            Row(f"{model}: with over without", with_map / without,
+                _of(walk, lambda w: w.gain(COUNTED_MAP, COUNTED_SINGLE)), "", 2, Basis.WITHIN_RUN),
+        ]  # fmt: skip
     return Table("Frame rates at 876 × 584", "Table 1", tuple(rows))
 
 
 def _table_2(walks: _Walks) -> Table:
     rows = []
-    shares: dict[str, float] = {}
     note = "ours are front faces alone; whether theirs are is not said"
     for model, (without, with_map) in BOX_PIXELS.items():
-        walk = walks[model]
-        pixels = None
-        if walk:
-            pixels = [
-                walk.by_culler[culler].mean("query_fragments_passed")
-                for culler in (COUNTED_SINGLE, COUNTED_MAP, COUNTED_BOXES)
-            ]
-            shares[model] = pixels[1] / pixels[0]
+        walk = walks.get(model)
         rows += [
-            Row(f"{model}: without OM", without, pixels and pixels[0], "px", note=note),
-            Row(f"{model}: with OM", with_map, pixels and pixels[1], "px", note=note),
-            Row(f"{model}: with over without", with_map / without, shares.get(model), "%"),
-            Row(f"{model}: the same, shapes marked by their whole box", None,
-                pixels and pixels[2] / pixels[0], "%"),
+            Row(f"{model}: without OM", without, _of(walk, lambda w: w.box_pixels(COUNTED_SINGLE)),
+                "px", note=note),
+            Row(f"{model}: with OM", with_map, _of(walk, lambda w: w.box_pixels(COUNTED_MAP)),
+                "px", note=note),
+            Row(f"{model}: with over without", with_map / without, _of(walk, _left), "%"),
+            Row(f"{model}: the same, shapes marked by their whole boxes", None,
+                _of(walk, lambda w: w.box_pixels(COUNTED_BOXES) / w.box_pixels(COUNTED_SINGLE)),
+                "%"),
         ]  # fmt: skip
-    order = [shares.get(model) for model in BOX_PIXELS]
-    measured = [share for share in order if share is not None]
+    shares = {model: _left(walks[model]) for model in BOX_PIXELS if model in walks}
     told = ", ".join(f"{model} {100 * share:.0f} %" for model, share in shares.items())
     trend = Trend(
         "the map saves most on Angio and least on FormulaOne",
-        measured == sorted(measured) if len(measured) == len(order) else None,
+        None if len(shares) < len(BOX_PIXELS) else list(shares.values()) == sorted(shares.values()),
         f"what is left is {told}",
     )
     return Table("Pixels of boxes that are not occluded", "Table 2", tuple(rows), (trend,))
 
 
+def _left(walk: _Walk) -> float:
+    """The share of the boxes' pixels that a map does not save."""
+    return walk.box_pixels(COUNTED_MAP) / walk.box_pixels(COUNTED_SINGLE)
+
+
 def _table_4(walks: _Walks) -> Table:
     rows = []
     for model, published in FRAME_RATE.items():
-        walk = walks[model]
-        for name, culler, rate in zip(("single", "single with OM", "multiple"),
-                                      (SINGLE, MAP, MULTIPLE), published, strict=True):  # fmt: skip
-            rows.append(Row(f"{model}: {name}", rate, walk and walk.rate(culler), "fps", 1,
-                            Basis.HARDWARE))  # fmt: skip
+        for (name, culler), rate in zip(METHODS.items(), published, strict=True):
+            ours = walks[model].rate(culler) if model in walks else None
+            rows.append(Row(f"{model}: {name}", rate, ours, "fps", 1, Basis.HARDWARE))
     return Table("Frame rates at 1000 × 900", "Table 4", tuple(rows))
 
 
 def _table_5(walks: _Walks) -> Table:
     rows = []
-    by_map: dict[str, float] = {}
-    by_many: dict[str, float] = {}
     for model, (with_map, multiple) in SPEED_UP.items():
-        walk = walks[model]
-        if walk:
-            by_map[model] = walk.rate(MAP) / walk.rate(SINGLE) - 1.0
-            by_many[model] = walk.rate(MULTIPLE) / walk.rate(MAP) - 1.0
+        walk = walks.get(model)
         single, _, many = FRAME_RATE[model]
-        both = walk.rate(MULTIPLE) / walk.rate(SINGLE) - 1.0 if walk else None
         rows += [
-            Row(f"{model}: single with OM over single", with_map, by_map.get(model), "%",
-                basis=Basis.WITHIN_RUN),
-            Row(f"{model}: multiple over single with OM", multiple, by_many.get(model), "%",
-                basis=Basis.WITHIN_RUN),
-            Row(f"{model}: multiple over single", many / single - 1.0, both, "%",
-                basis=Basis.WITHIN_RUN, note="from Table 4"),
+            Row(f"{model}: single with OM over single", 1.0 + with_map,
+                _of(walk, lambda w: w.gain(MAP, SINGLE)), "", 2, Basis.WITHIN_RUN),
+            Row(f"{model}: multiple over single with OM", 1.0 + multiple,
+                _of(walk, lambda w: w.gain(MULTIPLE, MAP)), "", 2, Basis.WITHIN_RUN),
+            Row(f"{model}: multiple over single", many / single,
+                _of(walk, lambda w: w.gain(MULTIPLE, SINGLE)), "", 2, Basis.WITHIN_RUN,
+                "by Table 4"),
         ]  # fmt: skip
-    return Table("Speed-ups", "Table 5", tuple(rows), _speed_trends(walks, by_map, by_many))
+    return Table("Speed-ups", "Table 5", tuple(rows), _speed_trends(walks))
 
 
-def _speed_trends(
-    walks: _Walks, by_map: dict[str, float], by_many: dict[str, float]
-) -> tuple[Trend, ...]:
-    lists = ", ".join(f"{model} {100 * gain:+.0f} %" for model, gain in by_many.items())
-    saved = "; ".join(_saved(model, walk) for model, walk in walks.items() if walk)
+def _speed_trends(walks: _Walks) -> tuple[Trend, ...]:
+    many = {model: walk.gain(MULTIPLE, MAP) for model, walk in walks.items()}
+    one = {model: walk.gain(MAP, SINGLE) for model, walk in walks.items()}
+    told = ", ".join(f"{model} {gain:.2f}" for model, gain in many.items())
+    saved = "; ".join(_saved(model, walk) for model, walk in walks.items())
     return (
-        Trend("multiple queries beat single ones, in every scene",
-              min(by_many.values()) > 0.0 if by_many else None, lists),
+        Trend("multiple queries beat single ones with a map, in every scene",
+              min(many.values()) > 1.0 if many else None, told),
         Trend("the map makes single queries faster, in every scene",
-              min(by_map.values()) > 0.0 if by_map else None, saved),
+              min(one.values()) > 1.0 if one else None, saved),
         Trend("Angio gains most from the map",
-              max(by_map, key=lambda model: by_map[model]) == "Angio" if by_map else None, saved),
+              max(one, key=lambda model: one[model]) == "Angio" if len(one) > 1 else None, saved),
     )  # fmt: skip
 
 
 def _saved(model: str, walk: _Walk) -> str:
     """What the map saved in queries, and what keeping it costs."""
     single, with_map = walk.by_culler[SINGLE], walk.by_culler[MAP]
-    asked, less = single.mean("queries"), with_map.mean("queries")
+    saved = 1.0 - with_map.mean("queries") / single.mean("queries")
     return (
-        f"{model}: {walk.rate(MAP) / walk.rate(SINGLE) - 1.0:+.0%} with {1 - less / asked:.0%} of "
-        f"the queries saved; asking took {single.ms('query'):.1f} ms and takes "
-        f"{with_map.ms('query'):.1f}, the map {with_map.ms('arrange'):.1f} ms of "
-        f"{with_map.ms():.1f} a frame"
-    ).replace("%", " %")
-
-
-FIGURES = {"Angio": 8, "FormulaOne": 9, "BoomBox": 10, "City": 11}
+        f"{model}: {walk.gain(MAP, SINGLE):.2f}, with {100 * saved:.0f} % of the queries saved; "
+        f"of {single.ms():.1f} ms a frame queries took {single.ms('query'):.1f}, now "
+        f"{with_map.ms('query'):.1f}, and the map takes {with_map.ms('arrange'):.1f}"
+    )
 
 
 def _along_the_path(model: str, walk: _Walk | None) -> Table:
-    """Frame rates and polygons by frame: the paper's plots, whose values it does not print."""
-    rows: list[Row] = []
+    """Frame rates and polygons by frame: the paper plots them and prints no values."""
     figure = None
-    drawn = None
     if walk:
         curves = []
-        for name, culler in (("single", SINGLE), ("single with OM", MAP), ("multiple", MULTIPLE)):
+        for name, culler in METHODS.items():
             times = walk.by_culler[culler].ms_of["frame"]
-            frames = tuple(sorted(times))
-            curves.append(Curve(name, tuple(map(float, frames)),
-                                tuple(1e3 / times[frame] for frame in frames)))  # fmt: skip
+            frames = sorted(times)
+            rates = tuple(1e3 / times[frame] for frame in frames)
+            curves.append(Curve(name, tuple(map(float, frames)), rates))
         figure = Figure("frame", "frames a second", tuple(curves))
-        drawn = walk.by_culler[SINGLE].mean("triangles_drawn") / walk.triangles
-    rows.append(Row("polygons drawn, single", None, drawn, "%", note="plotted, not printed"))
-    return Table(f"{model}: frame rates along the path", f"Fig. {FIGURES[model]}", tuple(rows),
-                 figure=figure)  # fmt: skip
+    drawn = _of(walk, lambda w: w.by_culler[SINGLE].mean("triangles_drawn") / w.triangles)
+    rows = (Row("polygons drawn, single", None, drawn, "%", note="plotted there, not printed"),)
+    return Table(f"{model}: along the path", f"Fig. {FIGURES[model]}", rows, figure=figure)
