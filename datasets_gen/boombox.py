@@ -43,9 +43,9 @@ GRID_PER_MM = 1024.0
 
 HALF_MM = (320.0, 115.0, 80.0)  # the case's, around the origin
 WALL_MM = 4.0
-RIM_MM = 9.0  # the bezel's width
-BEZEL_MM = 40.0  # z where the back shell ends and the bezel begins
-PANEL_MM = (70.0, 78.0)  # z of the front panels, which stand out of the bezel
+RIM_MM = 9.0  # the front housing's rim is so wide
+JOINT_MM = 40.0  # z where the back shell ends and the front housing begins
+PANEL_MM = (70.0, 78.0)  # z of the front panels, which stand out of the rim
 SPEAKER_RADIUS_MM = 78.0
 SPEAKER_MM = (210.0, 0.0, 70.0)  # the right speaker, where the path zooms in
 
@@ -85,7 +85,7 @@ def _case(made: Assembly) -> None:
     sheet = [[(-60, -101, 78.4), (60, -101, 78.4), (60, -96, 78.4), (-60, -96, 78.4)]]
     made.add("nameplate", quads(sheet), CHROME)
     # Made lying on its back, and stood up.
-    shell = open_box((-x, -z, -y), (x, BEZEL_MM, y), WALL_MM, 18.0, 2.5 * fine)
+    shell = open_box((-x, -z, -y), (x, JOINT_MM, y), WALL_MM, 18.0, 2.5 * fine)
     made.add("back-shell", facing(shell, "+z"), CASE)
     ends = [(-x + 28, y - 20, -18), (-x + 32, y + 36, -18), (-x + 70, y + 58, -18)]
     arch = [*ends, *((-a, b, c) for a, b, c in ends[::-1])]
@@ -111,7 +111,7 @@ def _front(made: Assembly) -> None:
     rim = framed(
         rounded_rectangle(x, y, 18.0, corner),
         rounded_rectangle(x - RIM_MM, y - RIM_MM, 9.0, corner),
-        BEZEL_MM - 2.0,
+        JOINT_MM - 2.0,
         PANEL_MM[1] - 4.0,
     )
     panel = framed(*outlines, back, front)

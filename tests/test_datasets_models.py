@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +14,10 @@ from datasets_gen.angio import angio
 from datasets_gen.assembly import Assembly, exactly
 from datasets_gen.boombox import boombox
 from datasets_gen.city_cars import CARS, city_cars
+from datasets_gen.city_large import triangles_of
 from datasets_gen.formula_one import formula_one
 from datasets_gen.glb import glb_bytes
+from datasets_gen.graph import Node
 from datasets_gen.hulls import hull, open_shell, patch_on, tunnel
 from datasets_gen.refine import split_to, welded
 from datasets_gen.shapes import Soup, box, quads
@@ -21,6 +25,7 @@ from tests.test_datasets_gen import areas, edge_counts, signed_volume
 from visref.camera import CameraPath
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
+from visref.registry import SCENES, available
 from visref.scene import Scene
 from visref.visibility import objects_seen
 
@@ -30,6 +35,7 @@ PUBLISHED = {
     formula_one: (306, 746_827),
     city_cars: (1_900, 4_059_195),
 }
+whole = cache(lambda make: make(frames=2))  # a scene at scale 1 is made once
 STATIONS = [
     (1.0, 0.5, 0.0, 1.0, 2.0),
     (0.5, 0.6, 0.1, 1.1, 3.0),
@@ -116,7 +122,7 @@ def test_only_an_open_border_gives_an_odd_number_of_triangles() -> None:
 
 @pytest.mark.parametrize("make", PUBLISHED)
 def test_model_has_the_papers_shapes_and_polygons(make) -> None:  # type: ignore[no-untyped-def]
-    scene = scene_of(make(frames=2))
+    scene = scene_of(whole(make))
     assert (scene.object_count, scene.triangle_count) == PUBLISHED[make]
     assert len(set(scene.names)) == scene.object_count
     assert np.isfinite(scene.vertices).all()
@@ -294,3 +300,26 @@ def test_nearly_every_vessel_is_visible_when_all_are_in_view() -> None:
     engine = EmbreeEngine(scene)
     for camera in dataset.path.frames[:6]:
         assert objects_seen(engine.frame(camera), scene).visible.mean() > 0.9
+
+
+def documented_sizes() -> dict[str, tuple[int, int]]:
+    """Objects and triangles of each scene, as docs/scenes.md has them."""
+    page = (Path(__file__).parents[1] / "docs" / "scenes.md").read_text(encoding="utf-8")
+    sizes = {}
+    for line in page.split("## Sizes")[1].split("\n## ")[0].splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[0].startswith("`"):
+            objects, triangles = (cells[k].split()[0].replace(",", "") for k in (3, 5))
+            sizes[cells[0].strip("`")] = int(objects), int(triangles)
+    return sizes
+
+
+def objects_of(node: Node) -> int:
+    return (node.mesh is not None) + sum(map(objects_of, node.children))
+
+
+@pytest.mark.parametrize("name", documented_sizes())
+def test_documented_sizes_are_the_scenes(name: str) -> None:
+    dataset = whole(available(SCENES)[name].load())
+    measured = tuple(sum(map(count, dataset.nodes)) for count in (objects_of, triangles_of))
+    assert measured == documented_sizes()[name]
