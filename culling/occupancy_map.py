@@ -19,7 +19,7 @@ Departures from the paper:
 - The paper says that the first map stores where geometry was rendered, not how it learns that.
   Here a drawn shape marks the tiles under each of its parts: its triangles by the cells of a
   grid over its box, `parts` a side, a box each. With `parts=1` it marks under its whole box;
-  two a side are what gives the paper's saving on a model like its vessels (see the benchmark).
+  two a side are what gives the saving of the paper on its vessels (`visref tables` has both).
 - What a list's queries found visible is marked in the first map too, so that it always holds
   everything drawn.
 - Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer

@@ -178,8 +178,8 @@ class _Site:
         front = BLOCK_M[1] / 2 - PAVEMENT_M
         for turns in (0, 2):
             x = -length / 2
-            for width in _lots(self.rng, length):
-                kind = self._kind(width, downtown)
+            for width in lots(self.rng, length):
+                kind = kind_of(self.rng, width, downtown)
                 variant = int(self.rng.integers(VARIANTS))
                 mesh, depth, roof = self.stock.building(kind, width, variant, self._tint())
                 spot = quarter_turn(turns) @ [x + width / 2, 0.0, front - depth / 2]
@@ -192,17 +192,6 @@ class _Site:
             self._tree(at)
         yard = box([-31.0, 0.17, -5.5], [31.0, 0.17, 5.5], "Y")
         self.put("yard", plain("yard", {"lawn": yard}), (0.0, 0.0, 0.0))
-
-    def _kind(self, width: int, downtown: float) -> str:
-        weights = {"walkup": 0.45}
-        if width <= 14:
-            weights["house"] = 0.5 * (1.0 - downtown) ** 2
-        if width >= 14:
-            weights["office"] = 0.25 + 0.5 * downtown
-        if width >= 20:
-            weights["tower"] = 0.1 + 1.2 * downtown
-        share = np.array(list(weights.values()))
-        return str(self.rng.choice(list(weights), p=share / share.sum()))
 
     def _roof_plant(
         self, spot: NDArray[np.float64], roof: tuple[float, float, float], turns: int
@@ -310,7 +299,20 @@ class _Site:
                     self.put("car", mesh, (float(x), 0.0, float(z)), side + 3)
 
 
-def _lots(rng: np.random.Generator, length: int) -> list[int]:
+def kind_of(rng: np.random.Generator, width: int, downtown: float) -> str:
+    """The kind of building for a lot, `downtown` 1 in the middle of a city and 0 at its rim."""
+    weights = {"walkup": 0.45}
+    if width <= 14:
+        weights["house"] = 0.5 * (1.0 - downtown) ** 2
+    if width >= 14:
+        weights["office"] = 0.25 + 0.5 * downtown
+    if width >= 20:
+        weights["tower"] = 0.1 + 1.2 * downtown
+    share = np.array(list(weights.values()))
+    return str(rng.choice(list(weights), p=share / share.sum()))
+
+
+def lots(rng: np.random.Generator, length: int) -> list[int]:
     """Lot widths that add up to `length`."""
     while True:
         widths: list[int] = []

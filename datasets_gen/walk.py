@@ -24,16 +24,27 @@ def walk(
         raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
     extent = math.hypot(columns * pitch_m[0], rows * pitch_m[1])
     first = frames - frames // 3
-    i, j = (columns + 1) // 2, (rows + 1) // 2
-    # The next crossing, unless that would be at the rim: two blocks have one inner crossing.
-    other = (i if columns == 2 else i - 1, j if rows == 2 else j - 1)
     cameras = []
-    for count, (column, row), way in ((first, (i, j), 1.0), (frames - first, other, -1.0)):
-        corner = np.array([column * pitch_m[0], row * pitch_m[1]]) - street_m / 2
+    turns = corners(columns, rows, pitch_m, street_m)
+    for count, (corner, way) in zip((first, frames - first), turns, strict=True):
         cameras += _corner(corner, way, count, far=max(1000.0, math.ceil(extent)))
     if first < frames:
         cameras[first] = replace(cameras[first], cut=True)
     return CameraPath(tuple(cameras))
+
+
+def corners(
+    columns: int, rows: int, pitch_m: tuple[float, float], street_m: float
+) -> list[tuple[NDArray[np.float64], float]]:
+    """The (x, z) of the two crossings where the walk turns, and its sense: it comes along z
+    times that, and leaves along x against it."""
+    i, j = (columns + 1) // 2, (rows + 1) // 2
+    # The next crossing, unless that would be at the rim: two blocks have one inner crossing.
+    other = (i if columns == 2 else i - 1, j if rows == 2 else j - 1)
+    return [
+        (np.array([column * pitch_m[0], row * pitch_m[1]]) - street_m / 2, way)
+        for (column, row), way in (((i, j), 1.0), (other, -1.0))
+    ]
 
 
 def _corner(corner: NDArray[np.float64], way: float, count: int, *, far: float) -> list[Camera]:

@@ -18,9 +18,7 @@ from datasets_gen.glb import glb_bytes
 from datasets_gen.graph import Material, Mesh, Node, Primitive
 from datasets_gen.hard import HardCase, hard_cases
 from datasets_gen.isosurface import isosurface
-from datasets_gen.vessels import vessels
 from visref.camera import Camera, CameraPath, look_at
-from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
 from visref.loading import load_scene
@@ -127,43 +125,6 @@ def test_isosurface_of_a_ball_is_closed_and_has_its_volume() -> None:
     assert signed_volume((vertices, triangles)) == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.02)
 
 
-@pytest.mark.parametrize("scale", [0.01002, 0.05, 1.0])
-def test_vessels_have_the_papers_counts_and_one_open_end(scale: float) -> None:
-    scene = scene_of(vessels(scale=scale))
-    wanted = round(419_639 * scale)
-    assert scene.triangle_count == wanted
-    assert scene.object_count == min(177, wanted // 40)
-    sizes = np.diff(scene.object_offsets)
-    assert sizes.max() - sizes.min() <= 1
-    assert (areas(scene) > 0.0).all()
-    if scale == 1.0:
-        return
-    counts = edge_counts(scene.vertices, scene.triangles)
-    assert counts.max() == 1
-    border = counts.sum(axis=1) == 1
-    # One cut through the trunk: its rim is short, and odd where the count is.
-    assert 0 < border.sum() < 0.01 * len(counts)
-    assert border.sum() % 2 == wanted % 2
-
-
-def test_vessels_are_seen_at_the_papers_size_turned_then_from_nearer() -> None:
-    path = vessels(scale=0.01).path
-    assert {(camera.width, camera.height) for camera in path} == {(876, 584)}
-    distance = np.array([np.linalg.norm(camera.eye) for camera in path])
-    assert np.ptp(distance[:60]) < 1e-6 * distance[0]
-    assert distance[75] < 0.5 * distance[0]
-    assert distance[-1] > 0.99 * distance[0]
-
-
-def test_nearly_every_vessel_is_visible_when_all_are_in_view() -> None:
-    dataset = vessels(scale=0.1, frames=9)
-    scene = scene_of(dataset)
-    engine = EmbreeEngine(scene)
-    for camera in dataset.path.frames[:6]:
-        seen = objects_seen(engine.frame(camera), scene).visible
-        assert seen.mean() > 0.9
-
-
 def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
     digests = []
     for run, seed in enumerate((7, 7, 8)):
@@ -200,8 +161,8 @@ def test_size_options_set_the_path(tmp_path: Path) -> None:
         (["city", "--seed", "-1"], "the seed is -1"),
         (["city", "--frames", "0"], "0 frames"),
         (["city", "--width", "5"], "belong together"),
-        (["vessels", "--scale", "0"], "scale is 0.0"),
-        (["vessels", "--frames", "0"], "0 frames"),
+        (["angio", "--scale", "0"], "scale is 0.0"),
+        (["angio", "--frames", "0"], "0 frames"),
         (["hard", "--scale", "2"], "have no scale"),
         (["hard", "--frames", "2"], "have no frames"),
         (["hard", "--width", "8", "--height", "8"], "its own image size"),

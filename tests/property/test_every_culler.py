@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
+from datasets_gen.angio import angio
 from datasets_gen.city import city
 from datasets_gen.dataset import scene_of
-from datasets_gen.vessels import vessels
 from tests import bad_occupancy_map as _its_mutants  # noqa: F401
 from tests import strategies
 from tests.bad_cullers import MUTANTS
@@ -126,8 +126,8 @@ def larger(name: str) -> tuple[Scene, CameraPath]:
     if name == "city":
         made = city(scale=0.01, frames=4)
         return scene_of(made), made.path.resized(160, 120)
-    if name == "vessels":
-        made = vessels(scale=0.02, frames=4)
+    if name == "angio":
+        made = angio(scale=0.02, frames=4)
         return scene_of(made), made.path.resized(160, 120)
     if not REAL_MODEL.exists():
         pytest.skip("Debian's assimp-testmodels is not installed")
@@ -135,7 +135,7 @@ def larger(name: str) -> tuple[Scene, CameraPath]:
     return scene, orbit(scene)
 
 
-@pytest.mark.parametrize("name", ["city", "vessels", "engine"])
+@pytest.mark.parametrize("name", ["city", "angio", "engine"])
 def test_no_culler_misses_anything_in_generated_and_real_scenes(name):
     scene, path = larger(name)
     referee = Referee(scene, lambda: EmbreeEngine(scene))

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from datasets_gen.dataset import Dataset
 from datasets_gen.graph import Material, Mesh, Node, Primitive
 from datasets_gen.isosurface import isosurface
-from visref.camera import Camera, CameraPath
+from datasets_gen.orbit import orbit
+from datasets_gen.refine import split_to
 from visref.errors import InputError
 
 Float64 = NDArray[np.float64]
@@ -38,7 +39,7 @@ ENDS_AT_SCALE_1 = 520
 _BLOOD = Material("vessel", (0.55, 0.07, 0.06, 1.0), double_sided=False)
 
 
-def vessels(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
+def angio(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     """419,639 triangles at scale 1 and in proportion otherwise: fewer branches below 1, a
     finer scan above. 177 shapes of equal size, each of neighbouring triangles.
 
@@ -49,8 +50,6 @@ def vessels(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     count = round(TRIANGLES_AT_SCALE_1 * scale) if 0.0 < scale <= 10.0 else 0
     if count < 1000:
         raise InputError(f"the vessels' scale is {scale}", place="scale", mend="give 0.0025 to 10")
-    if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
     rng = np.random.Generator(np.random.PCG64(seed))
     points, parent = _grow(rng, round(ENDS_AT_SCALE_1 * min(max(scale, 0.05), 1.0)))
     vertices, triangles = _surface(points, parent, _radii(parent), count)
@@ -59,7 +58,7 @@ def vessels(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
         Node(f"vessel-{number:03d}", _mesh(f"vessel-{number:03d}", vertices, part))
         for number, part in enumerate(_parts(vertices, triangles, shapes))
     )
-    return Dataset("vessels", nodes, _path(frames))
+    return Dataset("angio", nodes, orbit(frames, nodes, (14.0, 8.0, 0.0), nearest=0.4))
 
 
 def _grow(rng: np.random.Generator, count: int) -> tuple[Float64, Int64]:
@@ -128,7 +127,7 @@ def _surface(points: Float64, parent: Int64, radius: Float64, count: int) -> Sur
     while not 0.96 * count <= len(surface[1]) <= count:
         step *= math.sqrt(len(surface[1]) / aim)
         surface = _scan(points, parent, radius, step)
-    return _split_to(surface, count)
+    return split_to(surface, count)
 
 
 def _scan(points: Float64, parent: Int64, radius: Float64, step: float) -> Surface:
@@ -170,42 +169,6 @@ def _scan(points: Float64, parent: Int64, radius: Float64, step: float) -> Surfa
     return low + step * vertices, triangles
 
 
-def _split_to(surface: Surface, count: int) -> Surface:
-    """Halve the longest edges, with the one or two triangles at each, until there are `count`
-    triangles. Only an edge of the open border adds a single one."""
-    vertices, triangles = surface
-    missing = count - len(triangles)
-    if not missing:
-        return surface
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    keys = sides[:, 0] * len(vertices) + sides[:, 1]
-    unique, index, users = np.unique(keys, return_inverse=True, return_counts=True)
-    edges = np.stack([unique // len(vertices), unique % len(vertices)], axis=1)
-    owners = np.argsort(index.reshape(-1), kind="stable") // 3
-    starts = np.cumsum(users) - users
-    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    border_first = np.lexsort((-length, users if missing % 2 else -users))
-    taken = np.zeros(len(triangles), np.bool_)
-    chosen = []
-    for edge in border_first.tolist():
-        here = owners[starts[edge] : starts[edge] + users[edge]]
-        if missing == 0:
-            break
-        if len(here) > missing or (len(here) == 1) != bool(missing % 2) or taken[here].any():
-            continue
-        taken[here] = True
-        chosen.append(edge)
-        missing -= len(here)
-    halved = np.concatenate([owners[starts[k] : starts[k] + users[k]] for k in chosen])
-    ends = np.repeat(edges[chosen], users[chosen], axis=0)
-    new = np.repeat(len(vertices) + np.arange(len(chosen)), users[chosen])[:, None]
-    corners = triangles[halved]
-    other = np.where(corners == ends[:, :1], new, corners)
-    triangles[halved] = np.where(corners == ends[:, 1:], new, corners)
-    middle = vertices[edges[chosen]].mean(axis=1)
-    return np.concatenate([vertices, middle]), np.concatenate([triangles, other])
-
-
 def _parts(vertices: Float64, triangles: Int64, count: int) -> list[Int64]:
     """The triangles in `count` groups of nearly equal size, by halving along the widest axis."""
     if count == 1:
@@ -227,36 +190,3 @@ def _mesh(name: str, vertices: Float64, triangles: Int64) -> Mesh:
         vertices[used].astype(np.float32), index.reshape(-1, 3).astype(np.uint32), _BLOOD
     )
     return Mesh(name, (primitive,))
-
-
-def _path(frames: int) -> CameraPath:
-    """Turns about y, x and z with the whole model in view, then in and back."""
-    yfov = math.radians(40.0)
-    radius = 1.1 * max(HALF_EXTENT_MM)
-    away = radius / math.sin(yfov / 2)
-    turning = frames - frames // 3
-    cameras = []
-    for k in range(frames):
-        distance, axis, angle = away, 1, 0.0
-        target = np.zeros(3)
-        if k < turning:
-            turn = 3.0 * (k + 0.5) / turning
-            axis, angle = (1, 0, 2)[int(turn)], 2.0 * math.pi * (turn % 1.0)
-        else:
-            near = 0.5 - 0.5 * math.cos(2.0 * math.pi * (k + 0.5 - turning) / (frames - turning))
-            distance = away * (1.0 - 0.6 * near)
-            target = near * np.array([14.0, 8.0, 0.0])
-            angle = 0.6 * near
-        pose = np.eye(4)
-        pose[:3, :3] = _rotation(axis, angle)
-        pose[:3, 3] = pose[:3, :3] @ [0.0, 0.0, distance] + target
-        cameras.append(Camera(pose, width=876, height=584, near=5.0, far=4.0 * away, yfov=yfov))
-    return CameraPath(tuple(cameras))
-
-
-def _rotation(axis: int, angle: float) -> Float64:
-    result = np.eye(3)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    result[[i, j], [i, j]] = math.cos(angle)
-    result[i, j], result[j, i] = -math.sin(angle), math.sin(angle)
-    return result

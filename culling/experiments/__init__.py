@@ -1,0 +1,1 @@
+"""Measurements behind the papers' tables that are no judged run: `measure(scene, path) -> JSON`."""
