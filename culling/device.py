@@ -44,6 +44,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
         ctypes.c_int,
     ),
     "glDeleteTextures": (ctypes.c_int, ctypes.POINTER(ctypes.c_uint)),
+    "glBindTextureUnit": (ctypes.c_uint, ctypes.c_uint),
     "glNamedFramebufferTexture": (ctypes.c_uint, ctypes.c_uint, ctypes.c_uint, ctypes.c_int),
     "glClearNamedFramebufferiv": (
         ctypes.c_uint,
@@ -88,11 +89,13 @@ class Target:
 
     `framebuffer` has both; `scratch` has the same depth with a colour attachment that nobody
     reads, for shaders that only count (Mesa drops those where colour writes are off).
+    `depth_texture` is GL's name of the depth.
     """
 
     framebuffer: moderngl.Framebuffer
     scratch: moderngl.Framebuffer
     depth_bits: int
+    depth_texture: int = 0
 
     def read_depth(self) -> NDArray[np.float32]:
         """(height, width) float32 window depth in [0, 1], top row first."""
@@ -217,7 +220,7 @@ class Device:
                 framebuffer.glo, _DEPTH_ATTACHMENT, depth.name.value, 0
             )
             framebuffers.append(framebuffer)
-        made = Target(framebuffers[0], framebuffers[1], depth_bits)
+        made = Target(framebuffers[0], framebuffers[1], depth_bits, depth.name.value)
         self._targets[key] = (made, [*framebuffers, *colours, depth])
         return made
 
@@ -250,6 +253,10 @@ class Device:
         changes = self.apply(state)
         state.framebuffer.clear(depth=1.0)
         return changes
+
+    def sample_depth(self, target: Target, unit: int = 0) -> None:
+        """Let shaders read a target's depth through a texture unit, as window depth in red."""
+        self.gl["glBindTextureUnit"](unit, target.depth_texture)
 
     def clear_colour(self, framebuffer: moderngl.Framebuffer) -> None:
         """Set every pixel of a normalised image to 0, leaving its depth."""
