@@ -177,7 +177,7 @@ class ThreePassCulling(GLCuller):
     def fill_depth(self, frame: Frame, before: PrePass) -> None:
         """The first pass."""
         if self.low is not None:
-            ids = self.answering(frame.ids)
+            ids = frame.ids
             self.low.draw_depth(before.view, before.target, ids, frame.stats)
         else:
             assert self.geometry is not None
@@ -222,7 +222,7 @@ class ThreePassCulling(GLCuller):
         return visible
 
     def answering(self, ids: Int64) -> Int64:
-        """The stand-ins of units."""
+        """The units by whose stand-ins these are decided."""
         return ids
 
     def sure(self, frame: Frame) -> NDArray[np.bool_]:
@@ -237,12 +237,16 @@ class ThreePassCulling(GLCuller):
 
     def ask_objects(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
         assert self.geometry is not None
-        ids = frame.ids[places]
         samples = ask_meshes(
-            self.geometry, frame.view, frame.target, ids, frame.stats, state_hook=self.query_state
+            self.geometry,
+            frame.view,
+            frame.target,
+            self.answering(frame.ids[places]),
+            frame.stats,
+            state_hook=self.query_state,
         )
         visible = self.passes(samples)
-        self.observe("query", units=ids, samples=samples, visible=visible)
+        self.observe("query", units=frame.ids[places], samples=samples, visible=visible)
         return visible
 
     def ask_boxes(self, frame: Frame, before: PrePass, places: Int64) -> NDArray[np.bool_]:
@@ -268,8 +272,9 @@ class ThreePassCulling(GLCuller):
     ) -> tuple[PartBoxes, NDArray[np.bool_]]:
         """The boxes to ask of these units, those in view, and which of the frame's units are
         visible without asking, (k,) bool, because GL cannot draw one of their boxes whole."""
-        first = self.first_part[frame.ids[places]]
-        counts = self.first_part[frame.ids[places] + 1] - first
+        asked = self.answering(frame.ids[places])
+        first = self.first_part[asked]
+        counts = self.first_part[asked + 1] - first
         part = np.repeat(first - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         place = np.repeat(places, counts)
         boxes = before.view.inflated(self.part_bounds[part])
@@ -317,9 +322,7 @@ class ThreePassCulling(GLCuller):
         sure = self.sure(frame)
         self_asked = self.asked_themselves(frame, before) & ~sure
         places = np.flatnonzero(self_asked)
-        result[places] = mesh_fragments(
-            self.geometry, frame.view, frame.target, frame.ids[places]
-        )
+        result[places] = mesh_fragments(self.geometry, frame.view, frame.target, frame.ids[places])
         asked, _ = self.part_boxes(frame, before, np.flatnonzero(~self_asked & ~sure))
         counted = self.queries.fragments(
             before.view, before.target, asked.boxes, cull_back_faces=True

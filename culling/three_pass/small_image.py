@@ -71,6 +71,7 @@ class FarthestDepth:
 
     def __init__(self, device: Device) -> None:
         self.device = device
+        self.copy_error = COPY_ERROR
         self.program = device.program("rectangle.vert", "farthest.frag")
         self.vertex_array = device.context.vertex_array(
             self.program, [], mode=moderngl.TRIANGLE_STRIP
@@ -81,7 +82,7 @@ class FarthestDepth:
         set_uniform(self.program, "sides_ndc", np.array([-1, -1, 1, 1], np.float32).tobytes())
         set_uniform(self.program, "depth_ndc", np.float32(0.0).tobytes())
         set_uniform(self.program, "scale", np.int32(scale).tobytes())
-        set_uniform(self.program, "copy_error", np.float32(COPY_ERROR).tobytes())
+        set_uniform(self.program, "copy_error", np.float32(self.copy_error).tobytes())
         set_uniform(self.program, "depth", np.int32(0).tobytes())
         changes = self.device.apply(State(small.framebuffer, self.program, colour_write=False))
         self.device.sample_depth(whole)

@@ -65,10 +65,13 @@ def simplified(mesh: Mesh, count: int) -> Mesh:
     points, index = np.unique(points, axis=0, return_inverse=True)
     faces = index.reshape(-1)[faces]
     low, unit = points.min(axis=0), _extent(points)
-    scaled = (points - low) / unit
-    moved, left = fast_simplification.simplify(scaled, faces.astype(np.int32), target_count=count)
-    if not len(left) or not np.isfinite(moved).all():
-        return mesh
+    moved, left = (points - low) / unit, faces
+    # A run keeps to the normals that it started with, and may get stuck; the next one goes on.
+    while len(left) > count:
+        further = fast_simplification.simplify(moved, left.astype(np.int32), target_count=count)
+        if not 0 < len(further[1]) < len(left):
+            break
+        moved, left = further
     return low + unit * moved, left.astype(np.int64)
 
 
