@@ -95,19 +95,40 @@ class Geometry:
         stats.triangles_drawn = (stats.triangles_drawn or 0) + triangles
         stats.units_drawn = (stats.units_drawn or 0) + len(unit_ids)
 
-    def fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
-        """How many fragments these units have in the view, hidden ones included. It draws
-        with no depth test: for counting, beside a frame and not in it."""
+    def draw_depth(self, view: View, target: Target, unit_ids: Int64, stats: QueryStats) -> None:
+        """Draw what the units hide others with into the target's depth alone. It is no part of
+        the final image, so only calls and state changes are counted."""
+        state = State(target.framebuffer, self.program, colour_write=False)
+        drawn = QueryStats()
+        self._draw(view, state, unit_ids, drawn, depth_only=True)
+        stats.draw_calls = (stats.draw_calls or 0) + (drawn.draw_calls or 0)
+        stats.state_changes = (stats.state_changes or 0) + (drawn.state_changes or 0)
+
+    def fragments(
+        self, view: View, target: Target, unit_ids: Int64, *, depth_only: bool = False
+    ) -> int:
+        """How many fragments these units have in the view, hidden ones included; or those of
+        `draw_depth`. It draws with no depth test: for counting, beside a frame and not in it."""
         state = State(target.scratch, self.program, depth_func="", depth_write=False)
         query = self.device.queries(1)[0]
         with query:
-            self._draw(view, state, unit_ids, QueryStats())
+            self._draw(view, state, unit_ids, QueryStats(), depth_only=depth_only)
         return int(query.samples)
 
-    def _draw(self, view: View, base: State, unit_ids: Int64, stats: QueryStats) -> None:
+    def _draw(
+        self,
+        view: View,
+        base: State,
+        unit_ids: Int64,
+        stats: QueryStats,
+        *,
+        depth_only: bool = False,
+    ) -> None:
         view_uniforms(self.program, view)
         triangles = changes = calls = 0
         for part in self.classes:
+            if depth_only and not part.writes_depth:
+                continue
             ids = unit_ids[part.count[unit_ids] > 0]
             if not len(ids):
                 continue

@@ -220,7 +220,7 @@ class ResolvedMultisamples:
         parts = [context.renderbuffer(size, 1, samples=4, dtype="f1")]
         parts.append(context.depth_renderbuffer(size, samples=4))
         framebuffer = context.framebuffer(parts[0], parts[1])
-        return Target(framebuffer, framebuffer, self.depth_bits)
+        return Target(framebuffer, framebuffer, self.depth_bits, self.single.depth)
 
     def query_state(self, state):
         self.device.context.copy_framebuffer(self.single.framebuffer, state.framebuffer)

@@ -166,7 +166,13 @@ def test_no_culler_misses_a_visible_object_on_any_case() -> None:
 @pytest.mark.parametrize("case", ["t-junction-gap", "at-near-and-far-orthographic"])
 def test_variants_of_every_culler_pass_where_one_once_failed(case: str) -> None:
     table = run_hard_cases([], every_spec(CULLERS), only=[case])
-    assert {cell.state for cell in table.cells[case].values()} == {State.RIGHT}
+    states = {spec: cell.state for spec, cell in table.cells[case].items()}
+    # What declares itself approximate is measured; a smaller image does lose something here.
+    bad = {spec: s for spec, s in states.items() if s not in (State.RIGHT, State.MEASURED)}
+    assert bad == {}
+    assert {spec.partition(":")[0] for spec, s in states.items() if s is State.MEASURED} == {
+        "three-pass"
+    }
 
 
 def test_statuses_of_a_table(cases: dict[str, HardCase]) -> None:

@@ -27,7 +27,9 @@ from functools import lru_cache
 import numpy as np
 
 from visref.camera import CameraPath
-from visref.conformance_scenes import SCENES, Case, SceneMaker
+from visref.conformance_layers import LAYERS
+from visref.conformance_scenes import SCENES as OBJECTS
+from visref.conformance_scenes import Case, SceneMaker
 from visref.culler import Culler, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
@@ -39,6 +41,8 @@ from visref.scene import Scene
 from visref.visibility import FrameTruth
 
 MakeCuller = Callable[[], Culler]
+
+SCENES = [*OBJECTS, *LAYERS]
 
 # How many lines a failed check prints of the objects that it lost.
 LINES_PER_CHECK = 4

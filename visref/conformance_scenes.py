@@ -44,12 +44,23 @@ class SceneMaker:
 SCENES: list[SceneMaker] = []
 
 
-def _scene(claim: str, trap: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
-    def register(build: Callable[..., Case]) -> Callable[..., Case]:
-        SCENES.append(SceneMaker(build.__name__, claim, trap, build))
-        return build
+Build = Callable[..., Case]
 
-    return register
+
+def register_in(scenes: list[SceneMaker]) -> Callable[[str, str], Callable[[Build], Build]]:
+    """A decorator that puts scenes into a list, with their claim and the usual trap."""
+
+    def scene(claim: str, trap: str) -> Callable[[Build], Build]:
+        def register(build: Build) -> Build:
+            scenes.append(SceneMaker(build.__name__, claim, trap, build))
+            return build
+
+        return register
+
+    return scene
+
+
+_scene = register_in(SCENES)
 
 
 # Meshes, cameras and how they make a case.

@@ -1,0 +1,331 @@
+"""Three-pass culling with low-resolution stand-ins, from a set of slides, "Occlusion Culling",
+on the visualisation of seismic data.
+
+Objects are tiles of high resolution, each with a stand-in of low resolution. First pass: all
+stand-ins, and additional occluders, fill the depth buffer. Second pass: the stand-ins are queried
+against it, without writing. Third pass: both buffers are cleared, and every object whose stand-in
+had more than a threshold of visible samples is drawn in full. The pipeline stalls once a frame;
+nothing is sorted. The first two passes may use a smaller image.
+
+`mode=published` does just that. A stand-in sticks out in front of its object, or shrinks behind
+another; a threshold and a smaller image lose what is small. So it promises nothing and is measured.
+
+`mode=conservative` draws every object that owns a sample:
+
+- The first pass draws triangles of the scene itself, so the depth is never nearer than the
+  scene's. Of the tiles' triangles it takes 1 in `reduction` as those of the nearest tiles, whole: a
+  box behind a scattered subset would show through any of its holes.
+- The second pass asks what contains the object: the boxes of its parts, inflated, which have 1 in
+  `reduction` of its triangles; or the object itself, where it is an additional occluder.
+- `threshold` is 0 and the comparison "not farther". A smaller image is the window's, drawn whole
+  and reduced by the maximum (`culling.three_pass.small_image`).
+
+Departures from the slides, and what they leave open:
+
+- "Additional occluders" are the objects of at most `extra` triangles, such as faults and slices of
+  the volume. They stand in for themselves in both passes, and are queried as all others are.
+- What is semi-transparent (BLEND) or alpha-tested does not occlude; it is queried and drawn.
+- Only objects whose boxes meet the view take part; what is drawn comes front to back.
+- The slides do not say how they simplify: see `culling.three_pass.stand_ins`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from culling.device import Target
+from culling.geometry import Geometry
+from culling.method import GL_OPTIONS, Frame, GLCuller, phase
+from culling.queries.mesh_query import ask_meshes, mesh_fragments
+from culling.three_pass.parts import parts_of
+from culling.three_pass.small_image import FarthestDepth, grown, small_camera
+from culling.three_pass.stand_ins import stand_ins
+from culling.view import View, round_outward
+from visref.camera import Camera
+from visref.culler import Option, Promise
+from visref.errors import InputError
+from visref.scene import Float32, Float64, Int64, Scene, Units
+
+
+@dataclass(frozen=True, eq=False)
+class PrePass:
+    """The image of the first two passes. `small`: whether it is smaller than the window."""
+
+    view: View
+    target: Target
+    small: bool
+
+
+@dataclass(frozen=True, eq=False)
+class PartBoxes:
+    """Boxes to be asked, (k, 2, 3) float32 relative to the eye, and the place in the frame of
+    the object that each is a part of, (k,) int64, ascending."""
+
+    boxes: Float32
+    place: Int64
+
+
+class ThreePassCulling(GLCuller):
+    """Both modes; see the module."""
+
+    name = "three-pass"
+    summary = "Seismic slides: low-resolution stand-ins are drawn, then queried, then replaced"
+    options: ClassVar[Mapping[str, Option]] = {
+        "mode": Option(
+            "published",
+            "as the slides have it, and measured; or so that nothing visible is missed",
+            ("published", "conservative"),
+        ),
+        "reduction": Option(100, "an object's triangles for one of its stand-in's"),
+        "threshold": Option(0, "an object is drawn if more samples than this of it show"),
+        "scale": Option(1, "pixels a side for one of the image of the first passes", (1, 2, 4, 8)),
+        "extra": Option(1000, "objects of at most so many triangles stand in for themselves"),
+        **GL_OPTIONS,
+    }
+
+    def __init__(
+        self,
+        *,
+        mode: str = "published",
+        reduction: int = 100,
+        threshold: int = 0,
+        scale: int = 1,
+        extra: int = 1000,
+        depth: int = 24,
+        fragments: bool = False,
+    ) -> None:
+        super().__init__(depth=depth, fragments=fragments)
+        self.conservative = mode == "conservative"
+        if not self.conservative:
+            self.promise = Promise.APPROXIMATE
+        if reduction < 1:
+            raise InputError(f"reduction is {reduction}", place="reduction", mend="give 1 or more")
+        for name, value in (("threshold", threshold), ("extra", extra)):
+            if value < 0:
+                raise InputError(f"{name} is {value}", place=name, mend="give 0 or more")
+        if threshold and self.conservative:
+            raise InputError(
+                f"threshold is {threshold} and the mode conservative",
+                place="threshold",
+                mend="give 0: an object of one sample is visible",
+            )
+        self.reduction, self.threshold = reduction, threshold
+        self.scale, self.extra = scale, extra
+        self.farthest = FarthestDepth(self.device)
+        self.low: Geometry | None = None
+
+    def prepare(self, scene: Scene) -> Units:
+        units = super().prepare(scene)
+        # What stands in for itself, and in the conservative mode occludes whole.
+        self.whole = units.sizes <= self.extra
+        if self.conservative:
+            parts, self.first_part = self.parts_of(scene)
+            self.part_bounds = self.unit_bounds(scene, parts)
+        else:
+            low = self.stand_ins_of(scene)
+            occludes = self.occluders(low)
+            self.low = Geometry(self.device, low, low.object_units(), occludes)
+        return units
+
+    def decide(self, frame: Frame) -> None:
+        before = self.pre_pass(frame)
+        with phase(frame.stats, "occluders"):
+            self.fill_depth(frame, before)
+        with phase(frame.stats, "query"):
+            visible = self.ask(frame, before)
+        self.clear_again(frame)
+        self.draw(frame, np.flatnonzero(visible))
+
+    def close(self) -> None:
+        super().close()
+        self.farthest.release()
+
+    def _release(self) -> None:
+        super()._release()
+        if self.low is not None:
+            self.low.release()
+            self.low = None
+
+    # The steps.
+
+    def stand_ins_of(self, scene: Scene) -> Scene:
+        """Published: the same objects at low resolution."""
+        return stand_ins(scene, self.reduction, self.extra)
+
+    def parts_of(self, scene: Scene) -> tuple[Units, Int64]:
+        """Conservative: parts of each object, and each object's first part."""
+        return parts_of(scene, self.reduction)
+
+    def small_camera(self, camera: Camera) -> Camera:
+        return small_camera(camera, self.scale)
+
+    def pre_pass(self, frame: Frame) -> PrePass:
+        """The image of the first two passes; where no smaller one fits, the window's."""
+        camera = frame.view.camera
+        small = self.small_camera(camera) if self.scale > 1 else camera
+        if (small.width, small.height) == (camera.width, camera.height):
+            return PrePass(frame.view, frame.target, False)
+        target = self.target_for(small)
+        self.clear(target, frame.stats)
+        return PrePass(self.view_of(small), target, True)
+
+    def fill_depth(self, frame: Frame, before: PrePass) -> None:
+        """The first pass."""
+        if self.low is not None:
+            ids = frame.ids
+            self.low.draw_depth(before.view, before.target, ids, frame.stats)
+        else:
+            assert self.geometry is not None
+            ids = frame.ids[self.inner_occluders(frame)]
+            self.geometry.draw_depth(frame.view, frame.target, ids, frame.stats)
+            if before.small:
+                self.reduce(frame, before)
+        self.observe("fill", units=ids)
+
+    def inner_occluders(self, frame: Frame) -> Int64:
+        """The places of objects that hide others in the conservative first pass."""
+        whole = self.whole[frame.ids]
+        sizes = np.where(whole, 0, self.units.sizes[frame.ids])
+        budget = -(-int(sizes.sum()) // self.reduction)
+        # The last one may pass the budget: more occluders only hide more.
+        return np.flatnonzero(whole | (np.cumsum(sizes) - sizes < budget))
+
+    def reduce(self, frame: Frame, before: PrePass) -> None:
+        self.farthest.reduce(frame.target, before.target, self.scale, frame.stats)
+
+    def ask(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
+        """The second pass: which of the frame's units to draw, (k,) bool."""
+        ids = frame.ids
+        if self.low is not None:
+            samples = ask_meshes(
+                self.low,
+                before.view,
+                before.target,
+                self.answering(ids),
+                frame.stats,
+                state_hook=self.query_state,
+            )
+            visible = self.passes(samples)
+            self.observe("query", units=ids, samples=samples, visible=visible)
+            return visible
+        visible = self.sure(frame)
+        self_asked = self.asked_themselves(frame, before) & ~visible
+        places = np.flatnonzero(self_asked)
+        visible[places] = self.ask_objects(frame, places)
+        places = np.flatnonzero(~self_asked & ~visible)
+        visible[places] = self.ask_boxes(frame, before, places)
+        return visible
+
+    def answering(self, ids: Int64) -> Int64:
+        """The units by whose stand-ins these are decided."""
+        return ids
+
+    def sure(self, frame: Frame) -> NDArray[np.bool_]:
+        """Visible without a query."""
+        return frame.sure.copy()
+
+    def asked_themselves(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
+        """Whose own triangles are queried. Drawn as they are in the end, they miss a sample
+        where that drawing does; in a smaller image they would miss more."""
+        result: NDArray[np.bool_] = self.whole[frame.ids] & (not before.small)
+        return result
+
+    def ask_objects(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
+        assert self.geometry is not None
+        samples = ask_meshes(
+            self.geometry,
+            frame.view,
+            frame.target,
+            self.answering(frame.ids[places]),
+            frame.stats,
+            state_hook=self.query_state,
+        )
+        visible = self.passes(samples)
+        self.observe("query", units=frame.ids[places], samples=samples, visible=visible)
+        return visible
+
+    def ask_boxes(self, frame: Frame, before: PrePass, places: Int64) -> NDArray[np.bool_]:
+        """Whether any box of the units' parts shows, asked in one draw."""
+        asked, sure = self.part_boxes(frame, before, places)
+        samples = np.zeros(len(frame.ids), np.int64)
+        counted = self.queries.ask(
+            before.view,
+            before.target,
+            asked.boxes,
+            frame.stats,
+            way="instanced",
+            cull_back_faces=True,
+            state_hook=self.query_state,
+        )
+        np.add.at(samples, asked.place, counted)
+        visible = self.passes(samples[places]) | sure[places]
+        self.observe("query", units=frame.ids[places], samples=samples[places], visible=visible)
+        return visible
+
+    def part_boxes(
+        self, frame: Frame, before: PrePass, places: Int64
+    ) -> tuple[PartBoxes, NDArray[np.bool_]]:
+        """The boxes to ask of these units, those in view, and which of the frame's units are
+        visible without asking, (k,) bool, because GL cannot draw one of their boxes whole."""
+        asked = self.answering(frame.ids[places])
+        first = self.first_part[asked]
+        counts = self.first_part[asked + 1] - first
+        part = np.repeat(first - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        place = np.repeat(places, counts)
+        boxes = before.view.inflated(self.part_bounds[part])
+        if before.small:
+            boxes = self.grown(before.view, boxes)
+        shown = before.view.meets_frustum(boxes)
+        unasked = shown & self.needs_no_query(before.view, boxes)
+        sure = np.zeros(len(frame.ids), np.bool_)
+        sure[place[unasked]] = True
+        shown &= ~sure[place]
+        return PartBoxes(round_outward(boxes[shown]), place[shown]), sure
+
+    def grown(self, view: View, boxes: Float64) -> Float64:
+        return grown(view, boxes)
+
+    def passes(self, samples: Int64) -> NDArray[np.bool_]:
+        return samples > self.threshold
+
+    def clear_again(self, frame: Frame) -> None:
+        """The third pass starts on empty buffers."""
+        self.clear(frame.target, frame.stats)
+        self.observe("clear")
+
+    def _count(self, frame: Frame, drawn: Int64) -> None:
+        """Fragments of the three passes."""
+        assert self.geometry is not None
+        before, stats = self.pre_pass(frame), frame.stats
+        ids = frame.ids
+        passed = np.isin(ids, drawn)
+        if self.low is not None:
+            filling = self.low.fragments(before.view, before.target, ids, depth_only=True)
+            of_unit = mesh_fragments(self.low, before.view, before.target, ids)
+        else:
+            occluders = ids[self.inner_occluders(frame)]
+            filling = self.geometry.fragments(frame.view, frame.target, occluders, depth_only=True)
+            of_unit = self._conservative_fragments(frame, before)
+        stats.query_fragments = int(of_unit.sum())
+        stats.query_fragments_passed = int(of_unit[passed].sum())
+        final = self.geometry.fragments(frame.view, frame.target, drawn)
+        stats.depth_tests = filling + stats.query_fragments + final
+
+    def _conservative_fragments(self, frame: Frame, before: PrePass) -> Int64:
+        assert self.geometry is not None
+        result = np.zeros(len(frame.ids), np.int64)
+        sure = self.sure(frame)
+        self_asked = self.asked_themselves(frame, before) & ~sure
+        places = np.flatnonzero(self_asked)
+        result[places] = mesh_fragments(self.geometry, frame.view, frame.target, frame.ids[places])
+        asked, _ = self.part_boxes(frame, before, np.flatnonzero(~self_asked & ~sure))
+        counted = self.queries.fragments(
+            before.view, before.target, asked.boxes, cull_back_faces=True
+        )
+        np.add.at(result, asked.place, counted)
+        return result
