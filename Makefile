@@ -1,4 +1,4 @@
-# demo, test, lint, bench: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# demo, test, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +10,7 @@ SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libg
 # Only the tests: a real model that nobody here wrote.
 TEST_PACKAGES := assimp-testmodels
 
-.PHONY: demo test lint bench setup clean
+.PHONY: demo test lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -43,5 +43,11 @@ lint: $(READY)
 bench: setup
 	$(BIN)/python -m tests.bench
 
+# The papers' tables, on so many frames of each path, and the documentation made from them.
+TABLES := tables
+tables: setup
+	$(BIN)/visref tables --frames 20 --out $(TABLES)
+	tools/tables-to-docs $(TABLES)
+
 clean:
-	rm -rf $(VENV) demo build dist
+	rm -rf $(VENV) demo tables build dist

@@ -7,6 +7,7 @@ sets what differs and counts it, so one method's settings never leak into anothe
 from __future__ import annotations
 
 import ctypes
+import re
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -87,12 +88,14 @@ class Target:
     """An image to draw into: (height, width) of one colour and one depth.
 
     `framebuffer` has both; `scratch` has the same depth with a colour attachment that nobody
-    reads, for shaders that only count (Mesa drops those where colour writes are off).
+    reads, for shaders that only count (Mesa drops those where colour writes are off). `depth` is
+    that depth as a texture, first row at the bottom.
     """
 
     framebuffer: moderngl.Framebuffer
     scratch: moderngl.Framebuffer
     depth_bits: int
+    depth: moderngl.Texture
 
     def read_depth(self) -> NDArray[np.float32]:
         """(height, width) float32 window depth in [0, 1], top row first."""
@@ -133,6 +136,7 @@ class Device:
         self.context.front_face = "ccw"
         self.context.cull_face = "back"
         self._programs: dict[tuple[str, str], moderngl.Program] = {}
+        self._computes: dict[str, moderngl.ComputeShader] = {}
         self._targets: OrderedDict[tuple[int, int, int, str, int], tuple[Target, list[Any]]] = (
             OrderedDict()
         )
@@ -161,12 +165,16 @@ class Device:
         """The program of two files in `culling/shaders`, compiled once."""
         key = (vertex, fragment)
         if key not in self._programs:
-            source = files("culling") / "shaders"
             self._programs[key] = self.context.program(
-                vertex_shader=(source / vertex).read_text(encoding="utf-8"),
-                fragment_shader=(source / fragment).read_text(encoding="utf-8"),
+                vertex_shader=_source(vertex), fragment_shader=_source(fragment)
             )
         return self._programs[key]
+
+    def compute(self, shader: str) -> moderngl.ComputeShader:
+        """The compute shader of a file in `culling/shaders`, compiled once."""
+        if shader not in self._computes:
+            self._computes[shader] = self.context.compute_shader(_source(shader))
+        return self._computes[shader]
 
     def queries(self, count: int) -> list[moderngl.Query]:
         """At least `count` sample queries. moderngl cannot free one, so they are shared."""
@@ -217,7 +225,9 @@ class Device:
                 framebuffer.glo, _DEPTH_ATTACHMENT, depth.name.value, 0
             )
             framebuffers.append(framebuffer)
-        made = Target(framebuffers[0], framebuffers[1], depth_bits)
+        # Not owned: it goes with `_DepthTexture`.
+        sampled = self.context.external_texture(depth.name.value, (width, height), 1, 0, "f4")
+        made = Target(framebuffers[0], framebuffers[1], depth_bits, sampled)
         self._targets[key] = (made, [*framebuffers, *colours, depth])
         return made
 
@@ -263,6 +273,12 @@ class Device:
         four = (ctypes.c_int * 4)(*[value] * 4)
         self.gl["glClearNamedFramebufferiv"](state.framebuffer.glo, _COLOR, 0, four)
         return changes
+
+
+def _source(name: str) -> str:
+    """The text of a shader, with each line `#include "FILE"` replaced by that file's text."""
+    text = (files("culling") / "shaders" / name).read_text(encoding="utf-8")
+    return re.sub(r'^#include "([\w.]+)"$', lambda line: _source(line[1]), text, flags=re.MULTILINE)
 
 
 def set_uniform(program: moderngl.Program, name: str, value: bytes) -> None:

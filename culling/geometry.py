@@ -77,6 +77,24 @@ class Geometry:
         """Draw units into the target's image and depth, and count what that took."""
         self._draw(view, State(target.framebuffer, self.program), unit_ids, stats)
 
+    def draw_commands(
+        self, view: View, target: Target, commands: moderngl.Buffer, slots: int, stats: QueryStats
+    ) -> None:
+        """Draw what commands on the GPU say: `slots` of each class, class after class."""
+        view_uniforms(self.program, view)
+        for place, part in enumerate(self.classes):
+            state = State(target.framebuffer, self.program, depth_write=part.writes_depth)
+            changes = self.device.apply(state._replace(cull_back_faces=part.one_sided))
+            part.vertex_array.render_indirect(commands, count=slots, first=place * slots)
+            stats.state_changes = (stats.state_changes or 0) + changes
+            stats.draw_calls = (stats.draw_calls or 0) + 1
+
+    def tally(self, unit_ids: Int64, stats: QueryStats) -> None:
+        """Count units that commands on the GPU drew."""
+        triangles = sum(int(part.count[unit_ids].sum()) for part in self.classes) // 3
+        stats.triangles_drawn = (stats.triangles_drawn or 0) + triangles
+        stats.units_drawn = (stats.units_drawn or 0) + len(unit_ids)
+
     def fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
         """How many fragments these units have in the view, hidden ones included. It draws
         with no depth test: for counting, beside a frame and not in it."""

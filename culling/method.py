@@ -246,20 +246,8 @@ class GLCuller(Culler):
     ) -> NDArray[np.bool_]:
         """Whether the boxes of the units `frame.ids[places]` would show, asked together; or
         their corners alone."""
-        boxes = round_outward(frame.boxes[places])
-        with phase(frame.stats, "query"):
-            samples = self.queries.ask(
-                frame.view,
-                frame.target,
-                boxes,
-                frame.stats,
-                way=self.way,
-                cull_back_faces=not self.query_back_faces,
-                corners_only=corners_only,
-                state_hook=self.query_state,
-            )
+        samples = self.ask_boxes(frame, frame.boxes[places], corners_only=corners_only)
         visible = self.passes(samples)
-        frame.asked.append(Asked(boxes, samples, corners_only))
         self.observe(
             "query",
             units=frame.ids[places],
@@ -268,6 +256,24 @@ class GLCuller(Culler):
             corners_only=corners_only,
         )
         return visible
+
+    def ask_boxes(self, frame: Frame, boxes: Float64, *, corners_only: bool = False) -> Int64:
+        """(k,) int64 samples that would show of inflated boxes relative to the eye, asked
+        together."""
+        rounded = round_outward(boxes)
+        with phase(frame.stats, "query"):
+            samples = self.queries.ask(
+                frame.view,
+                frame.target,
+                rounded,
+                frame.stats,
+                way=self.way,
+                cull_back_faces=not self.query_back_faces,
+                corners_only=corners_only,
+                state_hook=self.query_state,
+            )
+        frame.asked.append(Asked(rounded, samples, corners_only))
+        return samples
 
     def observe(self, step: str, **data: Any) -> None:
         if self.observer is not None:

@@ -159,6 +159,16 @@ class View:
             depth_bits=None if depth_bits == 32 else depth_bits,
         )
 
+    @cached_property
+    def growth(self) -> tuple[float, float, float]:
+        """By how much boxes are inflated: a part of their distance from the eye, a part of a
+        pixel there (of that distance too in a perspective view), a part of their coordinates."""
+        return (
+            2.0 * TRANSFORM_ROUNDINGS * FLOAT32_UNIT,
+            2.0 * self._window_error_px * self._pixel,
+            4.0 * FLOAT64_UNIT,
+        )
+
     def inflated(self, bounds: Float64) -> Float64:
         """World boxes (k, 2, 3) -> boxes relative to the eye, float64, that cover their
         geometry however GL rounds it and them. Outward: too large a box only draws too much.
@@ -166,10 +176,9 @@ class View:
         eye = self.camera.eye
         relative: Float64 = bounds - eye
         reach = np.linalg.norm(np.maximum(np.abs(relative[:, 0]), np.abs(relative[:, 1])), axis=1)
-        part = 2.0 * TRANSFORM_ROUNDINGS * FLOAT32_UNIT
-        pixel = 2.0 * self._window_error_px * self._pixel
+        part, pixel, rounding = self.growth
         grow = part * reach + (pixel * reach if self.camera.is_perspective else pixel)
-        grow += 4.0 * FLOAT64_UNIT * (np.abs(bounds).max(axis=(1, 2)) + np.abs(eye).max())
+        grow += rounding * (np.abs(bounds).max(axis=(1, 2)) + np.abs(eye).max())
         relative[:, 0] -= grow[:, None]
         relative[:, 1] += grow[:, None]
         return relative
@@ -180,6 +189,17 @@ class View:
         row = self.depth_row
         nearest: Float64 = np.where(row > 0.0, relative[:, 0], relative[:, 1]) @ row
         return nearest
+
+    def window_depth(self, nearest: Float64) -> Float64:
+        """(k,) float64: view depths beyond the near plane as a depth buffer holds them, in
+        [0, 1], moved towards the eye by what stored geometry and this number may err
+        (`depth_shift_ndc` holds both). Nearer only draws too much."""
+        clip = self.camera.clip_from_camera(self.far)
+        ndc = -clip[2, 2] * nearest + clip[2, 3]
+        if self.camera.is_perspective:
+            ndc /= nearest
+        window: Float64 = np.clip(0.5 * (ndc - self.depth_shift_ndc) + 0.5, 0.0, 1.0)
+        return window
 
     def meets_frustum(self, relative: Float64) -> NDArray[np.bool_]:
         """(k,) bool, False only where a box relative to the eye lies wholly outside one of

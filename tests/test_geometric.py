@@ -35,6 +35,7 @@ from visref.geometric import (
     point_camera,
     write_geometric,
 )
+from visref.inputs import open_inputs
 from visref.scene import Alpha, Int32, Scene
 from visref.visibility import BACKGROUND, objects_seen
 
@@ -254,9 +255,7 @@ def test_the_file_is_the_same_for_one_thread_and_two(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_both_files_and_refuses_one_name_for_both(tmp_path: Path) -> None:
-    inputs = commands.open_inputs(
-        "city:scale=0.02,frames=2", path=None, frames="0:1", engine="embree"
-    )
+    inputs = open_inputs("city:scale=0.02,frames=2", path=None, frames="0:1", engine="embree")
     inputs = replace(inputs, path=inputs.path.resized(64, 48))
     truth, geometric = tmp_path / "truth.parquet", tmp_path / "geometric.parquet"
     line = commands.cast_truth(inputs, truth, geometric=geometric)

@@ -22,8 +22,11 @@ from visref.engines import engine_names
 from visref.errors import InputError, NothingToJudge
 from visref.gate import Exit
 from visref.hardcases_page import culler_summary
+from visref.inputs import Inputs, open_inputs
 from visref.outcome import RunOutcome
+from visref.papers import load_paper, paper_names
 from visref.run import Job, JudgedFrame
+from visref.tables import measure, write_tables
 from visref.visibility import FrameTruth, ObjectVisibility
 
 
@@ -66,9 +69,8 @@ class _Bar:
         self._progress.advance(self._task)
 
 
-@contextmanager
-def _progress(frames: int | None) -> Iterator[_Bar]:
-    with Progress(
+def _bar() -> Progress:
+    return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
@@ -76,7 +78,12 @@ def _progress(frames: int | None) -> Iterator[_Bar]:
         console=_ERRORS,
         transient=True,
         disable=not sys.stderr.isatty(),
-    ) as progress:
+    )
+
+
+@contextmanager
+def _progress(frames: int | None) -> Iterator[_Bar]:
+    with _bar() as progress:
         yield _Bar(progress, frames)
 
 
@@ -173,6 +180,31 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument("--out", type=Path, required=True, metavar="DIR")
     report.set_defaults(command=_report)
 
+    tables = commands_.add_parser(
+        "tables", help="measure the papers' tables again, beside the published numbers"
+    )
+    tables.add_argument(
+        "--paper",
+        action="append",
+        metavar="NAME",
+        help=f"repeat for several; {', '.join(paper_names())} (default: all)",
+    )
+    tables.add_argument(
+        "--frames", type=int, metavar="N", help="so many frames of each path, for a quick look"
+    )
+    tables.add_argument(
+        "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
+    )
+    tables.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    tables.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="goes on with what is there",
+    )
+    tables.set_defaults(command=_tables)
+
     explain = commands_.add_parser("explain", help="replay a witness from the run folder alone")
     explain.add_argument("run", type=Path, metavar="RUN")
     explain.add_argument("--frame", type=int, required=True, metavar="F")
@@ -251,8 +283,8 @@ def _judging_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _inputs(given: argparse.Namespace) -> commands.Inputs:
-    return commands.open_inputs(
+def _inputs(given: argparse.Namespace) -> Inputs:
+    return open_inputs(
         given.scene,
         path=given.path,
         frames=given.frames,
@@ -296,7 +328,7 @@ def _check(given: argparse.Namespace) -> Exit:
 
 def _judge(
     given: argparse.Namespace,
-    inputs: commands.Inputs,
+    inputs: Inputs,
     cullers: Sequence[tuple[str, Culler]],
     *,
     image_check: bool = False,
@@ -331,6 +363,43 @@ def _report(given: argparse.Namespace) -> Exit:
     page = commands.report(given.runs, given.out)
     _OUT.print(f"The report: {page}", markup=False)
     return Exit.NO_VIOLATION
+
+
+class _Steps:
+    """Progress over what the papers' tables need."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._bar = progress.add_task("measuring", total=None)
+
+    def begin(self, steps: int) -> None:
+        self._progress.update(self._bar, total=steps)
+
+    def task(self, label: str) -> None:
+        self._progress.update(self._bar, description=label)
+
+    def advance(self, steps: float) -> None:
+        self._progress.advance(self._bar, steps)
+
+
+def _tables(given: argparse.Namespace) -> Exit:
+    names = list(dict.fromkeys(given.paper or paper_names()))
+    papers = [load_paper(name) for name in names]
+    with _bar() as progress:
+        measured = measure(
+            papers,
+            given.out,
+            _Steps(progress),
+            frames=given.frames,
+            large=given.large,
+            threads=given.threads,
+        )
+    page, status = write_tables(measured)
+    for label, why in measured.failures.items():
+        _ERRORS.print(f"not measured: {label}: {why}", markup=False)
+    _OUT.print((given.out / "trends.md").read_text(encoding="utf-8"), markup=False, end="")
+    _OUT.print(f"\nThe tables: {page}", markup=False)
+    return status
 
 
 def _explain(given: argparse.Namespace) -> Exit:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
 from visref.bench import MARKER, Measurement, write_bench
 from visref.bench.verdict import headline, sentences
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
 from visref.culler import Culler, Promise, RasterTolerance
 from visref.engines import ENGINES, TruthEngine, check_engine, engine_names, make_engine
 from visref.engines.rays import RayEngine
@@ -24,13 +23,12 @@ from visref.files import replacing_file, replacing_folder
 from visref.geometric import FrameGeometry, GeometricSearch, geometric_line, write_geometric
 from visref.hardcases import HardCaseTable, every_spec, run_hard_cases
 from visref.hardcases_page import hard_cases_page
-from visref.loading import load_path, load_scene
+from visref.inputs import Inputs, open_inputs, open_scene
 from visref.outcome import RunOutcome
 from visref.record import MANIFEST, Recorder, slug
-from visref.registry import CULLERS, SCENES, available, load_entry, make_culler
+from visref.registry import CULLERS, available, load_entry, make_culler
 from visref.replay import Replay, read_visible_sets
 from visref.report import write_report
-from visref.rules import Finding
 from visref.run import ImageCheck, Listener, Referee
 from visref.scene import Scene
 from visref.truth_file import TruthTable, read_truth
@@ -43,118 +41,6 @@ DEMO_SCENE = "city:scale=0.2"
 DEMO_FRAMES = 24
 DEMO_SIZE = (960, 720)
 DEMO_CULLERS = ("none", "frustum", "occlusion-query", "culling.broken:HastyQueryCulling")
-
-
-@dataclass(frozen=True, eq=False)
-class Inputs:
-    """A scene, a path, the frames of it to judge, and who casts the truth."""
-
-    scene: Scene
-    path: CameraPath
-    frames: range
-    engine: str
-    threads: int | None
-    settings: dict[str, Any]
-    notes: tuple[Finding, ...] = ()
-
-    def make_engine(self) -> TruthEngine:
-        return make_engine(self.engine, self.scene, threads=self.threads)
-
-
-class _Generated(Protocol):
-    """What a scene generator returns (entry-point group `visref.scenes`)."""
-
-    def write(self, directory: Path) -> tuple[Path, Path]:
-        """Write the scene and its path; return the two files."""
-        ...
-
-
-def open_inputs(
-    scene: str,
-    *,
-    path: str | None,
-    frames: str | None,
-    engine: str,
-    threads: int | None = None,
-    cull_backfaces: bool = False,
-    lenient: bool = False,
-) -> Inputs:
-    """Read what a command works on. Raises InputError for anything wrong with it."""
-    if threads is not None and threads < 1:
-        raise InputError(f"--threads is {threads}", mend="give 1 or more")
-    # An unknown engine is said before a large scene is read.
-    check_engine(engine)
-    loaded, own_path, notes = _open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
-    if path is not None:
-        cameras = load_path(path)
-    elif own_path is not None:
-        cameras = own_path
-    elif Path(scene).suffix.lower() in (".glb", ".gltf"):
-        cameras = load_path(scene)
-    else:
-        raise InputError("the scene has no camera path", source=scene, mend="give --path")
-    settings = {"cull_backfaces": cull_backfaces, "lenient": lenient}
-    return Inputs(loaded, cameras, _frames(frames, len(cameras)), engine, threads, settings, notes)
-
-
-def _open_scene(
-    spec: str, *, cull_backfaces: bool = False, lenient: bool = False
-) -> tuple[Scene, CameraPath | None, tuple[Finding, ...]]:
-    """Load a file, or generate a scene by name; with its own path if it is generated."""
-    name, _, options = spec.partition(":")
-    if Path(spec).exists() or name not in available(SCENES):
-        loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
-        return loaded, None, _findings(loaded)
-    generator = cast(Any, load_entry(SCENES, name, kind="scene"))
-    generated: _Generated = generator(**_generator_options(spec, options))
-    with tempfile.TemporaryDirectory(prefix="visref-scene-") as folder:
-        scene_file, path_file = generated.write(Path(folder))
-        loaded = load_scene(scene_file, cull_backfaces=cull_backfaces, lenient=lenient)
-        path = load_path(path_file)
-    # Records name what was asked for, not the temporary file that it went through.
-    return replace(loaded, source=spec), replace(path, source=spec), _findings(loaded)
-
-
-def _findings(scene: Scene) -> tuple[Finding, ...]:
-    return tuple(Finding(code, text) for code, text in scene.notes)
-
-
-def _generator_options(spec: str, text: str) -> dict[str, int | float]:
-    kinds: dict[str, type[int] | type[float]] = {"seed": int, "scale": float, "frames": int}
-    values: dict[str, int | float] = {}
-    for part in filter(None, text.split(",")):
-        name, _, value = part.partition("=")
-        if name not in kinds:
-            raise InputError(
-                f"'{spec}' has no option '{name}'", mend=f"known are {', '.join(kinds)}"
-            )
-        try:
-            values[name] = kinds[name](value)
-        except ValueError as error:
-            raise InputError(f"'{part}' in '{spec}' is not a number", mend="give one") from error
-    return values
-
-
-def _frames(text: str | None, count: int) -> range:
-    """The frames that a slice A:B:STEP picks."""
-    if text is None:
-        return range(count)
-    parts = text.split(":")
-    try:
-        numbers = [int(part) if part else None for part in parts]
-        if len(numbers) == 1 and numbers[0] is not None:
-            picked = range(count)[numbers[0] : numbers[0] + 1 or None]
-        elif 2 <= len(numbers) <= 3:
-            picked = range(count)[slice(*numbers)]
-        else:
-            raise ValueError
-    except ValueError as error:
-        raise InputError(f"--frames {text} is no slice", mend="write A:B or A:B:STEP") from error
-    if not picked or picked.step < 0:
-        raise InputError(
-            f"--frames {text} picks none of the path's {count} frames", mend="give frames in order"
-        )
-    return picked
 
 
 def cast_truth(
@@ -352,7 +238,7 @@ def explain_witness(
 
 def list_objects(scene: str) -> list[dict[str, Any]]:
     """`visref objects`: ids, names and sizes."""
-    loaded, _, _ = _open_scene(scene)
+    loaded, _, _ = open_scene(scene)
     sizes = np.diff(loaded.object_offsets)
     return [
         {"id": index, "name": name, "triangles": int(size)}

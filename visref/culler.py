@@ -58,8 +58,9 @@ class QueryStats:
     `queries`: asked of the depth buffer; `queries_passed`: answered "visible";
     `batches`: times the method waited for answers (stalls); `query_fragments`: samples that
     the query geometry covers in the viewport, `query_fragments_passed`: those of queries
-    answered "visible"; `depth_tests`: depth comparisons, drawing and
-    queries together; `triangles_drawn`, `units_drawn`, `draw_calls`: of the final image;
+    answered "visible"; `lookups`: depths compared by a method that looks up a map where others
+    rasterise; `depth_tests`: depth comparisons, drawing and queries together;
+    `triangles_drawn`, `units_drawn`, `draw_calls`: of the final image;
     `state_changes`: of masks, programs and targets; `bytes_read_back`: from the GPU;
     `iterations`: rounds of a method that has rounds; `tests_skipped`: queries that the method
     itself saved. `ms`: milliseconds of wall time by phase. None means not measured.
@@ -71,6 +72,7 @@ class QueryStats:
     tests_skipped: int | None = None
     query_fragments: int | None = None
     query_fragments_passed: int | None = None
+    lookups: int | None = None
     depth_tests: int | None = None
     triangles_drawn: int | None = None
     units_drawn: int | None = None

@@ -64,17 +64,9 @@ class AreaQueries(ABC):
     def depth_of(self, nearest: Float64) -> Float64:
         """Depths as the buffer holds them, (k,) float64, from view depths beyond the near plane.
 
-        Window depth, moved towards the eye by what the geometry's stored depth may err
-        (`View.depth_shift_ndc` holds it twice: the second half is for the depth that is read
-        or the rectangle that is drawn). Nearer only draws too much.
+        Nearer only draws too much.
         """
-        view = self.view
-        clip = view.camera.clip_from_camera(view.far)
-        ndc = -clip[2, 2] * nearest + clip[2, 3]
-        if view.camera.is_perspective:
-            ndc /= nearest
-        window: Float64 = np.clip(0.5 * (ndc - view.depth_shift_ndc) + 0.5, 0.0, CLEARED)
-        return window
+        return self.view.window_depth(nearest)
 
     def drawn(self, units: Int64) -> None:
         """These units were drawn; a buffer beside GL's must follow."""

@@ -1,4 +1,6 @@
-"""The lazy grid on this machine: the paper's figures, what each choice costs, and traversal.
+"""The lazy grid on this machine: what each choice costs, and traversal.
+
+The paper's own figures are `visref tables --paper hey2001`.
 
 `python -m tests.bench lazy_grid` takes a tenth of the large city; `python -m
 tests.bench.lazy_grid 1` all of it (some 8 GiB and ten minutes).
@@ -7,11 +9,9 @@ tests.bench.lazy_grid 1` all of it (some 8 GiB and ten minutes).
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from statistics import mean, median
 from typing import Any
 
@@ -21,21 +21,19 @@ from culling.lazy_grid import LazyGridCulling
 from culling.lazy_grid import grid as grid_module
 from culling.lazy_grid.grid import FREE, FULL, OUTDATED, UNKNOWN
 from datasets_gen.city_large import city_large
-from datasets_gen.dataset import Dataset, scene_of
+from datasets_gen.dataset import scene_of
 from datasets_gen.forest import forest
 from visref.camera import CameraPath
-from visref.engines.embree import EmbreeEngine
 from visref.papers import hey2001
-from visref.record import Recorder
 from visref.registry import make_culler
-from visref.run import Referee
-from visref.run_record import read_run
 from visref.scene import Scene
 
-TITLE = "Lazy occlusion grid (Hey 2001): forest and city, 640x480 and 1280x960"
+TITLE = "Lazy occlusion grid (Hey 2001): forest and city, 640x480"
+
+Line = tuple[str, str]  # quantity, here
 
 FRAMES = 16
-SIZES = ((640, 480), (1280, 960))
+SIZE = (640, 480)
 CITY_SCALE = 0.1
 CELLS_PX = (8, 16, 32, 64)
 
@@ -44,42 +42,13 @@ def run(city_scale: float = CITY_SCALE) -> list[dict[str, str]]:
     rows: list[tuple[str, ...]] = []
     for dataset in (forest(frames=FRAMES), city_large(scale=city_scale, frames=FRAMES)):
         scene = scene_of(dataset)
-        for size in SIZES:
-            label = f"{dataset.name} {size[0]}x{size[1]}"
-            path = dataset.path.resized(*size)
-            rows += [(label, *line) for line in figure_rows(dataset, scene, path)]
-        label = f"{dataset.name} {SIZES[0][0]}x{SIZES[0][1]}"
-        path = dataset.path.resized(*SIZES[0])
+        label = f"{dataset.name} {SIZE[0]}x{SIZE[1]}"
+        path = dataset.path.resized(*SIZE)
         boxes = hey2001.specs(dataset.name)["lazy"].partition(",cell=32")[2]
         rows += [(label, *line) for line in choice_rows(scene, path, boxes)]
         rows += [(label, *line) for line in traversal_rows(scene, path, boxes)]
-    heads = ("scene", "quantity", "here", "paper")
+    heads = ("scene", "quantity", "here")
     return [dict(zip(heads, row, strict=True)) for row in rows]
-
-
-def figure_rows(dataset: Dataset, scene: Scene, path: CameraPath) -> list[hey2001.Line]:
-    """A judged run of the paper's three set-ups, its figures from the run's own records."""
-    specs = hey2001.specs(dataset.name)
-    with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(Path(folder), scene, path, engine="embree", settings={})
-        referee = Referee(scene, lambda: EmbreeEngine(scene))
-        cullers = [(spec, make_culler(spec)) for spec in specs.values()]
-        outcome = referee.run(path, range(len(path)), cullers, [recorder])
-        recorder.finish(outcome)
-        record = read_run(Path(folder))
-    walks = hey2001.walks(record.frames, record.timings)
-    lazy, busy, none = (walks[specs[name]] for name in ("lazy", "busy", "none"))
-    lines = hey2001.figures(dataset.name, path.frames[0].width, lazy, busy, none)
-    violations = sum(culler.totals.violations for culler in outcome.cullers)
-    same = all(a["drawn"] == b["drawn"] for a, b in zip(lazy.rows, busy.rows, strict=True))
-    superfluous = lazy.average("superfluous") / lazy.average("drawn")
-    return [
-        *lines,
-        ("lazy draws as many boxes as busy in every frame", "yes" if same else "NO", "yes"),
-        ("boxes drawn, and of these superfluous, lazy",
-         f"{lazy.average('drawn'):,.0f}, {superfluous:.0%}", ""),
-        ("violations, all three", str(violations), ""),
-    ]  # fmt: skip
 
 
 # What each choice asks, draws and takes.
@@ -95,7 +64,7 @@ class Forgetful(LazyGridCulling):
         return super().scan(walk, node)
 
 
-def choice_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey2001.Line]:
+def choice_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[Line]:
     """Buffers, ways of asking, cell sizes and extensions, lazy throughout."""
     options = [
         "buffer=z",
@@ -111,14 +80,14 @@ def choice_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey2001.
         f"large={path.frames[0].samples // 8}",
     ]
     plain = make_culler(f"lazy-grid:update=lazy{boxes}")
-    yield "readback, occlusion buffer, cell=32", _cost(plain, scene, path), ""
+    yield "readback, occlusion buffer, cell=32", _cost(plain, scene, path)
     for option in options:
-        yield option, _cost(make_culler(f"lazy-grid:{option}{boxes}"), scene, path), ""
+        yield option, _cost(make_culler(f"lazy-grid:{option}{boxes}"), scene, path)
     values = dict(part.split("=") for part in boxes.split(",") if part)
     leaf = int(values["leaf"]) if "leaf" in values else 1500
     shape = {"boxes": values.get("boxes", "objects"), "leaf": leaf}
     forgetful = Forgetful(buffer="z", query="gl", **shape)
-    yield "query=gl,buffer=z, no answer kept", _cost(forgetful, scene, path), ""
+    yield "query=gl,buffer=z, no answer kept", _cost(forgetful, scene, path)
 
 
 def _cost(culler: LazyGridCulling, scene: Scene, path: CameraPath) -> str:
@@ -180,7 +149,7 @@ def _scanning(scan: Callable[..., Any]) -> Iterator[None]:
         grid_module._scan_states = before
 
 
-def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey2001.Line]:
+def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[Line]:
     ways = {
         "numba": grid_module._scan_states,
         "NumPy": _scan_states_numpy,
@@ -192,7 +161,7 @@ def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[hey20
                 frames = _walk(make_culler(f"lazy-grid:cell={cell}{boxes}"), scene, path)
             traversal, whole = (median(f[key] for f in frames) for key in ("traversal", "ms"))
             told = f"{traversal:.1f} of {whole:.0f} ms"
-            yield f"traversal a frame, cell={cell}, cells scanned in {name}", told, ""
+            yield f"traversal a frame, cell={cell}, cells scanned in {name}", told
 
 
 def main() -> None:

@@ -9,12 +9,18 @@ and times, which belong to a GeForce2 and a 900 MHz Thunderbird, as ratios withi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import mean
-from typing import Any
+
+from visref.papers.readings import Reading, reading
+from visref.papers.table import Basis, Experiment, Records, Row, Size, Table, Trend, Walk
+
+TITLE = (
+    "H. Hey, R. F. Tobler, W. Purgathofer: Real-Time Occlusion Culling With A Lazy Occlusion "
+    "Grid. Vienna University of Technology, 2001"
+)
 
 SCENE_TRIANGLES = {"forest": 1_694_426, "city_large": 34_034_176}
+SIZES: tuple[Size, ...] = ((640, 480), (1280, 960))
 CELL_PX = 32
 TRIANGLES_A_BOX = 1500
 
@@ -34,21 +40,6 @@ PIXEL_QUERIES = {  # Fig. 8: lazy, busy
 FRAME_RATE_GAIN = (1.9, 5.8)  # Fig. 9 and section 7: lazy over none, the least and the most
 READBACK_SHARE = (0.38, 0.52)  # of the frame's time, lazy
 
-Row = Mapping[str, Any]
-Line = tuple[str, str, str]  # quantity, here, in the paper
-
-
-@dataclass(frozen=True)
-class Walk:
-    """One culler's frames of a walkthrough: rows with the counters `triangles_drawn`, `queries`
-    and the phases `frame_ms`, `query_ms` (as `frames.parquet` and `timings.parquet` have them,
-    joined by `walks`)."""
-
-    rows: Sequence[Row]
-
-    def average(self, counter: str) -> float:
-        return mean(float(row[counter]) for row in self.rows)
-
 
 def specs(scene: str) -> dict[str, str]:
     """The cullers to run: "lazy", "busy" and "none", as the paper set them up."""
@@ -59,50 +50,215 @@ def specs(scene: str) -> dict[str, str]:
     }
 
 
-def walks(frames: Sequence[Row], timings: Sequence[Row]) -> dict[str, Walk]:
-    """Each culler's walk, from the rows of a run folder's two tables. A walk's first frame is
-    left out: it compiles and warms."""
-    times: dict[tuple[str, int], dict[str, float]] = {}
-    for row in timings:
-        phases = times.setdefault((row["culler"], row["frame"]), {})
-        phases[f"{row['phase']}_ms"] = row["ms"]
-    joined: dict[str, list[Row]] = {}
-    for row in sorted(frames, key=lambda row: row["frame"]):
-        phases = {"frame_ms": 0.0, "query_ms": 0.0}
-        phases |= times.get((row["culler"], row["frame"]), {})
-        joined.setdefault(row["culler"], []).append({**row, **phases})
-    return {culler: Walk(rows[1:] or rows) for culler, rows in joined.items()}
+# What stands in for a scene that is judged with --large alone.
+STAND_IN = {"city_large": "city_large:scale=0.1"}
+STAND_IN_NOTE = "a tenth of the City; the whole with --large"
 
 
-def figures(scene: str, width: int, lazy: Walk, busy: Walk, none: Walk) -> list[Line]:
-    """Figs. 7, 8 and 9 for one scene and resolution, the published numbers beside ours."""
-    paper_drawn, paper_none = TRIANGLES_DRAWN[scene, width]
-    paper_lazy, paper_busy = PIXEL_QUERIES[scene, width]
-    drawn, drawn_busy = lazy.average("triangles_drawn"), busy.average("triangles_drawn")
-    everything = none.average("triangles_drawn")
-    asked, asked_busy = lazy.average("queries"), busy.average("queries")
-    frame = {name: walk.average("frame_ms") for name, walk in _named(lazy, busy, none)}
+def _key(scene: str, width: int) -> str:
+    return f"{scene}-{width}"
+
+
+def _stand_in_key(scene: str, width: int) -> str:
+    return f"{scene}-tenth-{width}"
+
+
+def _walk(key: str, spec: str, size: Size, *, large: bool = False) -> Walk:
+    cullers = tuple(specs(spec.partition(":")[0]).values())
+    return Walk(key, spec, cullers, size=size, large=large)
+
+
+WALKS = tuple(
+    walk
+    for scene in SCENE_TRIANGLES
+    for size in SIZES
+    for walk in (
+        _walk(_key(scene, size[0]), scene, size, large=scene in STAND_IN),
+        *(
+            [_walk(_stand_in_key(scene, size[0]), STAND_IN[scene], size)]
+            if scene in STAND_IN
+            else []
+        ),
+    )
+)
+EXPERIMENTS: tuple[Experiment, ...] = ()
+
+
+def tables(records: Records) -> list[Table]:
+    """Section 7's scenes, Figs. 7 to 9, and the share of readbacks."""
+    walks = {
+        (scene, width): walk
+        for scene in SCENE_TRIANGLES
+        for width, _ in SIZES
+        if (walk := _measured(records, scene, width)) is not None
+    }
+    return [_scenes(walks), _figure_7(walks), _figure_8(walks), _figure_9(walks)]
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """One scene and resolution: the scene's triangles, and the readings by update."""
+
+    triangles: int
+    by_update: dict[str, Reading]
+    note: str = ""
+
+    def mean(self, counter: str) -> dict[str, float]:
+        return {update: one.mean(counter) for update, one in self.by_update.items()}
+
+    def ms(self, phase: str = "frame") -> dict[str, float]:
+        return {update: one.ms(phase) for update, one in self.by_update.items()}
+
+
+_Walks = dict[tuple[str, int], _Walk]
+
+
+def _measured(records: Records, scene: str, width: int) -> _Walk | None:
+    run, note = records.run(_key(scene, width)), ""
+    if run is None and scene in STAND_IN:
+        run, note = records.run(_stand_in_key(scene, width)), STAND_IN_NOTE
+    if run is None:
+        return None
+    by_update = {update: reading(run, spec) for update, spec in specs(scene).items()}
+    return _Walk(run.manifest["scene"]["triangles"], by_update, note)
+
+
+def _named(scene: str, width: int) -> str:
+    name = {"forest": "Forest", "city_large": "City"}[scene]
+    return f"{name}, {width} × {dict(SIZES)[width]}"
+
+
+def _note(walk: _Walk | None) -> str:
+    return walk.note if walk is not None else ""
+
+
+def _scenes(walks: _Walks) -> Table:
+    rows = []
+    for scene, published in SCENE_TRIANGLES.items():
+        walk = walks.get((scene, SIZES[0][0]))
+        ours = None if walk is None else walk.triangles
+        name = "Forest" if scene == "forest" else "City"
+        rows.append(Row(f"{name}: triangles", published, ours, note=_note(walk)))
+    rows.append(Row("a cell's side", CELL_PX, CELL_PX, "px"))
+    rows.append(Row("City: triangles a box, at most", TRIANGLES_A_BOX, TRIANGLES_A_BOX))
+    return Table("Scenes and set-up", "section 7", tuple(rows))
+
+
+def _figure_7(walks: _Walks) -> Table:
+    rows: list[Row] = []
+    for at, (published, everything) in TRIANGLES_DRAWN.items():
+        walk = walks.get(at)
+        drawn = walk.mean("triangles_drawn") if walk is not None else {}
+        name, note = _named(*at), _note(walk)
+        share = drawn["lazy"] / drawn["none"] if drawn else None
+        rows += [
+            Row(f"{name}: lazy", published, drawn.get("lazy"), note=note),
+            Row(f"{name}: busy", published, drawn.get("busy"), note=note),
+            Row(f"{name}: no occlusion culling", everything, drawn.get("none"), note=note),
+            Row(f"{name}: lazy over none", published / everything, share, "%", 2, note=note),
+        ]
+    same = [_same_drawn(walk) for walk in walks.values()]
+    trends = [
+        Trend("lazy draws as much as busy, in every frame", all(same) if same else None),
+        *(_saving(scene, walks) for scene in SCENE_TRIANGLES),
+    ]
+    return Table("Triangles drawn a frame", "Fig. 7", tuple(rows), tuple(trends))
+
+
+def _saving(scene: str, walks: _Walks) -> Trend:
+    """Whether the grid leaves about as little to draw as in the paper; and where it does not,
+    how much of what it draws is really seen."""
+    published = max(lazy / none for (name, _), (lazy, none) in TRIANGLES_DRAWN.items()
+                    if name == scene)  # fmt: skip
+    claim = f"{scene}: lazy draws no more than {100 * published:.1f} % of what none draws"
+    found = [walk for (name, _), walk in walks.items() if name == scene]
+    if not found:
+        return Trend(claim, None)
+    shares = [walk.mean("triangles_drawn") for walk in found]
+    worst = max(drawn["lazy"] / drawn["none"] for drawn in shares)
+    seen = [walk.mean("superfluous")["lazy"] / walk.mean("drawn")["lazy"] for walk in found]
+    why = (
+        f"it is {100 * worst:.1f} %, and of the boxes drawn {100 * (1 - max(seen)):.0f} % own a "
+        "sample: the generated scene shows more at once than the paper's"
+    )
+    return Trend(claim, worst <= published, why)
+
+
+def _same_drawn(walk: _Walk) -> bool:
+    """Whether lazy and busy drew the same number of triangles in every frame."""
+    lazy, busy = (
+        [row["triangles_drawn"] for row in walk.by_update[update].rows]
+        for update in ("lazy", "busy")
+    )
+    return lazy == busy
+
+
+def _figure_8(walks: _Walks) -> Table:
+    rows: list[Row] = []
+    gains: dict[tuple[str, int], float] = {}
+    for at, (lazy, busy) in PIXEL_QUERIES.items():
+        walk = walks.get(at)
+        asked = walk.mean("queries") if walk is not None else {}
+        if asked:
+            gains[at] = asked["busy"] / asked["lazy"]
+        name, note = _named(*at), _note(walk)
+        rows += [
+            Row(f"{name}: lazy", lazy, asked.get("lazy"), note=note),
+            Row(f"{name}: busy", busy, asked.get("busy"), note=note),
+            Row(f"{name}: busy over lazy", busy / lazy, gains.get(at), digits=2, note=note),
+        ]
+    trends = []
+    for scene in SCENE_TRIANGLES:
+        low, high = (gains.get((scene, width)) for width, _ in SIZES)
+        holds = None if low is None or high is None else 1.0 < low < high
+        why = f"busy over lazy is {low:.2f}, then {high:.2f}" if low and high else ""
+        claim = f"{scene}: lazy beats busy, and by more at the higher resolution"
+        trends.append(Trend(claim, holds, why))
+    return Table("Pixel-level queries a frame", "Fig. 8", tuple(rows), tuple(trends))
+
+
+def _figure_9(walks: _Walks) -> Table:
+    rows: list[Row] = []
     low, high = FRAME_RATE_GAIN
     least, most = READBACK_SHARE
-    return [
-        ("Fig 7: triangles a frame, lazy", f"{drawn:,.0f}", f"{paper_drawn:,}"),
-        ("Fig 7: the same, busy", f"{drawn_busy:,.0f}", f"{paper_drawn:,}"),
-        ("Fig 7: the same, no occlusion culling", f"{everything:,.0f}", f"{paper_none:,}"),
-        ("Fig 7: lazy over none", _percent(drawn / everything), _percent(paper_drawn / paper_none)),
-        ("Fig 8: pixel-level queries a frame, lazy", f"{asked:,.0f}", f"{paper_lazy:,}"),
-        ("Fig 8: the same, busy", f"{asked_busy:,.0f}", f"{paper_busy:,}"),
-        ("Fig 8: busy over lazy", f"{asked_busy / asked:.2f}", f"{paper_busy / paper_lazy:.2f}"),
-        *((f"Fig 9: ms a frame, {name}", f"{frame[name]:.0f}", "") for name in frame),
-        ("Fig 9: frame rate, lazy over none", f"{frame['none'] / frame['lazy']:.1f}",
-         f"{low} to {high}"),
-        ("Section 7: queries' share of the time, lazy",
-         _percent(lazy.average("query_ms") / frame["lazy"]), f"{least:.0%} to {most:.0%}"),
-    ]  # fmt: skip
+    for at in TRIANGLES_DRAWN:
+        walk = walks.get(at)
+        ms = walk.ms() if walk is not None else {}
+        asking = walk.ms("query")["lazy"] / ms["lazy"] if walk is not None else None
+        name, note = _named(*at), _note(walk)
+        rows += [
+            Row(f"{name}: {update}", None, ms.get(update), "ms", 1, Basis.HARDWARE, note)
+            for update in ("lazy", "busy", "none")
+        ]
+        gain = ms["none"] / ms["lazy"] if ms else None
+        published = f"{low} to {high}"
+        shares = f"{least:.0%} to {most:.0%}".replace("%", " %")
+        rows += [
+            Row(f"{name}: frame rate, lazy over none", published, gain, "", 1,
+                Basis.WITHIN_RUN, note),
+            Row(f"{name}: queries' share of the time, lazy", shares, asking, "%", 0,
+                Basis.WITHIN_RUN, note),
+        ]  # fmt: skip
+    return Table("Time a frame", "Fig. 9 and section 7", tuple(rows), _time_trends(walks))
 
 
-def _named(lazy: Walk, busy: Walk, none: Walk) -> list[tuple[str, Walk]]:
-    return [("lazy", lazy), ("busy", busy), ("none", none)]
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2f} %"
+def _time_trends(walks: _Walks) -> tuple[Trend, ...]:
+    gains = {at: walk.ms()["none"] / walk.ms()["lazy"] for at, walk in walks.items()}
+    told = "; ".join(f"{_named(*at)}: {gain:.2f}" for at, gain in gains.items())
+    faster = Trend(
+        "the lazy grid is faster than no occlusion culling",
+        min(gains.values()) > 1.0 if gains else None,
+        f"frame rate, lazy over none, is {told}",
+    )
+    forests = {at: walk.ms() for at, walk in walks.items() if at[0] == "forest"}
+    slower = [ms["busy"] > ms["none"] for ms in forests.values()]
+    times = "; ".join(
+        f"{_named(*at)}: busy {ms['busy']:.0f} ms, none {ms['none']:.0f} ms"
+        for at, ms in forests.items()
+    )
+    busy = Trend(
+        "in the forest the busy grid is slower than no occlusion culling",
+        all(slower) if slower else None,
+        f"reading depth back is cheap where the image is in main memory ({times})",
+    )
+    return (faster, busy)

@@ -28,7 +28,9 @@ class Walk:
     """Cullers judged along a path: `visref run SCENE --culler …`, kept as a run folder.
 
     `key`: the folder's name, unique in its paper. `scene`: a generated scene's spec. `size`: the
-    images' width and height, None for the path's own. `large`: only with `--large`.
+    images' width and height, None for the path's own. `large`: only with `--large`. `stretch`: a
+    sample of the path's frames comes in stretches of that many consecutive ones, for methods that
+    remember the frame before; each stretch starts with a cut.
     """
 
     key: str
@@ -36,6 +38,7 @@ class Walk:
     cullers: tuple[str, ...]
     size: Size | None = None
     large: bool = False
+    stretch: int = 1
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class Experiment:
     scene: str | None = None
     size: Size | None = None
     large: bool = False
+    stretch: int = 1
 
 
 class Basis(StrEnum):

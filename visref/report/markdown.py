@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from visref.measures import Measures, measure
@@ -10,7 +9,6 @@ from visref.report import words
 from visref.run_record import RunRecord
 
 _MAX_LOST = 5
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>|#&~])")
 
 
 def markdown_summary(runs: Sequence[RunRecord]) -> str:
@@ -25,7 +23,7 @@ def markdown_summary(runs: Sequence[RunRecord]) -> str:
 def _run_lines(run: RunRecord) -> list[str]:
     rows = [measure(run, culler) for culler in run.cullers]
     lines = [
-        f"**{_plain(run.scene_name)}**: {_plain(words.run_sentence(run, rows))}",
+        f"**{words.plain(run.scene_name)}**: {words.plain(words.run_sentence(run, rows))}",
         "",
         "| culler | verdict | missed / visible | samples lost | superfluous / drawn "
         "| triangles drawn | ms a frame |",
@@ -34,7 +32,7 @@ def _run_lines(run: RunRecord) -> list[str]:
     for row in rows:
         counts = row.counts
         cells = [
-            _plain(row.culler),
+            words.plain(row.culler),
             f"{words.GLYPHS[words.label(row)]} {words.HEADLINES[words.label(row)].lower()}",
             f"{words.count(counts['missed'])} / {words.count(counts['visible'])}",
             words.count(counts["missed_pixels"]),
@@ -51,19 +49,14 @@ def _run_lines(run: RunRecord) -> list[str]:
 
 
 def _loss_lines(row: Measures) -> list[str]:
-    lines = [f"Lost by {_plain(row.culler)}:", ""]
+    lines = [f"Lost by {words.plain(row.culler)}:", ""]
     for lost in row.lost[:_MAX_LOST]:
         worst = lost.worst
         lines.append(
-            f"- {_plain(worst['name'])}: {words.counted(lost.pixels, 'sample')} over "
+            f"- {words.plain(worst['name'])}: {words.counted(lost.pixels, 'sample')} over "
             f"{words.counted(lost.frames, 'frame')} (frame {worst['frame']}, pixel "
             f"{worst['x']}, {worst['y']}, depth {worst['depth']:.6g})"
         )
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")
     return lines
-
-
-def _plain(text: str) -> str:
-    """Text that Markdown and HTML leave alone."""
-    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))

@@ -105,7 +105,7 @@ def _svg(plot: Plot) -> Markup:
         y = y_of(mark)
         parts.append(
             f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text x="{_LEFT - 6}" y="{y + 3.5:.1f}" class="end">{_short(mark)}</text>'
+            f'<text x="{_LEFT - 6}" y="{y + 3.5:.1f}" class="end">{short(mark)}</text>'
         )
     parts += [
         f'<text x="{x_of(frame):.1f}" y="{HEIGHT - 8}" class="mid">{frame}</text>'
@@ -139,8 +139,8 @@ def _svg(plot: Plot) -> Markup:
 def _spoken(plot: Plot) -> str:
     """The plot for those who cannot see it."""
     said = [
-        f"{series.label} from {_short(min(series.values.values()))} to "
-        f"{_short(max(series.values.values()))}"
+        f"{series.label} from {short(min(series.values.values()))} to "
+        f"{short(max(series.values.values()))}"
         for series in plot.series
         if series.values
     ]
@@ -154,7 +154,7 @@ def _frame_marks(frames: Sequence[int]) -> list[int]:
     return [frames[round(i * (len(frames) - 1) / 5)] for i in range(6)]
 
 
-def _short(value: float) -> str:
+def short(value: float) -> str:
     """A number for an axis: 1200000 as 1.2M."""
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size * (10 if letter == "k" else 1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from visref.gate import Exit, decide
@@ -15,6 +16,13 @@ HEADLINES = {
     "measured": "Measured, not convicted",
 }
 GLYPHS = {"violation": "✕", "no_violation_found": "✓", "inconclusive": "?", "measured": "~"}
+
+_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~])")
+
+
+def plain(text: str) -> str:
+    """Text that Markdown and HTML leave alone."""
+    return _MARKDOWN.sub(r"\\\1", " ".join(text.split()))
 
 
 def count(number: int) -> str:

@@ -1,0 +1,122 @@
+"""N-buffer culling wholly on the GPU: it tests every box and writes the draw commands itself.
+
+A compute shader decides about all units at once and fills a command for each, with no triangles
+for what is not drawn; one indirect multi-draw a class of triangles (`culling.geometry`: at most
+four) draws them. The number of GL calls hangs on the image's size, through the levels, and not on
+the number of units. Which units were drawn comes back once, at the end, for the record alone.
+"""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from culling.device import Device, Target
+from culling.geometry import COMMAND_WORDS, Geometry
+from culling.n_buffer.cover import ONE
+from culling.n_buffer.gpu import NBufferTexture
+from culling.view import View
+from visref.culler import QueryStats
+from visref.scene import Float64, Int64
+
+GROUP = 64  # work items of a group, as in the shader
+SHADER = "n_buffer_cull.comp"
+
+
+class GpuCull:
+    """The units of a scene on the GPU, and which of them the last frame saw.
+
+    `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        geometry: Geometry,
+        bounds: Float64,
+        can_occlude: NDArray[np.bool_],
+        squares: int,
+    ) -> None:
+        self.device, self.geometry, self.units = device, geometry, len(bounds)
+        self.squares = squares
+        self.shader = self.load()
+        buffer = device.context.buffer
+        nothing = bytes(4 * max(1, self.units))
+        ranges = np.array(
+            [[part.first, part.count] for part in geometry.classes], np.uint32
+        ).transpose(0, 2, 1) if geometry.classes else np.zeros(0, np.uint32)  # fmt: skip
+        slots = max(1, len(geometry.classes) * self.units)
+        self.bounds = buffer(bounds.tobytes() or bytes(8))
+        self.occludes = buffer(can_occlude.astype(np.uint32).tobytes() or bytes(4))
+        self.seen, self.drawn = buffer(nothing), buffer(nothing)
+        self.ranges = buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8))
+        self.commands = buffer(reserve=4 * COMMAND_WORDS * slots)
+        self.view = buffer(reserve=8 * 4 * 16)
+        self.map: NBufferTexture | None = None
+
+    def load(self) -> moderngl.ComputeShader:
+        return self.device.compute(SHADER)
+
+    def frame(self, view: View, target: Target, stats: QueryStats) -> Int64:
+        """Draw what may be visible; returns the units drawn, ascending, int64."""
+        if not self.units:
+            return np.zeros(0, np.int64)
+        levels = self.map_of(target)
+        self.view.write(_view_bytes(view, len(self.geometry.classes)))
+        buffers = (
+            self.bounds, self.occludes, self.seen, self.drawn, self.ranges, self.commands, self.view
+        )  # fmt: skip
+        for occluders in (True, False):
+            if not occluders:
+                levels.build(target)
+            for binding, buffer in enumerate(buffers, start=1):
+                buffer.bind_to_storage_buffer(binding)
+            levels.use(self.shader)
+            self.shader["occluders"] = occluders
+            self.shader["units"] = self.units
+            if not occluders:
+                self.shader["one_square"] = self.squares == ONE
+            self.shader.run(-(-self.units // GROUP))
+            self.device.context.memory_barrier()
+            self.geometry.draw_commands(view, target, self.commands, self.units, stats)
+        self.device.context.memory_barrier()
+        drawn = np.flatnonzero(np.frombuffer(self.drawn.read(4 * self.units), np.uint32))
+        self.geometry.tally(drawn, stats)
+        seen = np.frombuffer(self.seen.read(4 * self.units), np.uint32)
+        stats.bytes_read_back = (stats.bytes_read_back or 0) + 8 * self.units
+        stats.batches = (stats.batches or 0) + 1
+        stats.queries_passed = (stats.queries_passed or 0) + int(np.count_nonzero(seen))
+        return drawn
+
+    def map_of(self, target: Target) -> NBufferTexture:
+        """The N-buffer of this image's size."""
+        size = target.framebuffer.size
+        if self.map is None or self.map.size != size:
+            if self.map is not None:
+                self.map.release()
+            self.map = NBufferTexture(self.device, *size)
+        return self.map
+
+    def release(self) -> None:
+        if self.map is not None:
+            self.map.release()
+        for buffer in (
+            self.bounds, self.occludes, self.seen, self.drawn, self.ranges, self.commands, self.view
+        ):  # fmt: skip
+            buffer.release()
+
+
+def _view_bytes(view: View, classes: int) -> bytes:
+    """What the shader's block `View` holds, 16 rows of four float64."""
+    camera = view.camera
+    rows = np.zeros((16, 4))
+    rows[: len(view.planes)] = view.planes
+    rows[6:10] = view.clip_from_relative
+    rows[10, :3] = view.depth_row
+    rows[11] = *camera.eye, np.abs(camera.eye).max()
+    rows[12] = *view.growth, camera.near
+    clip = camera.clip_from_camera(view.far)
+    rows[13] = -clip[2, 2], clip[2, 3], view.depth_shift_ndc, float(camera.is_perspective)
+    rows[14] = camera.width, camera.height, len(view.planes), classes
+    return rows.tobytes()

@@ -1,0 +1,162 @@
+"""Papers' tables: every form shows the same numbers, escapes what it must, and hides no doubt."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from visref.papers.table import Basis, Curve, Figure, Row, Table, Trend
+from visref.report.figures import figure_svg
+from visref.report.tables import (
+    latex_text,
+    table_csv,
+    table_html,
+    table_latex,
+    table_lines,
+    table_markdown,
+)
+
+TABLE = Table(
+    "Fill & <b>queries</b>",
+    "Table 2, p. 5_6",
+    (
+        Row("Angio | share", 0.13, 0.26, "%"),
+        Row("fps", 7.0, 700.0, "Hz", basis=Basis.HARDWARE),
+        Row("lazy over none", "1.9 to 5.8", 2.5, digits=1, basis=Basis.WITHIN_RUN),
+        Row("tests", 1_100_000, None, note="asked for with --large"),
+        Row("not published", None, 12_345.678, digits=2),
+        Row("small", 0.5, 0.04, digits=1),
+    ),
+    (
+        Trend("N-buffers test least", True, "an excuse that nobody needs"),
+        Trend("maps save most on Angio", False, "its boxes are larger"),
+        Trend("the large city", None),
+    ),
+    Figure(
+        "budget <k>",
+        "tests",
+        (
+            Curve("cPLP", (1_000.0, 100_000.0), (4.7, 1.4), published=True),
+            Curve("cPLP", (1_000.0, 100_000.0), (3.0, 0.0)),
+            Curve("others & co", (1_000.0, 20_000.0), (40.0, 2.0)),
+        ),
+        log_x=True,
+        log_y=True,
+    ),
+)
+
+VALUES = st.just(0.0) | st.floats(1e-9, 1e9)
+
+
+def test_numbers_are_rounded_to_their_digits_and_never_to_a_zero_that_is_none():
+    cells = [line.cells for line in table_lines(TABLE)]
+    assert cells[0] == ("Angio | share", "13 %", "26 %", "2", "in ratio and order")
+    assert cells[1][1:4] == ("7 Hz", "700 Hz", "–")
+    assert cells[2][1:4] == ("1.9 to 5.8", "2.5", "–")
+    assert cells[3][1:4] == ("1,100,000", "–", "–")
+    assert cells[4] == ("not published", "–", "12,345.68", "–", "–")
+    assert cells[5][2] == "0.04"
+
+
+def test_every_form_shows_every_number_and_every_trend():
+    for form in (table_markdown, table_latex, table_html):
+        text = form(TABLE).replace("\\", "")
+        for line in table_lines(TABLE):
+            for cell in line.cells[1:4]:
+                assert cell.replace("–", "") in text
+        for words in ("does not hold", "not measured", "its boxes are larger"):
+            assert words in text
+        assert "nobody needs" not in text
+        assert "asked for with --large" in text
+
+
+def test_csv_has_the_numbers_in_full_and_leaves_the_unmeasured_empty():
+    rows = list(csv.DictReader(io.StringIO(table_csv(TABLE, TABLE))))
+    assert len(rows) == 2 * (6 + 3)
+    assert (rows[0]["published"], rows[0]["ours"], rows[0]["unit"]) == ("13", "26", "%")
+    assert rows[0]["ratio"] == "2"
+    assert rows[3]["ours"] == ""
+    assert rows[4]["ours"] == "12345.678"
+    assert [row["ours"] for row in rows[6:9]] == ["holds", "does not hold", "not measured"]
+
+
+def test_markdown_rows_all_have_as_many_cells_as_the_heading():
+    rows = [line for line in table_markdown(TABLE).splitlines() if line.startswith("|")]
+    assert len(rows) == 2 + len(TABLE.rows)
+    assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {7}
+    plain = Table("t", "s", TABLE.rows[:2])
+    assert "note" not in table_markdown(plain)
+
+
+def test_latex_rows_end_and_environments_close():
+    text = table_latex(TABLE)
+    body = text[text.index(r"\midrule") : text.index(r"\bottomrule")].splitlines()[1:]
+    assert len(body) == len(TABLE.rows)
+    for line in body:
+        assert line.endswith(r"\\")
+        assert len(re.findall(r"(?<!\\)&", line)) == 4
+    for name in ("table", "tabular"):
+        assert text.count(rf"\begin{{{name}}}") == text.count(rf"\end{{{name}}}") == 1
+    assert r"\textsuperscript{a} asked for" in text
+
+
+@given(st.text(alphabet="&%$#_{}~^\\<>×≤a b", max_size=12))
+def test_latex_is_left_no_special_that_it_would_obey(text):
+    escaped = latex_text(text)
+    for made in (r"\textbackslash{}", r"\textasciitilde{}", r"\textasciicircum{}"):
+        escaped = escaped.replace(made, "")
+    escaped = re.sub(r"\$(<|>|\\times|\\leq)\$", "", escaped)
+    assert not re.sub(r"\\[&%$#_{}]", "", escaped).strip("a b")
+
+
+def test_html_is_well_formed_and_escapes_what_is_not_its_own():
+    section = ET.fromstring(str(table_html(TABLE)))
+    assert section.find("h3").text.strip() == "Fill & <b>queries</b>"
+    assert len(section.findall(".//tbody/tr")) == len(TABLE.rows)
+    assert len(section.findall(".//ul/li")) == len(TABLE.trends)
+
+
+@pytest.mark.parametrize("form", [table_markdown, table_latex, table_csv, table_html])
+def test_the_same_table_gives_the_same_bytes(form):
+    assert form(TABLE) == form(TABLE)
+
+
+def test_a_figures_points_lie_in_order_and_one_that_a_log_axis_cannot_show_is_said():
+    svg = ET.fromstring(str(figure_svg(TABLE.figure)))
+    name = "{http://www.w3.org/2000/svg}"
+    lines = [
+        [tuple(map(float, point.split(","))) for point in line.get("points").split()]
+        for line in svg.iter(f"{name}polyline")
+    ]
+    # After the legend's three come the curves, each without what a logarithm cannot show.
+    published, ours, others = lines[3:]
+    assert (len(published), len(ours), len(others)) == (2, 1, 2)
+    assert published[0][0] < published[1][0]
+    assert published[0][1] < published[1][1]  # falling: y grows downwards
+    assert others[0][1] < published[0][1]
+    assert "1 at zero not shown" in "".join(svg.itertext())
+    dashed = [line.get("stroke-dasharray") for line in svg.iter(f"{name}polyline")]
+    assert [bool(dash) for dash in dashed[3:]] == [True, False, False]
+    colours = [line.get("stroke") for line in svg.iter(f"{name}polyline")][3:]
+    assert colours[0] == colours[1] != colours[2]
+
+
+@given(
+    st.lists(st.tuples(VALUES, VALUES), max_size=5),
+    st.booleans(),
+    st.booleans(),
+)
+def test_any_figure_can_be_drawn_inside_its_box(points, log_x, log_y):
+    x, y = zip(*points, strict=True) if points else ((), ())
+    figure = Figure("x", "y", (Curve("c", tuple(x), tuple(y)),), log_x, log_y)
+    svg = ET.fromstring(str(figure_svg(figure)))
+    _, _, width, height = map(float, svg.get("viewBox").split())
+    for circle in svg.iter("{http://www.w3.org/2000/svg}circle"):
+        assert 0 <= float(circle.get("cx")) <= width
+        assert 0 <= float(circle.get("cy")) <= height

@@ -1,0 +1,81 @@
+"""What has to be run for which paper, in which order, and on which frames of a path."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from visref.camera import CameraPath
+from visref.papers import Paper
+from visref.papers.table import Experiment, Walk
+from visref.registry import CULLERS, SCENES, available
+
+EXPERIMENTS = "visref.experiments"
+_SOURCES = (".py", ".vert", ".frag", ".comp", ".geom", ".glsl")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One thing to run for a paper."""
+
+    paper: str
+    work: Walk | Experiment
+
+    @property
+    def label(self) -> str:
+        return f"{self.paper}/{self.work.key}"
+
+
+def tasks(papers: Iterable[Paper], *, large: bool) -> list[Task]:
+    """All that the papers need, those of one scene together, so that it is read once; the
+    large scenes last."""
+    found: list[Task] = []
+    for paper in papers:
+        work: tuple[Walk | Experiment, ...] = (*paper.walks, *paper.experiments)
+        found += [Task(paper.name, one) for one in work if large or not one.large]
+    first: dict[str | None, int] = {}
+    for place, task in enumerate(found):
+        first.setdefault(task.work.scene, place)
+    return sorted(found, key=lambda task: (task.work.large, first[task.work.scene]))
+
+
+def sampled(count: int, wanted: int | None, stretch: int) -> list[int]:
+    """Frames of a path of `count`: `wanted` of them, all for None, spread evenly in stretches of
+    `stretch` consecutive ones. Ascending, without repeats."""
+    if wanted is None or wanted >= count:
+        return list(range(count))
+    stretches = -(-wanted // stretch)
+    # The middles of equal parts of the path: neither its first frame nor its last is special.
+    starts = [(2 * k + 1) * count // (2 * stretches) for k in range(stretches)]
+    frames = {min(start + k, count - 1) for start in starts for k in range(stretch)}
+    return sorted(frames)[:wanted]
+
+
+def cut_path(path: CameraPath, frames: Sequence[int]) -> CameraPath:
+    """The path, with a cut marked at every picked frame whose predecessor was not picked: what a
+    temporal method remembers is not the frame before."""
+    picked = set(frames)
+    cameras = tuple(
+        replace(camera, cut=True) if index in picked and index - 1 not in picked else camera
+        for index, camera in enumerate(path)
+    )
+    return replace(path, frames=cameras)
+
+
+def code_digest(packages: Iterable[str] | None = None) -> str:
+    """A digest of the sources of packages, by default of visref and all that it finds by name: a
+    record or a scene that other code made is made anew."""
+    if packages is None:
+        points = [p for group in (CULLERS, EXPERIMENTS, SCENES) for p in available(group).values()]
+        packages = {"visref", *(point.module.partition(".")[0] for point in points)}
+    digest = hashlib.sha256()
+    for package in sorted(packages):
+        spec = find_spec(package)
+        for folder in spec.submodule_search_locations or () if spec is not None else ():
+            files = (file for file in Path(folder).rglob("*") if file.suffix in _SOURCES)
+            for file in sorted(files):
+                digest.update(str(file.relative_to(folder)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]

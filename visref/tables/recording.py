@@ -1,0 +1,275 @@
+"""Running what the papers' tables need, each thing once, into a folder that survives an
+interrupt.
+
+    OUT/scenes/SCENE-DIGEST/        generated scenes, kept
+    OUT/records/PAPER/WALK/         run folders
+    OUT/records/PAPER/EXPERIMENT/   experiment.json
+
+A record says what it was asked for and by which code; one that fits is kept, any other is made
+anew. So an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from visref.camera import Camera, CameraPath
+from visref.engines import TruthEngine, make_engine
+from visref.errors import InputError, NothingToJudge
+from visref.files import replacing_folder
+from visref.inputs import open_scene
+from visref.papers import Paper
+from visref.papers.table import Experiment, Walk
+from visref.record import MANIFEST, Recorder, slug, write_json
+from visref.registry import SCENES, available, load_entry, make_culler
+from visref.run import Job, JudgedFrame, Referee
+from visref.run_record import RunRecord, read_run
+from visref.scene import Scene
+from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
+from visref.visibility import FrameTruth, ObjectVisibility
+
+RESULT = "experiment.json"
+ENGINE = "embree"
+
+# What nobody knows beforehand, for the progress alone: the length of a path that was not
+# generated yet, and an experiment's share in frames.
+PATH_STEPS = 100
+EXPERIMENT_STEPS = 20
+
+
+class Progress(Protocol):
+    """Told how far it is; one step is one culler's frame."""
+
+    def begin(self, steps: int) -> None:
+        """All there is to do."""
+
+    def task(self, label: str) -> None:
+        """What is under way."""
+
+    def advance(self, steps: float) -> None:
+        """Steps done, or found done already."""
+
+
+@dataclass(frozen=True, eq=False)
+class PaperRecords:
+    """`visref.papers.table.Records`, read from disk; what is not there is None."""
+
+    folder: Path
+    failures: Mapping[str, str]
+
+    def run(self, key: str) -> RunRecord | None:
+        folder = self.folder / key
+        return read_run(folder) if (folder / MANIFEST).is_file() else None
+
+    def experiment(self, key: str) -> Mapping[str, Any] | None:
+        file = self.folder / key / RESULT
+        if not file.is_file():
+            return None
+        return cast(Mapping[str, Any], json.loads(file.read_text())["result"])
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured: the papers, where their records are, and what failed and why, by
+    `PAPER/KEY`."""
+
+    papers: tuple[Paper, ...]
+    out: Path
+    frames: int | None
+    large: bool
+    failures: dict[str, str] = field(default_factory=dict)
+
+    def records(self, paper: Paper) -> PaperRecords:
+        return PaperRecords(self.out / "records" / paper.name, self.failures)
+
+    def runs(self, paper: Paper) -> list[RunRecord]:
+        """The paper's run folders, in the order of its walks."""
+        found = [self.records(paper).run(walk.key) for walk in paper.walks]
+        return [run for run in found if run is not None]
+
+
+def measure(
+    papers: Iterable[Paper],
+    out: Path,
+    progress: Progress,
+    *,
+    frames: int | None = None,
+    large: bool = False,
+    threads: int | None = None,
+) -> Measured:
+    """Run all that the papers need, on `frames` frames of every path (None for all).
+
+    A thing that fails is told in `failures`, and its old record is no longer there; the others go
+    on. Raises InputError for a number of frames that is none.
+    """
+    if frames is not None and frames < 1:
+        raise InputError(f"--frames is {frames}", mend="give 1 or more")
+    measured = Measured(tuple(papers), out, frames, large)
+    todo = tasks(measured.papers, large=large)
+    progress.begin(sum(_steps(task, frames) for task in todo))
+    stage = _Stage(out / "scenes", threads)
+    code = code_digest()
+    try:
+        for task in todo:
+            progress.task(task.label)
+            folder = out / "records" / task.paper / task.work.key
+            asked = _asked(task, frames, code)
+            steps = _Share(progress, _steps(task, frames))
+            if _asked_before(folder, task) != asked:
+                try:
+                    _record(task, folder, asked, stage, frames, steps)
+                except (InputError, NothingToJudge) as error:
+                    measured.failures[task.label] = str(error)
+                    # What an earlier run left is no record of this one.
+                    shutil.rmtree(folder, ignore_errors=True)
+            steps.end()
+    finally:
+        stage.close()
+    return measured
+
+
+def _steps(task: Task, frames: int | None) -> int:
+    if isinstance(task.work, Experiment):
+        return EXPERIMENT_STEPS
+    return len(task.work.cullers) * (frames or PATH_STEPS)
+
+
+class _Share:
+    """A task's share of the progress, as a run's listener."""
+
+    def __init__(self, progress: Progress, steps: int) -> None:
+        self._progress, self._all, self._left = progress, steps, float(steps)
+        self.verdicts = steps
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        pass
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        step = self._all / self.verdicts
+        self._left -= step
+        self._progress.advance(step)
+
+    def on_frame_done(self, frame: int) -> None:
+        pass
+
+    def end(self) -> None:
+        self._progress.advance(self._left)
+
+
+def _asked(task: Task, frames: int | None, code: str) -> dict[str, Any]:
+    """What a record must have been made of to be kept."""
+    work = json.loads(json.dumps(vars(task.work)))
+    return {"work": work, "frames": frames, "code": code, "engine": ENGINE}
+
+
+def _asked_before(folder: Path, task: Task) -> object:
+    """What the record on disk was asked for, None where there is none."""
+    name = RESULT if isinstance(task.work, Experiment) else MANIFEST
+    try:
+        found = json.loads((folder / name).read_text())
+        return found["asked"] if name == RESULT else found["settings"]["asked"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+class _Stage:
+    """The scene at hand, and its truth engine: kept while the tasks are of that scene."""
+
+    def __init__(self, folder: Path, threads: int | None) -> None:
+        self._folder, self._threads = folder, threads
+        self._spec: str | None = None
+        self._opened: tuple[Scene, CameraPath] | None = None
+        self._engine: TruthEngine | None = None
+
+    def scene(self, spec: str) -> tuple[Scene, CameraPath]:
+        if self._spec != spec or self._opened is None:
+            self.close()
+            points, name = available(SCENES), spec.partition(":")[0]
+            package = points[name].module.partition(".")[0] if name in points else "visref"
+            kept = self._folder / f"{slug(spec)}-{code_digest([package])}"
+            scene, path, _ = open_scene(spec, kept_in=kept)
+            if path is None:
+                raise InputError("a paper's scene is a generated one", source=spec)
+            self._spec, self._opened = spec, (scene, path)
+        return self._opened
+
+    def engine(self) -> TruthEngine:
+        """Of the scene at hand. It outlives the runs that use it."""
+        assert self._opened is not None
+        if self._engine is None:
+            self._engine = make_engine(ENGINE, self._opened[0], threads=self._threads)
+        return self._engine
+
+    def close(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+        self._engine, self._opened = None, None
+
+
+class _Kept(TruthEngine):
+    """An engine that stays open when a run is through with it: the next one uses it too."""
+
+    def __init__(self, engine: TruthEngine) -> None:
+        super().__init__(engine.scene, threads=engine.threads)
+        self._engine = engine
+        self.name = engine.name  # type: ignore[misc]
+        self.rebase_exact = getattr(engine, "rebase_exact", True)
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        return self._engine.frame(camera)
+
+
+def _record(
+    task: Task,
+    folder: Path,
+    asked: dict[str, Any],
+    stage: _Stage,
+    frames: int | None,
+    share: _Share,
+) -> None:
+    work = task.work
+    scene = path = None
+    picked: list[int] = []
+    if work.scene is not None:
+        scene, path = stage.scene(work.scene)
+        picked = sampled(len(path), frames, work.stretch)
+        path = cut_path(path if work.size is None else path.resized(*work.size), picked)
+    marker = RESULT if isinstance(work, Experiment) else MANIFEST
+    with replacing_folder(folder, marker=marker) as written:
+        if isinstance(work, Experiment):
+            entry = cast(Any, load_entry(EXPERIMENTS, work.name, kind="experiment"))
+            if path is not None:
+                path = replace(path, frames=tuple(path.frames[frame] for frame in picked))
+            write_json(written / RESULT, {"asked": asked, "result": entry(scene, path)})
+        else:
+            assert scene is not None
+            assert path is not None
+            _judge(work, scene, path, picked, written, asked, stage, share)
+
+
+def _judge(
+    walk: Walk,
+    scene: Scene,
+    path: CameraPath,
+    frames: list[int],
+    folder: Path,
+    asked: dict[str, Any],
+    stage: _Stage,
+    share: _Share,
+) -> None:
+    share.verdicts = len(frames) * len(walk.cullers)
+    settings = {"frames": frames, "asked": asked}
+    recorder = Recorder(folder, scene, path, engine=ENGINE, settings=settings)
+    referee = Referee(scene, lambda: _Kept(stage.engine()))
+    cullers = [(spec, make_culler(spec)) for spec in walk.cullers]
+    outcome = referee.run(path, frames, cullers, [recorder, share])
+    for finding in outcome.findings:
+        # A table of the frames before it would be a table of something else.
+        if finding.code in ("CULLER_FAILED", "NO_GL"):
+            raise NothingToJudge(f"{finding.culler}: {finding.message}")
+    recorder.finish(outcome)
