@@ -8,7 +8,9 @@ Where an image disagrees, `shadow_bounds` asks geometry instead of rays. A trian
 prism open at the far end: behind its plane, within the three planes through an edge and the
 light. A point is in it for certain where it is deeper than `reach` in all four, possibly where
 it is no further than `reach` outside each. `reach` is how far apart the rasteriser may put the
-sample and the shadow's faces: its snap and its float32 error at the sample's depth.
+sample and the shadow's faces: its snap and its float32 error at the sample's depth. Shadow
+volumes count faces in and out, so next to two faces of a prism at once a sample may count it as
+minus one, and lose another shadow by that.
 
 Which way this errs: outward. A point near an edge shared by two casters is deep in neither, so
 it is a close call although it may be in shadow for certain.
@@ -182,14 +184,20 @@ class ShadowCaster:
         if not np.isfinite(far):
             return False, True
         reach = float(self.reach(camera, np.array([near]), np.array([far]), tolerance)[0])
-        certain, possible = self._lit_from_behind(camera, own, reach)
-        corners = self._corners[self._near_ray(point, reach)]
-        # Triangle `own` is no caster for itself: its plane passes through the point.
-        corners = corners[~(corners == self._corners[own]).all(axis=(1, 2))]
-        inside = _depth_in_prisms(corners, self.light, point)
-        certain |= bool((inside >= reach).all(axis=1).any())
-        possible |= bool((inside >= -reach).all(axis=1).any())
-        return certain, possible
+        casters = self._near_ray(point, reach)
+        others = casters[~(self._corners[casters] == self._corners[own]).all(axis=(1, 2))]
+        inside = _depth_in_prisms(self._corners[others], self.light, point)
+        # The sample's own triangle: its plane passes through the point, and the visible side
+        # decides; its other planes are as any caster's.
+        from_behind, maybe = self._lit_from_behind(camera, own, reach)
+        sides = _depth_in_prisms(self._corners[own : own + 1], self.light, point)[:, 1:]
+        possible = (inside >= -reach).all(axis=1)
+        certain = int((inside >= reach).all(axis=1).sum())
+        certain += int(from_behind and (sides >= reach).all())
+        # Near two faces of a prism at once, one may count and the other not: minus one.
+        negative = int((possible & ((inside <= reach).sum(axis=1) > 1)).sum())
+        negative += int((sides >= -reach).all() and (sides <= reach).any())
+        return certain > negative, bool(possible.any() or maybe)
 
     def _near_ray(self, point: Float64, reach: float) -> Int64:
         """Triangles whose box the way from a point to the light meets, `reach` around."""
