@@ -40,15 +40,19 @@ from visref.effects.sprites import Sprites
 from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
 
+DRAWN, IN_IMAGE = 1, 2  # as in the shader
+
 
 @dataclass(frozen=True, eq=False)
 class ParticleFrame:
     """`layers`: (height, width) int32, sprites that show at each sample; `kept`: (k,) int64, the
-    sprites drawn, ascending; `lookups`: made in all; `fragments`: of the drawn sprites, hidden
-    ones included, each a depth test; None where not counted."""
+    sprites drawn, ascending; `in_image`: how many have a pixel there; `lookups`: made, one for
+    each of these where they are culled; `fragments`: of the drawn sprites, hidden ones included,
+    each a depth test; None where not counted."""
 
     layers: Int32
     kept: Int64
+    in_image: int
     lookups: int
     fragments: int | None
 
@@ -65,7 +69,7 @@ class Particles:
         context, count = self.device.context, len(sprites.centres)
         self.program = self.load_program()
         self.centres = context.buffer(sprites.centres.tobytes() or bytes(12))
-        self.drawn = context.buffer(reserve=max(4, 4 * count))
+        self.record = context.buffer(reserve=max(4, 4 * count))
         self.vertex_array = context.vertex_array(
             self.program, [(self.centres, "3f", "centre_world")], mode=moderngl.POINTS
         )
@@ -98,9 +102,10 @@ class Particles:
                 self._draw(view, scratch, culled=culled)
             counted = int(query.samples)
         self.device.context.memory_barrier()
-        count = len(self.sprites.centres)
-        kept = np.flatnonzero(np.frombuffer(self.drawn.read(4 * count), np.uint32))
-        return ParticleFrame(layers, kept, count if culled else 0, counted)
+        record = np.frombuffer(self.record.read(), np.uint32)[: len(self.sprites.centres)]
+        in_image = int(np.count_nonzero(record & IN_IMAGE))
+        kept = np.flatnonzero(record & DRAWN)
+        return ParticleFrame(layers, kept, in_image, in_image if culled else 0, counted)
 
     def tolerance(self, camera: Camera) -> RasterTolerance:
         """What this rasteriser declares for a camera."""
@@ -140,7 +145,7 @@ class Particles:
         program["side_px"] = self.sprites.side_px
         program["depth_shift"] = self.depth_shift(view)
         program["culled"] = culled
-        self.drawn.bind_to_storage_buffer(2)
+        self.record.bind_to_storage_buffer(2)
         self.device.apply(state)
         self.vertex_array.render(vertices=len(self.sprites.centres))
 
@@ -152,5 +157,5 @@ class Particles:
     def close(self) -> None:
         if self.levels is not None:
             self.levels.release()
-        for part in (self.vertex_array, self.centres, self.drawn, self.geometry):
+        for part in (self.vertex_array, self.centres, self.record, self.geometry):
             part.release()

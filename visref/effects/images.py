@@ -37,6 +37,9 @@ class Bounds:
     most: Int32
 
 
+NO_BOUNDS = Bounds(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.int32))
+
+
 @dataclass(frozen=True)
 class ImageVerdict:
     """Samples, by what became of them.

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera, look_at
 from visref.culler import RasterTolerance
-from visref.effects.images import Bounds
+from visref.effects.images import NO_BOUNDS, Bounds, ImageVerdict, disputed, judge
 from visref.effects.surfaces import surfaces_at
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
@@ -98,7 +98,6 @@ class ShadowCaster:
         self.engine = EmbreeEngine(scene, threads=threads)
         corners = scene.vertices[scene.triangles].astype(np.float64)
         low, high = corners.min(axis=1), corners.max(axis=1)
-        # Edge-on to the light included: such a triangle casts nothing, its planes say so.
         self._corners = corners
         self._box = low, high
 
@@ -112,6 +111,16 @@ class ShadowCaster:
         if len(seen):
             result[seen] |= self._cut_off(points, triangle[seen])
         return result.reshape(truth.buffer.triangle.shape)
+
+    def judge(
+        self, truth: FrameTruth, image: Int32, reference: Int32, tolerance: RasterTolerance
+    ) -> ImageVerdict:
+        """Hold a frame's shadows, and the unclamped ones, against rays: the protocol of
+        `visref.effects.images`, on the visible samples that the light holds."""
+        cast, domain = self.image(truth), self.lit_domain(truth, tolerance)
+        samples = disputed(image, reference, cast, domain)
+        bounds = self.bounds(truth.camera, samples, tolerance)
+        return judge(image, reference, cast, bounds, domain)
 
     def lit_domain(self, truth: FrameTruth, tolerance: RasterTolerance) -> NDArray[np.bool_]:
         """(height, width) bool, the visible samples that the light's image holds for certain."""
@@ -130,12 +139,12 @@ class ShadowCaster:
         result[seen[inside]] = True
         return result.reshape(truth.buffer.triangle.shape)
 
-    def bounds(
-        self, exact: ExactScene, camera: Camera, samples: Int64, tolerance: RasterTolerance
-    ) -> Bounds:
+    def bounds(self, camera: Camera, samples: Int64, tolerance: RasterTolerance) -> Bounds:
         """Between what the shadow at some samples lies, whatever surface the rasteriser sees
-        there. `exact` is of the same scene."""
-        surfaces = surfaces_at(exact, camera, samples, tolerance)
+        there."""
+        if not len(samples):
+            return NO_BOUNDS
+        surfaces = surfaces_at(self._exact, camera, samples, tolerance)
         least = np.ones(len(samples), np.int32)
         most = np.zeros(len(samples), np.int32)
         # The background receives no shadow.
@@ -269,7 +278,7 @@ class ShadowCaster:
         self.engine.close()
 
     @cached_property
-    def exact(self) -> ExactScene:
+    def _exact(self) -> ExactScene:
         """The scene made ready for `bounds`; only disputes need it."""
         return ExactScene(self.scene)
 

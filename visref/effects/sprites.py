@@ -5,7 +5,7 @@ quad parallel to the image. It is placed as OpenGL places a wide point of an eve
 is the pixel border nearest to where it belongs. It shows at a sample where it is no farther than
 the nearest surface there, which is ray-cast; sprites hide nothing, so their layers add up.
 
-Where an image disagrees, `Sprites.bounds` gives what a rasteriser may make of the sample: float32
+Where an image disagrees, `SpriteTruth.bounds` gives what a rasteriser may make of the sample: float32
 may take a sprite over the next pixel border, and move its depth; the surface there lies between
 the bounds of `visref.effects.surfaces`. Outward: what float64 cannot decide counts as possible.
 """
@@ -13,17 +13,19 @@ the bounds of `visref.effects.surfaces`. Outward: what float64 cannot decide cou
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.effects.images import Bounds
+from visref.effects.images import NO_BOUNDS, Bounds, ImageVerdict, disputed, judge
 from visref.effects.surfaces import depth_doubt, surfaces_at
+from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
-from visref.scene import Float32, Float64, Int32, Int64
+from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
 
 # Sprites are compared with so many samples at once, to bound the memory.
@@ -80,17 +82,35 @@ class Sprites:
         counts = np.bincount(sample[shows], minlength=camera.samples)
         return counts.astype(np.int32).reshape(camera.height, camera.width)
 
-    def bounds(
-        self, exact: ExactScene, camera: Camera, samples: Int64, tolerance: RasterTolerance
-    ) -> Bounds:
-        """Between what the layers at some samples lie. `exact` is of the same solid scene."""
+
+class SpriteTruth:
+    """Sprites in a solid scene (`visref.effects.solid`), by rays."""
+
+    def __init__(self, scene: Scene, sprites: Sprites, *, threads: int | None = None) -> None:
+        self.scene, self.sprites = scene, sprites
+        self.engine = EmbreeEngine(scene, threads=threads)
+
+    def judge(
+        self, camera: Camera, image: Int32, reference: Int32, tolerance: RasterTolerance
+    ) -> ImageVerdict:
+        """Hold a frame's layers, and those with no sprite culled, against rays: the protocol of
+        `visref.effects.images`."""
+        layers = self.sprites.layers(self.engine.frame(camera))
+        samples = disputed(image, reference, layers)
+        return judge(image, reference, layers, self.bounds(camera, samples, tolerance))
+
+    def bounds(self, camera: Camera, samples: Int64, tolerance: RasterTolerance) -> Bounds:
+        """Between what the layers at some samples lie."""
+        if not len(samples):
+            return NO_BOUNDS
+        exact, sprites = self._exact, self.sprites
         surfaces = surfaces_at(exact, camera, samples, tolerance)
         nearest, limit = surfaces.nearest(), surfaces.limit
-        low, depth = self.corners(camera, -tolerance.snap_px)
-        high, _ = self.corners(camera, tolerance.snap_px)
+        low, depth = sprites.corners(camera, -tolerance.snap_px)
+        high, _ = sprites.corners(camera, tolerance.snap_px)
         before = np.flatnonzero(depth > 0.0) if camera.is_perspective else np.arange(len(depth))
         low, high = low[before], high[before]
-        near, far = depth_doubt(exact, camera, self.centres[before], tolerance)
+        near, far = depth_doubt(exact, camera, sprites.centres[before], tolerance)
         possible = (far >= camera.near) & (near <= camera.far)
         certain = (near > camera.near) & (far < camera.far)
         least, most = np.zeros((2, len(samples)), np.int32)
@@ -107,5 +127,13 @@ class Sprites:
     def _over(self, at: Int64, first: Int64, last: Int64) -> NDArray[np.bool_]:
         """(k, n) bool: which sprites cover samples (k, 1, 2), if they begin at `first` at the
         latest and at `last` at the earliest."""
-        covered: NDArray[np.bool_] = ((at >= first) & (at < last + self.side_px)).all(axis=2)
+        covered: NDArray[np.bool_] = ((at >= first) & (at < last + self.sprites.side_px)).all(axis=2)
         return covered
+
+    def close(self) -> None:
+        self.engine.close()
+
+    @cached_property
+    def _exact(self) -> ExactScene:
+        """Only disputes need it."""
+        return ExactScene(self.scene)
