@@ -46,6 +46,9 @@ ORIENTATION_ROUNDING = 16.0 * 2.0**-53
 TRANSFORM = 7.0 * math.sqrt(3.0) * 2.0**-24
 FACE_TRANSFORMS = 3.0
 
+# `lit_domain` asks for one lexel and a footprint to the rim of the light's image.
+RIM_LEXELS = 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class Light:
@@ -80,8 +83,8 @@ def sun(direction: tuple[float, float, float], scene: Scene, lexels: int) -> Lig
     pose = look_at(tuple(centre - np.asarray(direction, np.float64)), tuple(centre))
     corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
     local = np.abs((corners - centre) @ pose[:3, :3]).max(axis=0)
-    # One part in 64 around, so that rounding leaves no corner of the scene at the rim.
-    half = local * (1.0 + 1.0 / 64.0) + 1e-3 * local.max()
+    # Two lexels around, so that rounding and footprints leave nothing of the scene at the rim.
+    half = local + RIM_LEXELS * 2.0 * local[:2].max() / lexels
     pose[:3, 3] = centre + pose[:3, 2] * half[2]
     width = max(1, math.ceil(lexels * min(1.0, half[0] / half[1])))
     height = max(1, math.ceil(lexels * min(1.0, half[1] / half[0])))
