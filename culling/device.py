@@ -164,9 +164,7 @@ class Device:
             "largest storage block (bytes)": int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
         }
 
-    def program(
-        self, vertex: str, fragment: str, geometry: str | None = None
-    ) -> moderngl.Program:
+    def program(self, vertex: str, fragment: str, geometry: str | None = None) -> moderngl.Program:
         """The program of two or three files in `culling/shaders`, compiled once."""
         key = (vertex, fragment, geometry)
         if key not in self._programs:
@@ -290,7 +288,9 @@ def _source(name: str) -> str:
     return re.sub(r'^#include "([\w.]+)"$', lambda line: _source(line[1]), text, flags=re.MULTILINE)
 
 
-def set_uniform(program: moderngl.Program | moderngl.ComputeShader, name: str, value: bytes) -> None:
+def set_uniform(
+    program: moderngl.Program | moderngl.ComputeShader, name: str, value: bytes
+) -> None:
     """Write a uniform of a program from its bytes."""
     uniform = program[name]
     assert isinstance(uniform, moderngl.Uniform)

@@ -76,9 +76,7 @@ def _ground(tiles: int, height: Height) -> list[Node]:
     return nodes
 
 
-def _towers(
-    rng: np.random.Generator, side: float, height: Height, walk: CameraPath
-) -> list[Node]:
+def _towers(rng: np.random.Generator, side: float, height: Height, walk: CameraPath) -> list[Node]:
     stock = [_mesh(f"tower-{k}", _tower(rng)) for k in range(SHAPES_A_KIND)]
     count = max(1, round(side / TOWER_PITCH_M))
     spots = np.stack(np.meshgrid(*[np.arange(count)] * 2, indexing="ij"), -1).reshape(-1, 2)
@@ -92,7 +90,9 @@ def _towers(
             continue
         # Sunk into the hill, so that no side of it hangs in the air.
         base = float(height(place[0], place[1])) - 2.0
-        nodes.append(_node(f"tower-{len(nodes):03d}", stock[pick], (place[0], base, place[1]), turn))
+        nodes.append(
+            _node(f"tower-{len(nodes):03d}", stock[pick], (place[0], base, place[1]), turn)
+        )
     return nodes
 
 
@@ -160,7 +160,12 @@ def _bird(rng: np.random.Generator) -> dict[str, Soup]:
     along_z = (body[0] @ np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]), body[1])
     wings = []
     for way in (-1.0, 1.0):
-        points = [(0, 0, -0.3), (0, 0, 0.3), (way * span / 2, lift, 0.25), (way * span, lift / 2, 0)]
+        points = [
+            (0, 0, -0.3),
+            (0, 0, 0.3),
+            (way * span / 2, lift, 0.25),
+            (way * span, lift / 2, 0),
+        ]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
         wings.append((np.array(points), faces if way > 0.0 else faces[:, ::-1]))
     return {"cloth": merge([along_z, *wings])}

@@ -6,6 +6,7 @@ By name: the class, its base first. `tests/test_effect_mutants.py` says on which
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -214,7 +215,9 @@ class DarkPlaneAtTheNearest(ShadowVolumes):
     """The volume ends where it begins to be needed."""
 
     def load_extents(self):
-        return compute("volume_extents.comp", ("vec2(-INFINITE, greatest)", "vec2(-INFINITE, least)"))
+        return compute(
+            "volume_extents.comp", ("vec2(-INFINITE, greatest)", "vec2(-INFINITE, least)")
+        )
 
 
 class HiddenCastersCulled(ShadowVolumes):
@@ -258,7 +261,9 @@ class SilhouetteByParity(EditedCasters):
     def changed(self, casters):
         size = len(casters.caster)
         low = np.sort(casters.body.indices % size, axis=1)
-        side = (casters.body.indices >= size).any(axis=1) & ~(casters.body.indices >= size).all(axis=1)
+        side = (casters.body.indices >= size).any(axis=1) & ~(casters.body.indices >= size).all(
+            axis=1
+        )
         edge = np.where(low[:, 0] == low[:, 1], low[:, 0] * size + low[:, 2],
                         low[:, 0] * size + low[:, 1])  # fmt: skip
         count = np.zeros(size * size, np.int64)
@@ -270,7 +275,7 @@ class SilhouetteByParity(EditedCasters):
 class OtherDepthTest(ShadowVolumes):
     """Faces are counted by another depth test."""
 
-    depth_funcs: dict[str, str]
+    depth_funcs: ClassVar[dict[str, str]]
 
     def draw_volumes(self, view, state):
         apply = self.device.apply
@@ -291,13 +296,13 @@ class CapsInFrontOfTheirSurface(OtherDepthTest):
     """A light cap at the visible surface's depth does not count as behind it: every lit surface
     shadows itself."""
 
-    depth_funcs = {">=": ">"}
+    depth_funcs: ClassVar = {">=": ">"}
 
 
 class CountedInFront(OtherDepthTest):
     """Faces before the surface are counted ("z-pass"), as if the eye were never in a volume."""
 
-    depth_funcs = {">=": "<", ">": "<="}
+    depth_funcs: ClassVar = {">=": "<", ">": "<="}
 
     def _read(self, target):
         return -super()._read(target)

@@ -13,9 +13,7 @@ def images(*rows):
 
 
 def bounds(samples, least, most):
-    return Bounds(
-        np.array(samples, np.int64), np.array(least, np.int32), np.array(most, np.int32)
-    )
+    return Bounds(np.array(samples, np.int64), np.array(least, np.int32), np.array(most, np.int32))
 
 
 def test_three_equal_images_have_no_violation():

@@ -94,8 +94,9 @@ def test_sprite_is_culled_where_all_of_its_square_is_nearer_and_only_there():
     farthest = particles.levels.read()[0]
     corner, depth = sprites.corners(camera)
     # The window depth of an endless view; what is within the shift of it may go either way.
-    window, shift = 1.0 - camera.near / depth, 4.0 * particles.depth_shift(
-        View.of(camera, made.scene, 8)
+    window, shift = (
+        1.0 - camera.near / depth,
+        4.0 * particles.depth_shift(View.of(camera, made.scene, 8)),
     )
     kept = set(culled.kept)
     for k in everything.kept:

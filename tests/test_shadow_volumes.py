@@ -68,7 +68,10 @@ def test_shadow_of_a_board_under_the_sun_is_the_board_moved_down():
 
 
 def test_sheet_seen_from_its_dark_side_is_in_shadow_and_from_the_other_lit():
-    sheet = np.array([(-2, 2, -2), (-2, 2, 2), (2, 2, 2), (2, 2, -2)], float), [[0, 1, 2], [0, 2, 3]]
+    sheet = (
+        np.array([(-2, 2, -2), (-2, 2, 2), (2, 2, 2), (2, 2, -2)], float),
+        [[0, 1, 2], [0, 2, 3]],
+    )
     scene = scene_with(sheet=sheet)
     caster = ShadowCaster(scene, sun((0.1, -1.0, 0.1), scene, 8))
     for height, shadow in ((5.0, 0), (-1.0, 1)):

@@ -39,9 +39,7 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
             everything = particles.frame(camera, culled=False, fragments=True)
             culled = particles.frame(camera, fragments=True)
             tolerance = particles.tolerance(camera)
-            verdict = verdict.plus(
-                truth.judge(camera, culled.layers, everything.layers, tolerance)
-            )
+            verdict = verdict.plus(truth.judge(camera, culled.layers, everything.layers, tolerance))
             in_view.append(everything.in_image)
             kept.append(len(culled.kept))
             plain.append(everything.fragments or 0)

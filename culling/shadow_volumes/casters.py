@@ -123,7 +123,7 @@ def _by_caster(faces: Int32, caster: Int32, count: int) -> Faces:
 
 def _light_bounds(scene: Scene, light: Light) -> tuple[Float64, Float64, Float64]:
     camera = light.camera
-    pixel, depth = camera.pixel_of(scene.vertices[scene.triangles.reshape(-1)])
+    pixel, depth = camera.pixel_of(scene.vertices[scene.triangles.reshape(-1)].astype(np.float64))
     # From pixel centres at whole numbers to lexels that begin there.
     at = np.concatenate([pixel + 0.5, depth[:, None]], axis=1)
     low, high = np.full((2, scene.object_count, 3), np.nan)

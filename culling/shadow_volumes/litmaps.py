@@ -115,8 +115,10 @@ class Litmaps:
         return self.nearest.read()[0], self.farthest.read()[0]
 
     def release(self) -> None:
-        for part in (self.nearest, self.farthest, *self.buffers):
-            part.release()
+        self.nearest.release()
+        self.farthest.release()
+        for buffer in self.buffers:
+            buffer.release()
 
 
 def light_from_relative(light: Light, eye: Float64) -> Float64:

@@ -112,9 +112,7 @@ class ShadowVolumes:
             self._clamp()
         else:
             self._keep_all()
-        state = State(
-            target.framebuffer, self.program, depth_write=False, add_colours=True
-        )
+        state = State(target.framebuffer, self.program, depth_write=False, add_colours=True)
         self.draw_volumes(view, state)
         counted = self._fragments(view, target) if fragments else None
         return ShadowFrame(self._read(target), *self._read_extents(), counted)
@@ -187,14 +185,13 @@ class ShadowVolumes:
         self.vertices = context.buffer(rows.tobytes() or bytes(16))
         lists: tuple[Faces, ...] = (casters.caps_front, casters.caps_back, casters.body)
         self.index_buffers = [context.buffer(part.indices.tobytes() or bytes(12)) for part in lists]
+        layout = [(self.vertices, "3f 1i", "vertex_world", "caster")]
         self.vertex_arrays = [
-            context.vertex_array(
-                self.program, [(self.vertices, "3f 1i", "vertex_world", "caster")], index_buffer=buffer
-            )
+            context.vertex_array(self.program, layout, index_buffer=buffer)
             if len(part.indices)
             else None
             for part, buffer in zip(lists, self.index_buffers, strict=True)
-        ]  # fmt: skip
+        ]
         words = np.zeros((len(lists), casters.count, COMMAND_WORDS), np.uint32)
         for row, part in zip(words, lists, strict=True):
             row[:, 0], row[:, 2] = 3 * np.diff(part.offsets), 3 * part.offsets[:-1]
@@ -223,7 +220,7 @@ class ShadowVolumes:
 
     def _keep_all(self) -> None:
         self.commands.write(self.all_commands)
-        endless_planes = np.tile(np.float32([-np.inf, np.inf]), (self.casters.count, 1))
+        endless_planes = np.tile(np.array([-np.inf, np.inf], np.float32), (self.casters.count, 1))
         self.planes.write(endless_planes.tobytes())
 
     def _set_view(self, view: View) -> None:
@@ -271,8 +268,10 @@ class ShadowVolumes:
             if array is not None:
                 array.release()
         buffers = (self.vertices, self.commands, self.lexels, self.range, self.planes)
-        for part in (*self.index_buffers, *buffers, self.litmaps, self.geometry):
-            part.release()
+        for buffer in (*self.index_buffers, *buffers):
+            buffer.release()
+        self.litmaps.release()
+        self.geometry.release()
 
 
 def endless(camera: Camera) -> Camera:

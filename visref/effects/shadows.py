@@ -184,11 +184,19 @@ class ShadowCaster:
 
     def _face_error(self, camera: Camera) -> float:
         low, high = self.scene.bounds
-        distance = float(np.linalg.norm(np.maximum(np.abs(low - camera.eye), np.abs(high - camera.eye))))
+        distance = float(
+            np.linalg.norm(np.maximum(np.abs(low - camera.eye), np.abs(high - camera.eye)))
+        )
         return FACE_TRANSFORMS * TRANSFORM * distance
 
     def _shadow(
-        self, camera: Camera, sample: int, own: int, near: float, far: float, tolerance: RasterTolerance
+        self,
+        camera: Camera,
+        sample: int,
+        own: int,
+        near: float,
+        far: float,
+        tolerance: RasterTolerance,
     ) -> tuple[bool, bool]:
         """Whether a point on triangle `own` is in shadow: (certainly, possibly)."""
         middle = np.array([(near + far) / 2.0])

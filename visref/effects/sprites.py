@@ -5,9 +5,10 @@ quad parallel to the image. It is placed as OpenGL places a wide point of an eve
 is the pixel border nearest to where it belongs. It shows at a sample where it is no farther than
 the nearest surface there, which is ray-cast; sprites hide nothing, so their layers add up.
 
-Where an image disagrees, `SpriteTruth.bounds` gives what a rasteriser may make of the sample: float32
-may take a sprite over the next pixel border, and move its depth; the surface there lies between
-the bounds of `visref.effects.surfaces`. Outward: what float64 cannot decide counts as possible.
+Where an image disagrees, `SpriteTruth.bounds` gives what a rasteriser may make of the sample:
+float32 may take a sprite over the next pixel border, and move its depth; the surface there lies
+between the bounds of `visref.effects.surfaces`. Outward: what float64 cannot decide counts as
+possible.
 """
 
 from __future__ import annotations
@@ -127,7 +128,8 @@ class SpriteTruth:
     def _over(self, at: Int64, first: Int64, last: Int64) -> NDArray[np.bool_]:
         """(k, n) bool: which sprites cover samples (k, 1, 2), if they begin at `first` at the
         latest and at `last` at the earliest."""
-        covered: NDArray[np.bool_] = ((at >= first) & (at < last + self.sprites.side_px)).all(axis=2)
+        inside = (at >= first) & (at < last + self.sprites.side_px)
+        covered: NDArray[np.bool_] = inside[..., 0] & inside[..., 1]
         return covered
 
     def close(self) -> None:

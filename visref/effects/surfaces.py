@@ -51,7 +51,9 @@ class Surfaces:
     def nearest(self) -> Float64:
         """(k,) float64, the least depth that may be seen at each sample, inf for none."""
         result = np.full(len(self.limit), np.inf)
-        np.minimum.at(result, np.repeat(np.arange(len(self.limit)), np.diff(self.offsets)), self.near)
+        np.minimum.at(
+            result, np.repeat(np.arange(len(self.limit)), np.diff(self.offsets)), self.near
+        )
         return result
 
 
@@ -75,19 +77,15 @@ def surfaces_at(
     tiles[tile] = True
     offsets, entries = screen.bin_boxes(boxes, tiles, columns)
     counts = np.zeros(len(samples), np.int64)
-    columns_out = (np.zeros(0, np.int32), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_))
     for keep in (False, True):  # count, then fill
         starts = np.concatenate([[0], np.cumsum(counts)])
-        if keep:
-            total = int(starts[-1])
-            columns_out = (
-                np.empty(total, np.int32), np.empty(total), np.empty(total), np.empty(total, np.bool_)
-            )  # fmt: skip
+        room = int(starts[-1]) if keep else 0
+        place, certain = np.empty(room, np.int32), np.empty(room, np.bool_)
+        near_key, far_key = np.empty(room), np.empty(room)
         _gather(
             x, y, tile, view, exact.corners, found, boxes, offsets, entries,
-            tolerance.snap_px, rows, keep, starts, counts, *columns_out,
+            tolerance.snap_px, rows, keep, starts, counts, place, near_key, far_key, certain,
         )  # fmt: skip
-    place, near_key, far_key, certain = columns_out
     near, far = _depths(view, near_key, far_key)
     owner = np.repeat(np.arange(len(samples)), counts)
     limit = np.full(len(samples), np.inf)
