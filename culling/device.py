@@ -72,6 +72,7 @@ class State(NamedTuple):
 
     `depth_func` is "<", "<=" or, for no depth test at all, "". `cull_back_faces` takes counter-
     clockwise as the front. `clamp_depth` clamps depth to the range instead of clipping there.
+    `add_colours` adds to the colours that are there instead of replacing them.
     """
 
     framebuffer: moderngl.Framebuffer
@@ -81,6 +82,7 @@ class State(NamedTuple):
     colour_write: bool = True
     cull_back_faces: bool = False
     clamp_depth: bool = False
+    add_colours: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,8 @@ class Device:
         self.max_side = min(int(info["GL_MAX_TEXTURE_SIZE"]), *info["GL_MAX_VIEWPORT_DIMS"])
         self.context.front_face = "ccw"
         self.context.cull_face = "back"
-        self._programs: dict[tuple[str, str], moderngl.Program] = {}
+        self.context.blend_func = moderngl.ONE, moderngl.ONE
+        self._programs: dict[tuple[str, str, str | None], moderngl.Program] = {}
         self._computes: dict[str, moderngl.ComputeShader] = {}
         self._targets: OrderedDict[tuple[int, int, int, str, int], tuple[Target, list[Any]]] = (
             OrderedDict()
@@ -161,12 +164,14 @@ class Device:
             "largest storage block (bytes)": int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
         }
 
-    def program(self, vertex: str, fragment: str) -> moderngl.Program:
-        """The program of two files in `culling/shaders`, compiled once."""
-        key = (vertex, fragment)
+    def program(self, vertex: str, fragment: str, geometry: str | None = None) -> moderngl.Program:
+        """The program of two or three files in `culling/shaders`, compiled once."""
+        key = (vertex, fragment, geometry)
         if key not in self._programs:
             self._programs[key] = self.context.program(
-                vertex_shader=_source(vertex), fragment_shader=_source(fragment)
+                vertex_shader=_source(vertex),
+                fragment_shader=_source(fragment),
+                geometry_shader=None if geometry is None else _source(geometry),
             )
         return self._programs[key]
 
@@ -193,7 +198,7 @@ class Device:
         """The image of this size, its content left from whoever used it last.
 
         `depth_bits` 24 (fixed point) or 32 (floating point); `dtype` "f1" for an 8-bit colour,
-        "i4" for ids; `channels` of the colour and of the scratch image. Good until
+        "i4" for ids, "f4" for sums; `channels` of the colour and of the scratch image. Good until
         `MAX_TARGETS` others were asked for.
         """
         key = (width, height, depth_bits, dtype, channels)
@@ -246,6 +251,8 @@ class Device:
         flags = moderngl.DEPTH_TEST if state.depth_func else moderngl.NOTHING
         if state.cull_back_faces:
             flags |= moderngl.CULL_FACE
+        if state.add_colours:
+            flags |= moderngl.BLEND
         context.enable_only(flags)
         if state.depth_func:
             context.depth_func = state.depth_func
@@ -281,7 +288,9 @@ def _source(name: str) -> str:
     return re.sub(r'^#include "([\w.]+)"$', lambda line: _source(line[1]), text, flags=re.MULTILINE)
 
 
-def set_uniform(program: moderngl.Program, name: str, value: bytes) -> None:
+def set_uniform(
+    program: moderngl.Program | moderngl.ComputeShader, name: str, value: bytes
+) -> None:
     """Write a uniform of a program from its bytes."""
     uniform = program[name]
     assert isinstance(uniform, moderngl.Uniform)

@@ -138,6 +138,12 @@ class View:
         side = max(self.camera.width, self.camera.height)
         return snap + WINDOW_ROUNDINGS * FLOAT32_UNIT * side
 
+    @property
+    def window_error(self) -> float:
+        """By how much snapping and the window's roundings move a vertex: world units, in a
+        perspective view for each unit of depth."""
+        return self._window_error_px * self._pixel
+
     @cached_property
     def depth_shift_ndc(self) -> float:
         """By how much a query box is moved towards the eye, in NDC depth: the geometry's

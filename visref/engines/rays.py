@@ -138,6 +138,27 @@ class RayEngine(TruthEngine):
             ray_kernels.settle_points(self._solid, self._mesh, grid, by_a, triangle, depth)
         return triangle
 
+    def along(self, origins: Float64, directions: Float64) -> Int32:
+        """The opaque triangle that any ray meets first, from its origin on: (k,) int32, as the
+        ray library sees it in float32, `BACKGROUND` for none. Both sides are met, at any
+        distance. `origins`, `directions`: (k, 3) float64.
+        """
+        result = np.full(len(origins), BACKGROUND, np.int32)
+        if not len(self._solid):
+            return result
+        starts = range(0, len(origins), self.tile_samples)
+        turn = count()
+
+        def work(_: int) -> None:
+            while (index := next(turn)) < len(starts):
+                part = slice(starts[index], starts[index] + self.tile_samples)
+                rays = np.concatenate([origins[part] - self.rebase, directions[part]], axis=1)
+                met = self._nearest(rays.astype(np.float32))
+                result[part] = np.where(met >= 0, self._solid[met], BACKGROUND)
+
+        self._on_all(work, min(self._casting_workers, len(starts)))
+        return result
+
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown()

@@ -1,0 +1,161 @@
+"""Particles culled in the vertex shader, one lookup each.
+
+X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005, sections
+3.2 and 4.3.
+
+The scene is drawn and an N-buffer built of its depth, no higher than a sprite's level. Each
+sprite is one vertex. It knows its square of pixels, and the N-buffer's level whose squares have
+that size holds the farthest depth in it: one lookup and one comparison say whether any of the
+sprite's samples can show. A geometry shader makes the square of those that can.
+
+Safe, since the lookup covers the samples that the square covers, no fewer: its sides lie on
+borders between pixels, half a pixel from any sample, which no rounding bridges. The sprite's
+depth is compared as it is stored, moved towards the eye by what both may err.
+
+Departures from the paper:
+
+- Sprites are squares made by a geometry shader, not point sprites: GL drops a wide point whole
+  when its centre leaves the image, and so pops at the rim.
+- A square of 16 pixels that lies anywhere touches samples of 17 columns in some places, and no
+  level-4 square covers these. So squares are moved to the nearest pixel border, as GL's wide
+  points once were; then 16 is 16, and one lookup is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from culling.device import Device, State, Target, device
+from culling.geometry import Geometry, view_uniforms
+from culling.n_buffer.cover import ceil_log2
+from culling.n_buffer.gpu import NBufferTexture
+from culling.view import View
+from visref.camera import Camera
+from visref.culler import QueryStats, RasterTolerance
+from visref.effects.sprites import Sprites
+from visref.errors import InputError
+from visref.scene import Int32, Int64, Scene
+
+DRAWN, IN_IMAGE = 1, 2  # as in the shader
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleFrame:
+    """`layers`: (height, width) int32, sprites that show at each sample; `kept`: (k,) int64, the
+    sprites drawn, ascending; `in_image`: how many have a pixel there; `lookups`: made, one for
+    each of these where they are culled; `fragments`: of the drawn sprites, hidden ones included,
+    each a depth test; None where not counted."""
+
+    layers: Int32
+    kept: Int64
+    in_image: int
+    lookups: int
+    fragments: int | None
+
+
+class Particles:
+    """Draws sprites in a solid scene (`visref.effects.solid`)."""
+
+    def __init__(self, scene: Scene, sprites: Sprites, *, depth: int = 24) -> None:
+        self.device: Device = device()
+        self.scene, self.sprites, self.depth_bits = scene, sprites, depth
+        self.geometry = Geometry(
+            self.device, scene, scene.object_units(), np.ones(scene.triangle_count, np.bool_)
+        )
+        context, count = self.device.context, len(sprites.centres)
+        self.program = self.load_program()
+        self.centres = context.buffer(sprites.centres.tobytes() or bytes(12))
+        self.record = context.buffer(reserve=max(4, 4 * count))
+        self.vertex_array = context.vertex_array(
+            self.program, [(self.centres, "3f", "centre_world")], mode=moderngl.POINTS
+        )
+        self.levels: NBufferTexture | None = None
+
+    def frame(
+        self, camera: Camera, *, culled: bool = True, fragments: bool = False
+    ) -> ParticleFrame:
+        """The sprites that a camera sees. Without `culled` all are drawn; `fragments` counts
+        their depth tests, beside the frame. Raises InputError for an endless orthographic view,
+        whose depth buffer ends behind the scene and not behind the sprites."""
+        if not camera.is_perspective and math.isinf(camera.far):
+            raise InputError("an orthographic view of sprites has no end", mend="give it a far")
+        view = View.of(camera, self.scene, self.device.subpixel_bits)
+        target = self.device.target(camera.width, camera.height, self.depth_bits, "f4")
+        self.device.begin_frame()
+        self.device.clear(State(target.framebuffer, self.geometry.program))
+        every = np.arange(self.scene.object_count, dtype=np.int64)
+        self.geometry.draw(view, target, every, QueryStats())
+        self.device.clear_colour(target.framebuffer)
+        self.build(target)
+        state = State(target.framebuffer, self.program, depth_write=False, add_colours=True)
+        self._draw(view, state, culled=culled)
+        layers = self._read(target)
+        counted = None
+        if fragments:
+            query = self.device.queries(1)[0]
+            with query:
+                scratch = State(target.scratch, self.program, depth_func="", depth_write=False)
+                self._draw(view, scratch, culled=culled)
+            counted = int(query.samples)
+        self.device.context.memory_barrier()
+        record = np.frombuffer(self.record.read(), np.uint32)[: len(self.sprites.centres)]
+        in_image = int(np.count_nonzero(record & IN_IMAGE))
+        kept = np.flatnonzero(record & DRAWN)
+        return ParticleFrame(layers, kept, in_image, in_image if culled else 0, counted)
+
+    def tolerance(self, camera: Camera) -> RasterTolerance:
+        """What this rasteriser declares for a camera."""
+        view = View.of(camera, self.scene, self.device.subpixel_bits)
+        return view.tolerance(self.depth_bits)
+
+    # The steps.
+
+    def load_program(self) -> moderngl.Program:
+        return self.device.program("particle.vert", "plain.frag", "particle.geom")
+
+    def make_levels(self, width: int, height: int) -> NBufferTexture:
+        return NBufferTexture(self.device, width, height)
+
+    def build(self, target: Target) -> None:
+        """The N-buffer of the target's depth, up to the sprites' level."""
+        size = target.framebuffer.size
+        if self.levels is None or self.levels.size != size:
+            if self.levels is not None:
+                self.levels.release()
+            self.levels = self.make_levels(*size)
+        top = int(ceil_log2(np.array([self.sprites.side_px]))[0])
+        self.levels.build(target, levels=top)
+
+    def depth_shift(self, view: View) -> float:
+        """By how much a sprite is taken nearer to the eye, in window depth."""
+        return 0.5 * view.depth_shift_ndc
+
+    # The rest.
+
+    def _draw(self, view: View, state: State, *, culled: bool) -> None:
+        program, camera = self.program, view.camera
+        view_uniforms(program, view)
+        assert self.levels is not None
+        self.levels.use(program)
+        program["image_px"] = camera.width, camera.height
+        program["side_px"] = self.sprites.side_px
+        program["depth_shift"] = self.depth_shift(view)
+        program["culled"] = culled
+        self.record.bind_to_storage_buffer(2)
+        self.device.apply(state)
+        self.vertex_array.render(vertices=len(self.sprites.centres))
+
+    def _read(self, target: Target) -> Int32:
+        width, height = target.framebuffer.size
+        raw = np.frombuffer(target.framebuffer.read(components=1, dtype="f4"), np.float32)
+        return raw.reshape(height, width)[::-1].astype(np.int32)
+
+    def close(self) -> None:
+        if self.levels is not None:
+            self.levels.release()
+        for part in (self.vertex_array, self.centres, self.record, self.geometry):
+            part.release()

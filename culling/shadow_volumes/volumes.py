@@ -1,0 +1,279 @@
+"""Shadow volumes, and their culling and clamping by N-buffers.
+
+X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005, section
+3.3.
+
+The scene is drawn for the observer. What is seen is put into two maps over the light, of its
+nearest and farthest distance from the light, lexel by lexel; an N-buffer over each gives the
+extremes in any rectangle. A caster whose rectangle over the light holds nothing that is seen casts
+no visible shadow: it is culled. The others' volumes are clamped between two planes across the
+light, at the least and the greatest distance found. The volumes are then counted behind the
+visible surface ("z-fail": the eye may be in a volume, and no near plane cuts a cap open), and a
+sample is in shadow where the count is above 0.
+
+Which way it errs. Maps hold every visible sample over its whole footprint
+(`culling.shadow_volumes.litmaps`) and rectangles are whole lexels, rounded outward: so the planes
+enclose all samples that the full volume shadows, by more than GL may err. A map too coarse, or a
+box too wide, only clamps less. The sides of a clamped volume are other polygons than those of the
+full one, so a sample within GL's snap of a shadow's edge may fall to either side.
+
+Departures from the paper:
+
+- Counts are sums in a float image, not a stencil of eight bits: they do not wrap at 256.
+- Samples are scattered into the litmaps, not the light's own fragments (see there).
+- The light cap moves only where the whole caster is nearer to the light than the plane. The paper
+  moves vertex by vertex; where the plane cuts a triangle, the moved corner takes the cap behind
+  the triangle, and what is seen between the two loses its shadow.
+- A caster is culled too where all that is seen is nearer to the light than the caster.
+- Silhouettes are those of triangle soup (`culling.shadow_volumes.casters`).
+- A light cap is drawn as the scene's own triangle, corner for corner, so it has the very depth
+  that the visible surface has, and counts as behind it (`>=`): no bias is needed, and a surface
+  that the light meets from the eye's side is not in its own shadow. Seen from its other side it
+  is.
+- The view has no far plane, and it is a perspective one.
+- The lookups, the extents and the draw commands are made on the GPU; nothing is read back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+
+from culling.device import Device, State, Target, device, set_uniform
+from culling.geometry import COMMAND_WORDS, Geometry, view_uniforms
+from culling.shadow_volumes.casters import Casters, Faces, casters_of
+from culling.shadow_volumes.litmaps import Litmaps, light_from_relative
+from culling.view import View
+from visref.camera import Camera
+from visref.culler import QueryStats, RasterTolerance
+from visref.effects.shadows import Light
+from visref.errors import InputError
+from visref.scene import Float32, Int32, Int64, Scene
+
+GROUP = 64  # work items of a group, as in the shader
+
+# Float64 bounds of a caster over the light, in lexels up to the map's side, are off by some 20
+# roundings; a lexel that is touched by less is a lexel too many. Outward.
+LEXEL_SLACK = 2.0**-30
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowFrame:
+    """One camera's shadows.
+
+    `count`: (height, width) int32, casters' triangles between a sample and the light, 0 where
+    nothing is seen; `image`: the same as 0 or 1. `planes`: (n, 2) float32, each caster's light
+    and dark plane, ±inf where it is not clamped; `kept`: (k,) int64 casters not culled.
+    `fragments`: of all volumes drawn, hidden ones included; None where not counted.
+    """
+
+    count: Int32
+    planes: Float32
+    kept: Int64
+    fragments: int | None
+
+    @property
+    def image(self) -> Int32:
+        return (self.count > 0).astype(np.int32)
+
+
+class ShadowVolumes:
+    """Shadows of a solid scene (`visref.effects.solid`) by one light."""
+
+    def __init__(self, scene: Scene, light: Light, *, depth: int = 24) -> None:
+        self.device: Device = device()
+        self.scene, self.light, self.depth_bits = scene, light, depth
+        self.geometry = Geometry(
+            self.device, scene, scene.object_units(), np.ones(scene.triangle_count, np.bool_)
+        )
+        self.casters: Casters = casters_of(scene, light)
+        self.litmaps = self.make_litmaps()
+        self.extents_shader = self.load_extents()
+        self.program = self.load_program()
+        self._upload()
+
+    def frame(
+        self, camera: Camera, *, clamped: bool = True, fragments: bool = False
+    ) -> ShadowFrame:
+        """The shadows that a camera sees; without `clamped` every volume is drawn in full, to
+        infinity. `fragments` counts them, beside the frame."""
+        view = self.view_of(camera)
+        target = self.device.target(camera.width, camera.height, self.depth_bits, "f4")
+        self.device.begin_frame()
+        self.device.clear(State(target.framebuffer, self.geometry.program))
+        every = np.arange(self.scene.object_count, dtype=np.int64)
+        self.geometry.draw(view, target, every, QueryStats())
+        self.device.clear_colour(target.framebuffer)
+        if clamped:
+            self.litmaps.build(view, target, self._reach(camera))
+            self._clamp()
+        else:
+            self._keep_all()
+        state = State(target.framebuffer, self.program, depth_write=False, add_colours=True)
+        self.draw_volumes(view, state)
+        counted = self._fragments(view, target) if fragments else None
+        return ShadowFrame(self._read(target), *self._read_extents(), counted)
+
+    def tolerance(self, camera: Camera) -> RasterTolerance:
+        """What this rasteriser declares for a camera."""
+        return self.view_of(camera).tolerance(self.depth_bits)
+
+    # The steps.
+
+    def view_of(self, camera: Camera) -> View:
+        if not camera.is_perspective:
+            raise InputError("shadow volumes of an orthographic camera", mend="give one with yfov")
+        return View.of(endless(camera), self.scene, self.device.subpixel_bits)
+
+    def make_litmaps(self) -> Litmaps:
+        return Litmaps(self.device, self.light)
+
+    def load_extents(self) -> moderngl.ComputeShader:
+        return self.device.compute("volume_extents.comp")
+
+    def load_program(self) -> moderngl.Program:
+        return self.device.program("volume.vert", "volume.frag")
+
+    def rectangles(self) -> Int32:
+        """(n, 4) int32, the lexels x0, y0, x1, y1 (inclusive) that each caster may touch, clipped
+        to the map; x1 < x0 where there are none."""
+        size = np.array([self.light.camera.width, self.light.camera.height])
+        low = np.floor(np.clip(self.casters.rectangle[:, :2] - LEXEL_SLACK, 0.0, size))
+        high = np.floor(np.clip(self.casters.rectangle[:, 2:] + LEXEL_SLACK, -1.0, size - 0.5))
+        result = np.concatenate([low, high], axis=1)
+        # A caster without triangles touches nothing.
+        return np.where(np.isnan(result), [0, 0, -1, -1], result).astype(np.int32)
+
+    def ranges(self) -> Float32:
+        """(n, 2) float32, the distances along the light between which each caster lies."""
+        near, far = self.casters.nearest, self.casters.farthest
+        # Outward: nearer and farther than any of its vertices.
+        result = np.stack(
+            [
+                np.nextafter(near.astype(np.float32), np.float32(-np.inf)),
+                np.nextafter(far.astype(np.float32), np.float32(np.inf)),
+            ],
+            axis=1,
+        )
+        return np.where(np.isnan(result), np.float32(-np.inf), result)
+
+    def draw_volumes(self, view: View, state: State) -> None:
+        """Caps and sides, as many triangles as their commands say; `state` has no depth test
+        where all fragments are counted."""
+        self._set_view(view)
+        lists = ((">=", 1.0), (">=", -1.0), (">", 1.0))
+        for place, (vertex_array, (behind, outward)) in enumerate(
+            zip(self.vertex_arrays, lists, strict=True)
+        ):
+            if vertex_array is None:
+                continue
+            self.program["outward"] = outward
+            self.device.apply(state._replace(depth_func=behind if state.depth_func else ""))
+            first, count = place * self.casters.count, self.casters.count
+            vertex_array.render_indirect(self.commands, count=count, first=first)
+
+    # The rest.
+
+    def _upload(self) -> None:
+        context, casters = self.device.context, self.casters
+        rows = np.empty((2 * len(casters.caster), 4), np.int32)
+        rows[:, :3] = np.tile(casters.vertex_world, (2, 1)).view(np.int32)
+        rows[:, 3] = np.tile(casters.caster, 2)
+        self.vertices = context.buffer(rows.tobytes() or bytes(16))
+        lists: tuple[Faces, ...] = (casters.caps_front, casters.caps_back, casters.body)
+        self.index_buffers = [context.buffer(part.indices.tobytes() or bytes(12)) for part in lists]
+        layout = [(self.vertices, "3f 1i", "vertex_world", "caster")]
+        self.vertex_arrays = [
+            context.vertex_array(self.program, layout, index_buffer=buffer)
+            if len(part.indices)
+            else None
+            for part, buffer in zip(lists, self.index_buffers, strict=True)
+        ]
+        words = np.zeros((len(lists), casters.count, COMMAND_WORDS), np.uint32)
+        for row, part in zip(words, lists, strict=True):
+            row[:, 0], row[:, 2] = 3 * np.diff(part.offsets), 3 * part.offsets[:-1]
+        words[:, :, 1] = 1
+        self.all_commands = words.tobytes() or bytes(4)
+        self.commands = context.buffer(self.all_commands)
+        self.lexels = context.buffer(self.rectangles().tobytes() or bytes(16))
+        self.range = context.buffer(self.ranges().tobytes() or bytes(8))
+        self.planes = context.buffer(reserve=max(8, 8 * casters.count))
+
+    def _clamp(self) -> None:
+        """Look up every caster's planes, and write its commands."""
+        shader = self.extents_shader
+        for binding, buffer in enumerate(
+            (self.lexels, self.range, self.planes, self.commands), start=1
+        ):
+            buffer.bind_to_storage_buffer(binding)
+        shader["casters"] = self.casters.count
+        shader["lists"] = len(self.vertex_arrays)
+        shader["light_near"] = self.light.camera.near
+        for levels in (self.litmaps.nearest, self.litmaps.farthest):
+            levels.use(shader)
+            shader["farthest"] = levels.farthest
+            shader.run(-(-self.casters.count // GROUP))
+            self.device.context.memory_barrier()
+
+    def _keep_all(self) -> None:
+        self.commands.write(self.all_commands)
+        endless_planes = np.tile(np.array([-np.inf, np.inf], np.float32), (self.casters.count, 1))
+        self.planes.write(endless_planes.tobytes())
+
+    def _set_view(self, view: View) -> None:
+        program, light = self.program, self.light.camera
+        view_uniforms(program, view)
+        eye = view.camera.eye
+        away = np.append(light.forward, 0.0)
+        if not self.light.directional:
+            away = np.append(light.eye - eye, 1.0)
+        set_uniform(program, "light_relative", away.astype(np.float32).tobytes())
+        row = light_from_relative(self.light, eye)[2]
+        set_uniform(program, "distance_row", row.astype(np.float32).tobytes())
+        program["vertices"] = len(self.casters.caster)
+        self.planes.bind_to_storage_buffer(3)
+
+    def _fragments(self, view: View, target: Target) -> int:
+        query = self.device.queries(1)[0]
+        with query:
+            self.draw_volumes(
+                view, State(target.scratch, self.program, depth_func="", depth_write=False)
+            )
+        return int(query.samples)
+
+    def _read(self, target: Target) -> Int32:
+        width, height = target.framebuffer.size
+        raw = np.frombuffer(target.framebuffer.read(components=1, dtype="f4"), np.float32)
+        count = raw.reshape(height, width)[::-1].astype(np.int32)
+        # The background receives no shadow.
+        return np.where(target.read_depth() < 1.0, count, 0).astype(np.int32)
+
+    def _read_extents(self) -> tuple[Float32, Int64]:
+        count = self.casters.count
+        self.device.context.memory_barrier()
+        planes = np.frombuffer(self.planes.read(), np.float32)[: 2 * count].reshape(count, 2)
+        words = np.frombuffer(self.commands.read(), np.uint32)
+        kept = words[: COMMAND_WORDS * count].reshape(count, COMMAND_WORDS)[:, 1] > 0
+        return planes, np.flatnonzero(kept)
+
+    def _reach(self, camera: Camera) -> float:
+        low, high = np.abs(self.scene.bounds - camera.eye)
+        return float(np.linalg.norm(np.maximum(low, high)))
+
+    def close(self) -> None:
+        for array in self.vertex_arrays:
+            if array is not None:
+                array.release()
+        buffers = (self.vertices, self.commands, self.lexels, self.range, self.planes)
+        for buffer in (*self.index_buffers, *buffers):
+            buffer.release()
+        self.litmaps.release()
+        self.geometry.release()
+
+
+def endless(camera: Camera) -> Camera:
+    """The camera without a far plane."""
+    return replace(camera, far=math.inf)

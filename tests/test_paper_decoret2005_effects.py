@@ -1,0 +1,76 @@
+"""Sections 4.3 and 4.4: the published numbers agree, and ours stand beside the right ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from visref.effects.images import ImageVerdict
+from visref.papers import decoret2005_effects as paper
+from visref.registry import available
+from visref.tables.plan import EXPERIMENTS
+
+
+def test_published_share_is_that_of_the_published_fragments():
+    full, clamped = paper.FRAGMENTS
+    assert clamped / full == pytest.approx(paper.CLAMPED_SHARE, abs=0.001)
+    assert paper.TESTS_A_SPRITE == 16 * 16
+
+
+def test_experiments_are_registered():
+    assert {one.name for one in paper.EXPERIMENTS} <= set(available(EXPERIMENTS))
+
+
+class Records:
+    def __init__(self, **results):
+        self.results = {key.replace("_", "-"): result for key, result in results.items()}
+
+    def experiment(self, key):
+        return self.results.get(key)
+
+
+GOOD = ImageVerdict(judged=1000, shown=10, within_tolerance=2).to_json()
+
+
+def rows_of(records, table):
+    return {row.quantity: row for row in paper.tables(records)[table].rows}
+
+
+def test_particles_are_told_a_sprite():
+    result = {
+        "sprites_in_view": 100.0,
+        "sprites_kept": 40.0,
+        "depth_tests_plain": 25_000.0,
+        "lookups": 100.0,
+        "depth_tests_left": 10_000.0,
+        "verdict": GOOD,
+    }
+    rows = rows_of(Records(particles_city=result), 0)
+    assert rows["city: depth tests a sprite, rasterised"].ours == 250.0
+    assert rows["city: lookups a sprite"].ours == 1.0
+    assert rows["city: sprites culled"].ours == pytest.approx(0.6)
+    assert rows["city: samples lost, extra or unlike the uncut effect's"].ours == 0.0
+    assert rows["terrain_towers: lookups a sprite"].ours is None
+
+
+@pytest.mark.parametrize(
+    ("verdict", "holds"), [(GOOD, True), ({**GOOD, "status": "violation"}, False)]
+)
+def test_lost_shadow_shows_in_the_table(verdict, holds):
+    result = {
+        "fragments_full": 1000.0,
+        "fragments_clamped": 150.0,
+        "casters": 50,
+        "casters_kept": 5.0,
+        "verdict": verdict,
+    }
+    records = Records(shadow_volumes_terrain_towers=result)
+    assert rows_of(records, 1)["terrain_towers: share left"].ours == 0.15
+    assert rows_of(records, 1)["city: share left"].ours is None
+    fewer, safe = paper.tables(records)[1].trends
+    assert (fewer.holds, safe.holds) == (True, holds)
+
+
+def test_nothing_measured_claims_nothing():
+    for table in paper.tables(Records()):
+        assert all(row.ours is None for row in table.rows)
+        assert all(trend.holds is None for trend in table.trends)

@@ -1,0 +1,171 @@
+"""X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005.
+
+Its two effects: sections 4.3 (particles) and 4.4 (shadow volume clamping). They draw no objects,
+so they are no walks but experiments, each judged by the image protocol (`visref.effects`).
+
+The paper's models, its paths and its lights are not available; `terrain_towers` is laid out as its
+text says, and `city` stands for its city. So fragments compare in ratio and order. Its shares
+depend on what the observer sees: a street in a city lies inside the shadow volumes of the houses
+around it, which are wanted in full; and the houses of `city` are open sheets, whose lit and unlit
+sides both cast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from visref.papers.table import Experiment, Records, Row, Size, Table, Trend
+
+SIZE: Size = (640, 480)
+SCENES = {"terrain_towers": "terrain_towers", "city": "city:scale=0.25"}
+
+TESTS_A_SPRITE = 256  # section 4.3: 16 by 16 pixels; with N-buffers, 1
+FRAGMENTS = (20e6, 512e3)  # section 4.4, the city: without and with clamping
+CLAMPED_SHARE = 0.025  # the same; "the same ratio is observed for the terrain scene"
+SIMPLE_SHARE = 0.20  # "for other simpler scenes"
+
+EXPERIMENTS = tuple(
+    Experiment(f"{name}-{scene.replace('_', '-')}", name, spec, SIZE)
+    for name in ("particles", "shadow-volumes")
+    for scene, spec in SCENES.items()
+)
+
+Result = Mapping[str, Any]
+
+
+def tables(records: Records) -> list[Table]:
+    """Sections 4.3 and 4.4."""
+    return [
+        _particles(_results(records, "particles")),
+        _shadows(_results(records, "shadow-volumes")),
+    ]
+
+
+def _results(records: Records, name: str) -> dict[str, Result | None]:
+    return {scene: records.experiment(f"{name}-{scene.replace('_', '-')}") for scene in SCENES}
+
+
+def _particles(results: Mapping[str, Result | None]) -> Table:
+    rows = []
+    for scene, result in results.items():
+        of = f"{scene}: "
+        in_view = _value(result, "sprites_in_view")
+        rows += [
+            Row(f"{of}sprites of 16² in the image", None, in_view),
+            Row(
+                f"{of}depth tests a sprite, rasterised",
+                TESTS_A_SPRITE,
+                _quotient(result, "depth_tests_plain", "sprites_in_view"),
+                digits=1,
+                note="sprites are cut at the image's rim",
+            ),
+            Row(
+                f"{of}lookups a sprite",
+                1,
+                _quotient(result, "lookups", "sprites_in_view"),
+                digits=1,
+            ),
+            Row(
+                f"{of}depth tests a sprite, of those drawn after their lookup",
+                None,
+                _quotient(result, "depth_tests_left", "sprites_in_view"),
+                digits=1,
+                note="the paper counts the lookups alone",
+            ),
+            Row(
+                f"{of}sprites culled",
+                None,
+                _saved(result, "sprites_kept", "sprites_in_view"),
+                unit="%",
+                digits=1,
+            ),
+            *_verdict_rows(of, result),
+        ]
+    return Table(
+        "Particles culled in the vertex shader", "section 4.3", tuple(rows), (_safe(results),)
+    )
+
+
+def _shadows(results: Mapping[str, Result | None]) -> Table:
+    rows = []
+    for scene, result in results.items():
+        of = f"{scene}: "
+        full, clamped = FRAGMENTS if scene == "city" else (None, None)
+        rows += [
+            Row(
+                f"{of}fragments of shadow volumes, in full", full, _value(result, "fragments_full")
+            ),
+            Row(f"{of}the same, clamped", clamped, _value(result, "fragments_clamped")),
+            Row(
+                f"{of}share left",
+                CLAMPED_SHARE,
+                _quotient(result, "fragments_clamped", "fragments_full"),
+                unit="%",
+                digits=1,
+                note=f"published for simpler scenes: {SIMPLE_SHARE:.0%}",
+            ),
+            Row(
+                f"{of}casters culled",
+                None,
+                _saved(result, "casters_kept", "casters"),
+                unit="%",
+                digits=1,
+            ),
+            *_verdict_rows(of, result),
+        ]
+    fewer = [
+        result["fragments_clamped"] < result["fragments_full"]
+        for result in results.values()
+        if result is not None
+    ]
+    trends = (
+        Trend("clamping leaves fewer fragments", all(fewer) if fewer else None),
+        _safe(results),
+    )
+    return Table("Shadow volumes, clamped", "section 4.4", tuple(rows), trends)
+
+
+def _verdict_rows(of: str, result: Result | None) -> list[Row]:
+    verdict = None if result is None else result["verdict"]
+    return [
+        Row(f"{of}samples lost, extra or unlike the uncut effect's", 0, _wrong(verdict)),
+        Row(
+            f"{of}samples within the rasteriser's tolerance",
+            None,
+            None if verdict is None else verdict["within_tolerance"],
+            note=f"of {verdict['judged']:,} judged" if verdict is not None else "",
+        ),
+    ]
+
+
+def _wrong(verdict: Result | None) -> float | None:
+    if verdict is None:
+        return None
+    return float(verdict["lost"] + verdict["extra"] + verdict["differing"])
+
+
+def _safe(results: Mapping[str, Result | None]) -> Trend:
+    states = {
+        scene: result["verdict"]["status"]
+        for scene, result in results.items()
+        if result is not None
+    }
+    bad = [f"{scene}: {state}" for scene, state in states.items() if state != "no_violation_found"]
+    holds = not bad if states else None
+    return Trend("culling changes no sample of the picture", holds, ", ".join(bad))
+
+
+def _value(result: Result | None, name: str) -> float | None:
+    return None if result is None else float(result[name])
+
+
+def _quotient(result: Result | None, over: str, under: str) -> float | None:
+    if result is None or not result[under]:
+        return None
+    return float(result[over] / result[under])
+
+
+def _saved(result: Result | None, kept: str, of: str) -> float | None:
+    share = _quotient(result, kept, of)
+    return None if share is None else 1.0 - share
