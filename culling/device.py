@@ -169,16 +169,16 @@ class Device:
         key = (vertex, fragment, geometry)
         if key not in self._programs:
             self._programs[key] = self.context.program(
-                vertex_shader=_source(vertex),
-                fragment_shader=_source(fragment),
-                geometry_shader=None if geometry is None else _source(geometry),
+                vertex_shader=shader_source(vertex),
+                fragment_shader=shader_source(fragment),
+                geometry_shader=None if geometry is None else shader_source(geometry),
             )
         return self._programs[key]
 
     def compute(self, shader: str) -> moderngl.ComputeShader:
         """The compute shader of a file in `culling/shaders`, compiled once."""
         if shader not in self._computes:
-            self._computes[shader] = self.context.compute_shader(_source(shader))
+            self._computes[shader] = self.context.compute_shader(shader_source(shader))
         return self._computes[shader]
 
     def queries(self, count: int) -> list[moderngl.Query]:
@@ -282,10 +282,12 @@ class Device:
         return changes
 
 
-def _source(name: str) -> str:
+def shader_source(name: str) -> str:
     """The text of a shader, with each line `#include "FILE"` replaced by that file's text."""
     text = (files("culling") / "shaders" / name).read_text(encoding="utf-8")
-    return re.sub(r'^#include "([\w.]+)"$', lambda line: _source(line[1]), text, flags=re.MULTILINE)
+    return re.sub(
+        r'^#include "([\w.]+)"$', lambda line: shader_source(line[1]), text, flags=re.MULTILINE
+    )
 
 
 def set_uniform(

@@ -104,11 +104,16 @@ class Geometry:
         stats.draw_calls = (stats.draw_calls or 0) + (drawn.draw_calls or 0)
         stats.state_changes = (stats.state_changes or 0) + (drawn.state_changes or 0)
 
-    def fragments(
-        self, view: View, target: Target, unit_ids: Int64, *, depth_only: bool = False
-    ) -> int:
-        """How many fragments these units have in the view, hidden ones included; or those of
-        `draw_depth`. It draws with no depth test: for counting, beside a frame and not in it."""
+    def fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
+        """How many fragments these units have in the view, hidden ones included. It draws
+        with no depth test: for counting, beside a frame and not in it."""
+        return self._fragments(view, target, unit_ids, depth_only=False)
+
+    def depth_fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
+        """The same of `draw_depth`."""
+        return self._fragments(view, target, unit_ids, depth_only=True)
+
+    def _fragments(self, view: View, target: Target, unit_ids: Int64, *, depth_only: bool) -> int:
         state = State(target.scratch, self.program, depth_func="", depth_write=False)
         query = self.device.queries(1)[0]
         with query:

@@ -255,7 +255,7 @@ class GLCuller(Culler):
     ) -> NDArray[np.bool_]:
         """Whether the boxes of the units `frame.ids[places]` would show, asked together; or
         their corners alone."""
-        samples = self.ask_boxes(frame, frame.boxes[places], corners_only=corners_only)
+        samples = self.samples_of_boxes(frame, frame.boxes[places], corners_only=corners_only)
         visible = self.passes(samples)
         frame.note_asked(frame.ids[places])
         self.observe(
@@ -267,7 +267,9 @@ class GLCuller(Culler):
         )
         return visible
 
-    def ask_boxes(self, frame: Frame, boxes: Float64, *, corners_only: bool = False) -> Int64:
+    def samples_of_boxes(
+        self, frame: Frame, boxes: Float64, *, corners_only: bool = False
+    ) -> Int64:
         """(k,) int64 samples that would show of inflated boxes relative to the eye, asked
         together."""
         rounded = round_outward(boxes)

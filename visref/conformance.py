@@ -28,6 +28,7 @@ import numpy as np
 
 from visref.camera import CameraPath
 from visref.conformance_layers import LAYERS
+from visref.conformance_revealed import REVEALED
 from visref.conformance_scenes import SCENES as OBJECTS
 from visref.conformance_scenes import Case, SceneMaker
 from visref.culler import Culler, check_drawn
@@ -42,7 +43,7 @@ from visref.visibility import FrameTruth
 
 MakeCuller = Callable[[], Culler]
 
-SCENES = [*OBJECTS, *LAYERS]
+SCENES = [*OBJECTS, *LAYERS, *REVEALED]
 
 # How many lines a failed check prints of the objects that it lost.
 LINES_PER_CHECK = 4

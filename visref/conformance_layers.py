@@ -55,8 +55,8 @@ def torn_layers(rng: np.random.Generator) -> Case:
     objects.append(("fault", (np.array([[2.0, -10, 0], [3, -1, 0], [3.5, -1, -9], [2.5, -10, -9]]),
                               np.array([[0, 1, 2], [0, 2, 3]]))))  # fmt: skip
     for number in range(3):
-        z = -5.0 - number
-        objects.append((f"volume slice {number}", panel((-3.0, 1.0), (-7.0, -0.5), z)))
+        slice_ = panel((-3.0, 1.0), (-7.0, -0.5), -5.0 - number)
+        objects.append((f"volume slice {number}", slice_))
     views = [
         camera((0.0, 2.0, 3.0), (0.0, -3.0, -8.0)),
         camera((-1.0, -3.0, 0.5), (0.5, -3.2, -8.0)),  # between the first two layers

@@ -29,7 +29,7 @@ class NBufferTexture:
 
     def build(self, target: Target, *, levels: int | None = None) -> None:
         """All levels, or the first `levels` above level 0, from the target's depth."""
-        base = self.device.compute("n_buffer_base.comp")
+        base = self.shader("n_buffer_base.comp")
         target.depth.use(0)
         base["depth_buffer"] = 0
         self.texture.bind_to_image(0, read=False, write=True)
@@ -38,13 +38,16 @@ class NBufferTexture:
 
     def join(self, *, levels: int | None = None) -> None:
         """The levels above level 0, which is as it is."""
-        step = self.device.compute("n_buffer_level.comp")
+        step = self.shader("n_buffer_level.comp")
         step["farthest"] = self.farthest
         self.texture.bind_to_image(0, read=True, write=False)
         self.texture.bind_to_image(1, read=False, write=True)
         for level in range(1, self.levels if levels is None else min(levels + 1, self.levels)):
             step["level"] = level
             self._run(step)
+
+    def shader(self, name: str) -> moderngl.ComputeShader:
+        return self.device.compute(name)
 
     def _run(self, shader: moderngl.ComputeShader) -> None:
         width, height = self.size

@@ -30,6 +30,8 @@ class GpuCull:
     `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool.
     """
 
+    texture: type[NBufferTexture] = NBufferTexture
+
     def __init__(
         self,
         device: Device,
@@ -95,7 +97,7 @@ class GpuCull:
         if self.map is None or self.map.size != size:
             if self.map is not None:
                 self.map.release()
-            self.map = NBufferTexture(self.device, *size)
+            self.map = self.texture(self.device, *size)
         return self.map
 
     def release(self) -> None:

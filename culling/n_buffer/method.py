@@ -116,7 +116,7 @@ class NBufferCulling(GLCuller):
             with phase(frame.stats, "query"):
                 shown[unsure] = self.map.ask(boxes[unsure], nearest, frame.stats)
         else:
-            shown[unsure] = self.passes(self.ask_boxes(frame, boxes[unsure]))
+            shown[unsure] = self.passes(self.samples_of_boxes(frame, boxes[unsure]))
         self.observe("test", boxes=boxes, sure=sure, visible=shown)
         return shown
 

@@ -305,11 +305,11 @@ class ThreePassCulling(GLCuller):
         ids = frame.ids
         passed = np.isin(ids, drawn)
         if self.low is not None:
-            filling = self.low.fragments(before.view, before.target, ids, depth_only=True)
+            filling = self.low.depth_fragments(before.view, before.target, ids)
             of_unit = mesh_fragments(self.low, before.view, before.target, ids)
         else:
             occluders = ids[self.inner_occluders(frame)]
-            filling = self.geometry.fragments(frame.view, frame.target, occluders, depth_only=True)
+            filling = self.geometry.depth_fragments(frame.view, frame.target, occluders)
             of_unit = self._conservative_fragments(frame, before)
         stats.query_fragments = int(of_unit.sum())
         stats.query_fragments_passed = int(of_unit[passed].sum())

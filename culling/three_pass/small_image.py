@@ -41,17 +41,22 @@ def small_camera(camera: Camera, scale: int) -> Camera:
     ones: the image may reach beyond the right and the top, and is never another aspect."""
     width, height = (-(-side // scale) for side in (camera.width, camera.height))
     taller = scale * height / camera.height
-    lens: dict[str, float | None]
-    if camera.yfov is not None:
-        lens = {"yfov": 2.0 * math.atan(taller * math.tan(camera.yfov / 2.0))}
-    else:
-        assert camera.ymag is not None
-        lens = {"ymag": taller * camera.ymag}
+    yfov, ymag = camera.yfov, camera.ymag
+    if yfov is not None:
+        yfov = 2.0 * math.atan(taller * math.tan(yfov / 2.0))
+    if ymag is not None:
+        ymag *= taller
     # Columns count from the left as the image's do, rows from the bottom.
     shift_x = (scale * width - camera.width + 2.0 * camera.shift_x_px) / (2.0 * scale)
     shift_y = (camera.height - scale * height + 2.0 * camera.shift_y_px) / (2.0 * scale)
     return replace(
-        camera, width=width, height=height, shift_x_px=shift_x, shift_y_px=shift_y, **lens
+        camera,
+        width=width,
+        height=height,
+        yfov=yfov,
+        ymag=ymag,
+        shift_x_px=shift_x,
+        shift_y_px=shift_y,
     )
 
 
