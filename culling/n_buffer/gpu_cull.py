@@ -88,7 +88,12 @@ class GpuCull:
         seen = np.frombuffer(self.seen.read(4 * self.units), np.uint32)
         stats.bytes_read_back = (stats.bytes_read_back or 0) + 8 * self.units
         stats.batches = (stats.batches or 0) + 1
-        stats.queries_passed = (stats.queries_passed or 0) + int(np.count_nonzero(seen))
+        looked_up = seen & 2 != 0
+        asked = int(np.count_nonzero(looked_up))
+        stats.queries = (stats.queries or 0) + asked
+        passed = int(np.count_nonzero(looked_up & (seen & 1 != 0)))
+        stats.queries_passed = (stats.queries_passed or 0) + passed
+        stats.lookups = (stats.lookups or 0) + asked * self.squares
         return drawn
 
     def map_of(self, target: Target) -> NBufferTexture:

@@ -6,7 +6,7 @@ layout(local_size_x = 64) in;
 struct Range { uint first, count; };
 layout(std430, binding = 1) readonly buffer Bounds { double bounds_world[]; };
 layout(std430, binding = 2) readonly buffer Occludes { uint can_occlude[]; };
-layout(std430, binding = 3) buffer Seen { uint seen[]; };
+layout(std430, binding = 3) buffer Seen { uint seen[]; };  // 1 visible, 2 looked up
 layout(std430, binding = 4) buffer Drawn { uint drawn[]; };
 layout(std430, binding = 5) readonly buffer Ranges { Range range_of[]; };
 layout(std430, binding = 6) writeonly buffer Commands { uint commands[]; };
@@ -24,6 +24,7 @@ uniform bool occluders;
 uniform bool one_square;
 uniform uint units;
 
+bool looked_up = false;
 dvec3 low, high;  // the unit's inflated box, relative to the eye
 
 double least(dvec3 row) {
@@ -84,6 +85,7 @@ bool shows() {
     if (to_window.w > 0.0lf) {
         ndc /= nearest;
     }
+    looked_up = true;
     double depth = clamp(0.5lf * (ndc - to_window.z) + 0.5lf, 0.0lf, 1.0lf);
     float farthest = one_square ? n_buffer_one(r) : n_buffer_four(r);
     return depth <= double(farthest);
@@ -103,12 +105,12 @@ void main() {
         inflate();
     }
     if (occluders) {
-        draw = filled && seen[unit] != 0u && can_occlude[unit] != 0u && in_frustum();
+        draw = filled && (seen[unit] & 1u) != 0u && can_occlude[unit] != 0u && in_frustum();
         drawn[unit] = uint(draw);
     } else {
         bool visible = filled && in_frustum() && shows();
         draw = visible && drawn[unit] == 0u;
-        seen[unit] = uint(visible);
+        seen[unit] = uint(visible) | uint(looked_up) << 1;
         drawn[unit] |= uint(visible);
     }
     // A slot a unit: which are drawn never changes the order.

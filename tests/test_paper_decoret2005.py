@@ -1,0 +1,83 @@
+"""Décoret's tables come from the records, and the first frame of a stretch is left out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from visref.papers import decoret2005 as paper
+from visref.registry import make_culler
+
+
+def run_of(counts):
+    """A run folder's content: three frames in a row and a lonely one, the first of each cold."""
+    frames = {}
+    for name, spec in paper.CULLERS.items():
+        counter = "query_fragments" if "query" in spec else "lookups"
+        frames[spec] = [
+            {"frame": frame, counter: 10**9 if frame in (4, 9) else counts[name]}
+            for frame in (4, 5, 6, 9)
+        ]
+    return SimpleNamespace(frames_of=frames, timings=[])
+
+
+class Records:
+    def __init__(self, run=None, **experiments):
+        self.walk, self.experiments = run, experiments
+
+    def run(self, key):
+        return self.walk
+
+    def experiment(self, key):
+        return self.experiments.get(key)
+
+
+COUNTS = dict(zip(paper.CULLERS, (900_000, 300_000, 500, 1_000, 1_000), strict=True))
+
+
+def table(records, source):
+    return next(t for t in paper.tables(records) if t.source == source)
+
+
+def test_published_ratios_are_those_the_text_names():
+    tests = paper.DEPTH_TESTS
+    assert tests["occlusion queries"] / tests["N-buffer"] == 400
+    assert round(tests["occlusion queries, hierarchy"] / tests["N-buffer, hierarchy"]) == 3143
+
+
+def test_depth_tests_leave_out_frames_that_remember_nothing():
+    made = table(Records(run_of(COUNTS)), "Table 2")
+    rows = {row.quantity: row for row in made.rows}
+    assert rows["depth tests a frame, occlusion queries"].ours == 300_000
+    assert rows["depth tests a frame, N-buffer, hierarchy"].ours == 500
+    assert rows["depth tests a frame, N-buffer, hierarchy"].published == 350
+    assert rows["occlusion queries over N-buffer"].ours == 300
+    assert [trend.holds for trend in made.trends] == [True, True, True]
+
+
+@pytest.mark.parametrize(
+    ("place", "counts"),
+    [
+        (0, COUNTS | {"occlusion queries": 99_000}),
+        (1, COUNTS | {"occlusion queries, hierarchy": 299_999}),
+        (2, COUNTS | {"N-buffer, hierarchy": 1_001}),
+    ],
+)
+def test_each_claim_can_fail(place, counts):
+    made = table(Records(run_of(counts)), "Table 2")
+    assert made.trends[place].holds is False
+    assert made.trends[place].why
+
+
+def test_levels_stand_beside_their_own_resolution():
+    levels = {"levels": [1, 2, 3, 4], "gpu_ms": [5.0] * 4, "cpu_ms": [6.0] * 4}
+    rows = {r.quantity: r for r in table(Records(levels=levels), "Table 1").rows}
+    assert (rows["640 × 480: levels"].published, rows["640 × 480: levels"].ours) == (10, 3)
+    assert rows["256 × 256: all levels, GPU"].ratio is None
+
+
+@pytest.mark.gl
+def test_set_ups_are_cullers_of_ours():
+    for spec in paper.CULLERS.values():
+        make_culler(spec).close()

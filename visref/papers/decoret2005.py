@@ -1,0 +1,156 @@
+"""X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005.
+
+Tables 1 and 2 and Fig. 4; sections 4.3 and 4.4 are in `visref.papers.decoret2005_effects`.
+
+Measured on `city`; the paper's city model and walk are not available. So depth tests compare in
+order and ratio, and times, which belong to a GeForce 6800, not at all. Table 2 counts the depth
+comparisons of the tests alone: with queries the samples that the boxes cover, with N-buffers the
+lookups. Building the levels comes on top, as the paper says of it.
+"""
+
+from __future__ import annotations
+
+import statistics
+
+from visref.papers import decoret2005_effects as effects
+from visref.papers.readings import reading
+from visref.papers.table import (
+    Basis,
+    Curve,
+    Experiment,
+    Figure,
+    Records,
+    Row,
+    Size,
+    Table,
+    Trend,
+    Walk,
+)
+
+TITLE = "X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005"
+
+# Table 1: levels and milliseconds by resolution.
+LEVELS: dict[Size, tuple[int, float]] = {
+    (256, 256): (8, 2),
+    (512, 512): (9, 8),
+    (640, 480): (10, 10),
+    (1024, 1024): (10, 31),
+}
+# Fig. 4: pixels covered beyond the box over the box's own, over all sizes up to 512 by 512; and
+# the share of sizes that four squares cover exactly.
+EXTRA_ONE, EXTRA_FOUR, EXACT_FOUR = 2.19, 0.198, 0.341
+
+# Table 2: depth comparisons a frame.
+DEPTH_TESTS = {
+    "occlusion queries, hierarchy": 1_100_000,
+    "occlusion queries": 200_000,
+    "N-buffer, hierarchy": 350,
+    "N-buffer": 500,
+}
+CULLERS = {
+    "occlusion queries, hierarchy": "n-buffer:test=query,hierarchy=true,fragments=true",
+    "occlusion queries": "n-buffer:test=query,fragments=true",
+    "N-buffer, hierarchy": "n-buffer:hierarchy=true",
+    "N-buffer": "n-buffer",
+    "N-buffer on the GPU": "n-buffer:where=gpu",
+}
+# Frames in a row, so that there is a last frame to remember.
+STRETCH = 5
+
+WALKS = (Walk("table-2", "city", tuple(CULLERS.values()), size=(512, 512), stretch=STRETCH),)
+EXPERIMENTS = (
+    Experiment("levels", "n-buffer-levels"),
+    Experiment("coverage", "n-buffer-coverage"),
+    *effects.EXPERIMENTS,
+)
+
+
+def tables(records: Records) -> list[Table]:
+    """Table 1, Fig. 4, Table 2, and the two effects."""
+    return [_levels(records), _coverage(records), _depth_tests(records), *effects.tables(records)]
+
+
+def _levels(records: Records) -> Table:
+    result = records.experiment("levels")
+    rows = []
+    for place, ((width, height), (levels, ms)) in enumerate(LEVELS.items()):
+        of = f"{width} × {height}"
+        ours, gpu, cpu = (
+            (result[name][place] for name in ("levels", "gpu_ms", "cpu_ms"))
+            if result is not None
+            else (None, None, None)
+        )
+        rows += [
+            Row(f"{of}: levels", levels, ours),
+            Row(f"{of}: all levels, GPU", ms, gpu, "ms", 1, Basis.HARDWARE),
+            Row(f"{of}: all levels, CPU", None, cpu, "ms", 1, Basis.HARDWARE),
+        ]
+    return Table("N-buffer levels", "Table 1", tuple(rows))
+
+
+def _coverage(records: Records) -> Table:
+    result = records.experiment("coverage")
+    one, four, exact = (
+        (None if result is None else result[name]) for name in ("extra_1", "extra_4", "exact_4")
+    )
+    rows = (
+        Row("extra over box pixels, one square", EXTRA_ONE, one, digits=2),
+        Row("extra over box pixels, four squares", EXTRA_FOUR, four, digits=3),
+        Row("sizes that four squares cover exactly", EXACT_FOUR, exact, "%", 1),
+    )
+    figure = None
+    if result is not None:
+        heights = tuple(result["heights"])
+        figure = Figure(
+            "height of a box 512 pixels wide",
+            "extra over box pixels",
+            tuple(
+                Curve(label, heights, tuple(result[key]))
+                for label, key in (("one square", "row_1"), ("four squares", "row_4"))
+            ),
+            log_y=False,
+        )
+    return Table("Covering boxes by squares", "Fig. 4", rows, figure=figure)
+
+
+def _depth_tests(records: Records) -> Table:
+    run = records.run("table-2")
+    ours: dict[str, float] = {}
+    if run is not None:
+        for name, spec in CULLERS.items():
+            rows = reading(run, spec).rows
+            frames = {row["frame"] for row in rows}
+            # Without the first frame of a stretch, which remembers nothing.
+            warm = [row for row in rows if row["frame"] - 1 in frames] or list(rows)
+            counter = "query_fragments" if "query" in spec else "lookups"
+            ours[name] = statistics.fmean(row[counter] for row in warm)
+    made = [
+        Row(f"depth tests a frame, {name}", DEPTH_TESTS.get(name), ours.get(name))
+        for name in CULLERS
+    ]
+    published = DEPTH_TESTS["occlusion queries"] / DEPTH_TESTS["N-buffer"]
+    over = ours["occlusion queries"] / ours["N-buffer"] if ours else None
+    made.append(Row("occlusion queries over N-buffer", published, over))
+    return Table("Depth comparisons", "Table 2", tuple(made), _trends(ours))
+
+
+def _trends(ours: dict[str, float]) -> tuple[Trend, ...]:
+    claims = (
+        "N-buffers need two to three orders of magnitude fewer depth tests than queries",
+        "a hierarchy raises the count for occlusion queries",
+        "a hierarchy lowers the count for N-buffers",
+    )
+    if not ours:
+        return tuple(Trend(claim, None) for claim in claims)
+    queries, tree_queries = ours["occlusion queries"], ours["occlusion queries, hierarchy"]
+    lookups, tree_lookups = ours["N-buffer"], ours["N-buffer, hierarchy"]
+    ratio = queries / lookups
+    return (
+        Trend(claims[0], ratio >= 100.0, f"{ratio:.0f} times"),
+        Trend(
+            claims[1], tree_queries > queries, f"{queries:,.0f} without, {tree_queries:,.0f} with"
+        ),
+        Trend(
+            claims[2], tree_lookups < lookups, f"{lookups:,.0f} without, {tree_lookups:,.0f} with"
+        ),
+    )
