@@ -158,7 +158,7 @@ def ways(view, target, boxes, **how):
     hardware = BoxQueries(gl)
     found = {
         way: hardware.ask(view, target, boxes, QueryStats(), way=way, **how)
-        for way in ("sync", "batch", "instanced")
+        for way in ("sync", "batch", "instanced", "counted")
     }
     hardware.release()
     for name, kind in (("item-buffer", ItemBufferQueries), ("histogram", HistogramQueries)):
@@ -200,7 +200,7 @@ def test_all_ways_of_asking_find_the_same_boxes(count, size):
     assert count < 20 or 0 < visible.sum() < count
     for samples in found.values():
         assert np.array_equal(samples > 0, visible)
-    assert np.array_equal(found["sync"], found["instanced"])
+    assert np.array_equal(found["sync"], found["counted"])
     assert np.array_equal(found["item-buffer"], found["histogram"])
     culler.close()
 
