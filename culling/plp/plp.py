@@ -139,6 +139,7 @@ class PLPCulling(GLCuller):
             cells = self.walk.project(self.budget)
         self.observe("estimate", cells=cells)
         self.draw_cells(frame, cells)
+        frame.stats.triangles_estimated = frame.stats.triangles_drawn
 
     def draw_cells(self, frame: Frame, cells: Int64) -> None:
         """Draw what the cells hold; an empty one has nothing to draw."""

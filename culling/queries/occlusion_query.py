@@ -9,8 +9,8 @@ Four ways, one answer:
 - "counted": the same, with an atomic counter a box in place of the mark. Where the shader runs on
   a CPU, a box of many samples pays for each of them.
 
-The depth and image are read only in all four. Each can ask the eight corners, a point each, in place of the box: cheaper, and a "no" says
-nothing about the box.
+The depth and image are read only in all four. Each can ask the eight corners, a point each, in
+place of the box: cheaper, and a "no" says nothing about the box.
 
 Boxes come inflated and in float32 (see `culling.view`), wholly beyond the near plane; depth is
 clamped behind the far plane, so a box that reaches across it is not cut open.
