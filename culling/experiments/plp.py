@@ -17,7 +17,7 @@ import numpy as np
 
 from culling.device import State, Target, device
 from culling.item_buffer import ItemBufferEngine
-from culling.plp import PLPCulling
+from culling.plp.plp import PLPCulling
 from culling.queries.histogram import HistogramQueries
 from culling.queries.item_buffer_query import ItemBufferQueries
 from culling.queries.occlusion_query import BoxQueries

@@ -16,8 +16,8 @@ Departures from the paper:
 - The traversal ends with the cell whose triangles reach the budget, so it may pass it by less
   than a leaf's triangles.
 - A triangle in several cells is drawn, and counted, once.
-
-Solidity is stated in `culling.plp.solidity`, its accumulation in `culling.plp.traversal`.
+- Solidity is the area of a cell's triangles (`culling.plp.solidity`), not their number; the front
+  is ordered by the pixels that a cell may show at (`culling.plp.traversal`), not by solidity alone.
 """
 
 from __future__ import annotations

@@ -102,7 +102,10 @@ LABELS = {
     "item-buffer,image=restore": "cPLP-IB, picture restored (3.5)",
     "histogram,image=restore": "cPLP-HG, picture restored (3.5)",
 }
-WAY_BUDGETS = (1_000, 25_000, 100_000)
+WAY_BUDGETS = {
+    way: (FASTEST_BUDGET,) if "restore" in way else (1_000, FASTEST_BUDGET, 100_000)
+    for way in LABELS
+}
 VF_BF = "cplp:order=frustum"
 HP_ALONE = "cplp:order=front-to-back,query=occlusion-query"
 EXT = "fragment-histogram"
@@ -127,7 +130,7 @@ WALKS = (
         "soda-hall-ways",
         "soda_hall",
         (
-            *(spec(way, budget) for way in LABELS for budget in WAY_BUDGETS),
+            *(spec(way, budget) for way in LABELS for budget in WAY_BUDGETS[way]),
             HP_ALONE,
             VF_BF,
         ),
@@ -136,7 +139,7 @@ WALKS = (
     Walk("skyscraper", "skyscraper", tuple(TOWER.values()), SIZE),
     Walk("city", CITY, tuple(f"plp:budget={budget}" for budget in CITY_BUDGETS), SIZE),
 )
-FRONTS = {"soda-hall": "soda_hall", "skyscraper": "skyscraper", "city": CITY}
+FRONTS = {"soda-hall": "soda_hall", "city": CITY}
 EXPERIMENTS = (
     Experiment("primitives", "plp-primitives"),
     Experiment("city-quality", "plp-quality", CITY, SIZE),
@@ -273,7 +276,7 @@ def _times(run: RunRecord | None, by_budget: Mapping[int, Reading]) -> Table:
     alone: dict[str, float] = {}
     if run is not None:
         ms = {
-            way: {budget: reading(run, spec(way, budget)).ms() for budget in WAY_BUDGETS}
+            way: {budget: reading(run, spec(way, budget)).ms() for budget in WAY_BUDGETS[way]}
             for way in LABELS
         }
         alone = {name: reading(run, culler).ms() for name, culler in
@@ -282,7 +285,7 @@ def _times(run: RunRecord | None, by_budget: Mapping[int, Reading]) -> Table:
         Row(f"{label}, budget {budget:,}", None, ms.get(way, {}).get(budget), "ms", 1,
             Basis.HARDWARE)
         for way, label in LABELS.items()
-        for budget in WAY_BUDGETS
+        for budget in WAY_BUDGETS[way]
     ]  # fmt: skip
     rows += [Row(f"{name}, no budget", None, alone.get(name), "ms", 1, Basis.HARDWARE)
              for name in ("HP", "VF-BF")]  # fmt: skip
@@ -301,6 +304,7 @@ def _times(run: RunRecord | None, by_budget: Mapping[int, Reading]) -> Table:
     curves = tuple(
         Curve(LABELS[way], tuple(map(float, times)), tuple(times.values()))
         for way, times in ms.items()
+        if len(times) > 1
     )
     trends = (
         _faster("cPLP by any way of asking is faster than VF-BF", at_best, LABELS, "VF-BF"),
