@@ -155,8 +155,6 @@ def filtered(links: Links, keep: np.ndarray) -> Links:
         offsets=before[links.offsets],
         to=links.to[keep],
         axis=links.axis[keep],
-        sign=links.sign[keep],
-        centre=links.centre[keep],
     )
 
 
@@ -210,12 +208,12 @@ class OnlyTheNearestCell:
         return np.argmin(np.linalg.norm(nearest - eye, axis=1), keepdims=True)
 
 
-@mutant("W13", of=(EXT,), contract="cells_come_in_the_order_of_their_occlusion")
+@mutant("W13", of=(EXT,), contract="cells_come_in_the_order_of_what_shows")
 class SolidityIgnored:
-    """No cell hides another: the nearest comes first."""
+    """No cell hides another: the largest on the screen comes first."""
 
     def solidity_of(self, octree):
-        return np.zeros(octree.leaf_count)
+        return np.zeros((octree.leaf_count, 3))
 
 
 @mutant("W14", of=WAYS, contract="no_cell_is_asked_twice")
@@ -293,7 +291,7 @@ class UnfinishedQueryReadAsZero:
         return super().passes(ready)
 
 
-@mutant("U2", of=ITEMS, caught_by="crowd")
+@mutant("U2", of=ITEMS, caught_by="seen_from_outside")
 @item_step
 class SinglePass:
     """Only the cells on top of the first picture are found."""

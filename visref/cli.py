@@ -25,6 +25,8 @@ from visref.hardcases_page import culler_summary
 from visref.inputs import Inputs, open_inputs
 from visref.outcome import RunOutcome
 from visref.papers import load_paper, paper_names
+from visref.papers import table as papers
+from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run import Job, JudgedFrame
 from visref.tables import measure, write_tables
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -346,6 +348,9 @@ def _judge(
             listeners=[bar],
         )
     _print_outcome(outcome)
+    for paper, tables in commands.published_beside(given.out):
+        for table in tables:
+            _print_beside_published(paper.name, table)
     _OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)
     return outcome.exit
 
@@ -508,6 +513,19 @@ def _print_outcome(outcome: RunOutcome) -> None:
         _OUT.print(f"{finding.code}: {where}: {message}", markup=False)
     if len(shown) > 10:
         _OUT.print(f"… and {len(shown) - 10} more findings in verdict.json", markup=False)
+
+
+def _print_beside_published(name: str, of_paper: papers.Table) -> None:
+    table = Table(box=None, pad_edge=False)
+    for heading in HEADINGS[:4]:
+        table.add_column(heading, justify="left" if heading == HEADINGS[0] else "right")
+    for line in table_lines(of_paper):
+        table.add_row(*(escape(cell) for cell in line.cells[:4]))
+    _OUT.print(f"\n{of_paper.title} ({name}, {of_paper.source})", markup=False)
+    _OUT.print(table)
+    for trend in of_paper.trends:
+        glyph, words = VERDICTS[trend.holds]
+        _OUT.print(f"{glyph} {trend.claim}: {words}", markup=False)
 
 
 if __name__ == "__main__":

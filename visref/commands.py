@@ -26,11 +26,14 @@ from visref.hardcases import HardCaseTable, every_spec, run_hard_cases
 from visref.hardcases_page import hard_cases_page
 from visref.inputs import Inputs, open_inputs, open_scene
 from visref.outcome import RunOutcome
+from visref.papers import Paper, tables_beside
+from visref.papers.table import Table
 from visref.record import MANIFEST, TRUTH, Recorder, slug
 from visref.registry import CULLERS, available, load_entry, make_culler
 from visref.replay import Replay, read_visible_sets
 from visref.report import write_report
 from visref.run import ImageCheck, Listener, Referee
+from visref.run_record import read_run
 from visref.scene import Scene
 from visref.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
@@ -185,6 +188,11 @@ def run(
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
+
+
+def published_beside(run: Path) -> list[tuple[Paper, list[Table]]]:
+    """What a run folder fills of the papers' tables."""
+    return tables_beside(read_run(run, objects=False))
 
 
 def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:

@@ -62,8 +62,9 @@ class QueryStats:
     rasterise; `depth_tests`: depth comparisons, drawing and queries together;
     `triangles_drawn`, `units_drawn`, `draw_calls`: of the final image;
     `state_changes`: of masks, programs and targets; `bytes_read_back`: from the GPU;
-    `iterations`: rounds of a method that has rounds; `tests_skipped`: queries that the method
-    itself saved. `ms`: milliseconds of wall time by phase. None means not measured.
+    `iterations`: rounds of a method that has rounds; `triangles_estimated`: those of the
+    `triangles_drawn` that it drew before its first round; `tests_skipped`: queries that the
+    method itself saved. `ms`: milliseconds of wall time by phase. None means not measured.
     """
 
     queries: int | None = None
@@ -80,6 +81,7 @@ class QueryStats:
     state_changes: int | None = None
     bytes_read_back: int | None = None
     iterations: int | None = None
+    triangles_estimated: int | None = None
     ms: dict[str, float] = field(default_factory=dict)
 
     def counts(self) -> dict[str, int]:

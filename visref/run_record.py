@@ -153,8 +153,9 @@ def _pylist(table: pa.Table) -> list[Row]:
     return rows
 
 
-def read_run(folder: Path) -> RunRecord:
-    """Read a run folder. Raises InputError if it is none, or a file of it is spoilt."""
+def read_run(folder: Path, *, objects: bool = True) -> RunRecord:
+    """Read a run folder. Without its `objects`, of which there may be tens of millions, that table
+    is empty. Raises InputError if it is none, or a file of it is spoilt."""
     if not (folder / MANIFEST).is_file():
         raise InputError(
             f"this is no run folder: it has no {MANIFEST}", source=str(folder), mend=_MEND
@@ -172,7 +173,9 @@ def read_run(folder: Path) -> RunRecord:
         _read_json(folder / VERDICT),
         _pylist(_read_table(folder / "frames.parquet")),
         _pylist(_read_table(folder / "timings.parquet")),
-        _read_table(folder / "objects.parquet", "culler", "kind", "name"),
+        _read_table(folder / "objects.parquet", "culler", "kind", "name")
+        if objects
+        else pa.table({}),
     )
 
 

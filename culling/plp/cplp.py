@@ -16,8 +16,9 @@ The four ways of asking (section 3) are `query`; each finds the same cells:
 
 - `occlusion-query` (cPLP-HP): a hardware query for each, waited for.
 - `item-buffer` (cPLP-IB) and `histogram` (cPLP-HG): ids in a colour buffer, in several passes.
-- `fragment-histogram` (cPLP-EXT): all at once, an atomic counter a cell behind early fragment
-  tests. The paper proposes it as hardware; shaders do it today.
+- `fragment-histogram` (cPLP-EXT): all at once, behind early fragment tests. The paper proposes
+  it as hardware that counts each cell's fragments; shaders do it today, and since only whether a
+  cell shows is asked, they leave a mark in place of a count.
 
 The item buffer and the histogram need a colour buffer. `image=restore` is section 3.5: the
 estimate's picture is saved, ids go over it while later triangles go to depth alone, and in the

@@ -46,15 +46,12 @@ class Links:
     """Pairs of leaves that share part of a face, each both ways, grouped by the first.
 
     `offsets`: (n + 1,) int64; `to`: (m,) int32 leaves; `axis`: (m,) int8, the axis of the face's
-    normal; `sign`: (m,) int8, +1 where `to` lies on the side of greater coordinate; `centre`:
-    (m, 3) float64, the middle of the common face, in world space.
+    normal.
     """
 
     offsets: Int64
     to: Int32
     axis: NDArray[np.int8]
-    sign: NDArray[np.int8]
-    centre: Float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,24 +108,12 @@ class Octree:
                 inside = (beyond[:, axis] >= 0) & (beyond[:, axis] < STEPS)
                 other = self.locate(beyond[inside], self.width[inside])
                 here, other = leaves[inside][other >= 0], other[other >= 0]
-                parts.append(np.stack([here, other, np.full_like(here, axis), here * 0 + sign]))
-                parts.append(np.stack([other, here, np.full_like(here, axis), here * 0 - sign]))
+                parts.append(np.stack([here, other, np.full_like(here, axis)]))
+                parts.append(np.stack([other, here, np.full_like(here, axis)]))
         pairs = np.unique(np.concatenate(parts, axis=1).T, axis=0)
-        start, to, axis_of, sign_of = pairs.T
-        # The face is the narrower leaf's.
-        small = np.where(self.width[start] <= self.width[to], start, to)
-        centre = self.bounds[small].mean(axis=1)
-        rows = np.arange(len(pairs))
-        side = np.where(sign_of > 0, 1, 0)
-        centre[rows, axis_of] = self.bounds[start, side, axis_of]
+        start, to, axis_of = pairs.T
         offsets = np.searchsorted(start, np.arange(self.leaf_count + 1))
-        return Links(
-            offsets.astype(np.int64),
-            to.astype(np.int32),
-            axis_of.astype(np.int8),
-            sign_of.astype(np.int8),
-            centre,
-        )
+        return Links(offsets.astype(np.int64), to.astype(np.int32), axis_of.astype(np.int8))
 
     def hull(self) -> NDArray[np.bool_]:
         """(n, 2, 3) bool: which leaves have a face in each of the root's six faces."""

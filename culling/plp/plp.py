@@ -1,8 +1,8 @@
 """Prioritized-Layered Projection: draw the likeliest cells until a budget is spent.
 
 Klosowski, Silva 2001, section 2.1 (and the papers that it cites): space is an octree whose leaves
-are the cells; a front of candidate cells grows from the eye's; the one least occluded by the
-solidity of what lies before it is projected next, its triangles are drawn, and its neighbours
+are the cells; a front of candidate cells grows from the eye's; the one that most likely shows, by
+the solidity of what lies before it, is projected next, its triangles are drawn, and its neighbours
 join the front. No depth is asked. What the budget leaves out may be visible, so the method is
 aggressive: it is measured, not convicted.
 
@@ -13,10 +13,11 @@ Departures from the paper:
 - The front starts with every cell that the near plane may cut in view, not the eye's alone, and
   where a part of the near plane's rectangle lies beyond one of the root's faces, with every cell
   in view along that face: a ray enters the octree in one of these.
-- The budget is never passed: the traversal ends before the first cell that would.
+- The traversal ends with the cell whose triangles reach the budget, so it may pass it by less
+  than a leaf's triangles.
 - A triangle in several cells is drawn, and counted, once.
-
-The accumulation of solidity is stated in `culling.plp.traversal`.
+- Solidity is the area of a cell's triangles (`culling.plp.solidity`), not their number; the front
+  is ordered by the pixels that a cell may show at (`culling.plp.traversal`), not by solidity alone.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ import numpy as np
 from culling.item_buffer import GLRaster
 from culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from culling.plp.octree import Links, Octree, build
+from culling.plp.solidity import solidity
 from culling.plp.traversal import Walk, near_corners
 from culling.shared_geometry import Marks, SharedGeometry
 from visref.camera import Camera
@@ -47,7 +49,9 @@ class PLPCulling(GLCuller):
     """PLP alone; see the module."""
 
     name = "plp"
-    summary = "Klosowski 2001: octree cells, the least occluded first, up to a budget of triangles"
+    summary = (
+        "Klosowski 2001: octree cells, the likeliest to show first, up to a budget of triangles"
+    )
     notes_asked = True
     promise = Promise.AGGRESSIVE
     options: ClassVar[Mapping[str, Option]] = {**PLP_OPTIONS, **GL_OPTIONS}
@@ -71,7 +75,7 @@ class PLPCulling(GLCuller):
     def prepare(self, scene: Scene) -> Units:
         units = super().prepare(scene)
         self.links = self.links_of(self.octree)
-        self.solidity = self.solidity_of(self.octree)
+        self.transmittance = np.exp(-self.solidity_of(self.octree))
         self.marks = Marks(scene.triangle_count)
         return units
 
@@ -107,8 +111,8 @@ class PLPCulling(GLCuller):
         return octree.links()
 
     def solidity_of(self, octree: Octree) -> Float64:
-        """(n,) float64 in 0...1: what each cell adds to the occlusion of those behind it."""
-        return np.minimum(octree.units.sizes / self.leaf, 1.0)
+        """(n, 3) float64: how much of the light through it each cell stops, by axis."""
+        return solidity(self.scene, octree)
 
     def seeds(self, frame: Frame) -> Int64:
         """The cells that the front starts with."""
@@ -122,7 +126,7 @@ class PLPCulling(GLCuller):
     def begin_walk(self, frame: Frame) -> None:
         with phase(frame.stats, "traverse"):
             self.walk = Walk(
-                self.octree, self.links, self.solidity, self.marks, frame.view, frame.ids
+                self.octree, self.links, self.transmittance, self.marks, frame.view, frame.ids
             )
             self.walk.seed(self.seeds(frame))
             self.place_of_cell = np.full(self.octree.leaf_count, -1)
@@ -135,6 +139,7 @@ class PLPCulling(GLCuller):
             cells = self.walk.project(self.budget)
         self.observe("estimate", cells=cells)
         self.draw_cells(frame, cells)
+        frame.stats.triangles_estimated = frame.stats.triangles_drawn
 
     def draw_cells(self, frame: Frame, cells: Int64) -> None:
         """Draw what the cells hold; an empty one has nothing to draw."""

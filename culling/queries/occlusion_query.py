@@ -1,14 +1,16 @@
 """Ask the depth buffer whether boxes would show: the hardware occlusion query.
 
-Three ways, one answer:
+Four ways, one answer:
 
 - "sync": a query, wait for it, the next. What a method pays that decides box by box.
 - "batch": all queries out, then all answers in.
-- "instanced": all boxes in one draw; a shader with early fragment tests counts each box's
-  passing samples with an atomic. The depth and image are read only in all three.
+- "instanced": all boxes in one draw; a shader behind early fragment tests leaves a mark for each
+  box that has a passing sample.
+- "counted": the same, with an atomic counter a box in place of the mark. Where the shader runs on
+  a CPU, a box of many samples pays for each of them.
 
-Each can ask the eight corners, a point each, in place of the box: cheaper, and a "no" says
-nothing about the box.
+The depth and image are read only in all four. Each can ask the eight corners, a point each, in
+place of the box: cheaper, and a "no" says nothing about the box.
 
 Boxes come inflated and in float32 (see `culling.view`), wholly beyond the near plane; depth is
 clamped behind the far plane, so a box that reaches across it is not cut open.
@@ -40,11 +42,17 @@ class BoxQueries:
         self.device = device
         context = device.context
         self.plain = device.program("box.vert", "plain.frag")
-        self.counting = device.program("box.vert", "box_count.frag")
         self.plain_array = context.vertex_array(self.plain, [])
-        self.counting_array = context.vertex_array(self.counting, [])
+        # By way of asking.
+        self.instanced = {
+            "instanced": device.program("box.vert", "box_seen.frag"),
+            "counted": device.program("box.vert", "box_count.frag"),
+        }
+        self.instanced_arrays = {
+            way: context.vertex_array(program, []) for way, program in self.instanced.items()
+        }
         self.boxes = context.buffer(reserve=24, dynamic=True)
-        self.counts = context.buffer(reserve=4, dynamic=True)
+        self.answers = context.buffer(reserve=4, dynamic=True)
 
     def ask(
         self,
@@ -58,17 +66,18 @@ class BoxQueries:
         corners_only: bool = False,
         state_hook: StateHook = lambda state: state,
     ) -> Int64:
-        """Samples of each box, (k,) int64, that are not behind the target's depth.
+        """Samples of each box, (k,) int64, that are not behind the target's depth; the way
+        "instanced" says 1 for any number of them.
 
-        `boxes`: (k, 2, 3) float32, relative to the eye. `way` is "sync", "batch" or
-        "instanced". `corners_only` draws corners as points. `state_hook` sees the GL state
+        `boxes`: (k, 2, 3) float32, relative to the eye. `way` is "sync", "batch", "instanced" or
+        "counted". `corners_only` draws corners as points. `state_hook` sees the GL state
         before it is set.
         """
         if not len(boxes):
             return np.zeros(0, np.int64)
-        if way == "instanced":
+        if way in self.instanced:
             samples, stalls, changes = self._instanced(
-                view, target, boxes, cull_back_faces, corners_only, state_hook
+                way, view, target, boxes, cull_back_faces, corners_only, state_hook
             )
             stats.bytes_read_back = (stats.bytes_read_back or 0) + 4 * len(boxes)
         else:
@@ -138,6 +147,7 @@ class BoxQueries:
 
     def _instanced(
         self,
+        way: str,
         view: View,
         target: Target,
         boxes: Float32,
@@ -147,22 +157,23 @@ class BoxQueries:
         *,
         depth_func: str = "<=",
     ) -> tuple[Int64, int, int]:
-        mode, vertices = self._upload(self.counting, view, boxes, corners_only)
-        self.counts.orphan(max(self.counts.size, 4 * len(boxes)))
-        self.counts.clear()
-        self.counts.bind_to_storage_buffer(2)
+        program = self.instanced[way]
+        mode, vertices = self._upload(program, view, boxes, corners_only)
+        self.answers.orphan(max(self.answers.size, 4 * len(boxes)))
+        self.answers.clear()
+        self.answers.bind_to_storage_buffer(2)
         state = State(
             target.scratch,
-            self.counting,
+            program,
             depth_func=depth_func,
             depth_write=False,
             cull_back_faces=cull_back_faces,
             clamp_depth=True,
         )
         changes = self.device.apply(state_hook(state))
-        self.counting_array.render(mode, vertices=vertices, instances=len(boxes))
+        self.instanced_arrays[way].render(mode, vertices=vertices, instances=len(boxes))
         self.device.context.memory_barrier(moderngl.BUFFER_UPDATE_BARRIER_BIT)
-        raw = self.counts.read(4 * len(boxes))
+        raw = self.answers.read(4 * len(boxes))
         return np.frombuffer(raw, np.uint32).astype(np.int64), 1, changes
 
     def fragments(
@@ -179,6 +190,7 @@ class BoxQueries:
         if not len(boxes):
             return np.zeros(0, np.int64)
         samples, _, _ = self._instanced(
+            "counted",
             view,
             target,
             boxes,
@@ -191,6 +203,7 @@ class BoxQueries:
 
     def release(self) -> None:
         self.plain_array.release()
-        self.counting_array.release()
+        for array in self.instanced_arrays.values():
+            array.release()
         self.boxes.release()
-        self.counts.release()
+        self.answers.release()

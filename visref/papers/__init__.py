@@ -22,6 +22,7 @@ class Paper:
     walks: tuple[Walk, ...]
     experiments: tuple[Experiment, ...]
     tables: Callable[[Records], list[Table]]
+    tables_of_run: Callable[[RunRecord], list[Table]] = lambda record: []
 
 
 def paper_names() -> list[str]:
@@ -38,7 +39,8 @@ def load_paper(name: str) -> Paper:
     if name not in known:
         raise InputError(f"no paper is named '{name}'", mend=f"known are {', '.join(known)}")
     module = importlib.import_module(f"{__name__}.{name}")
-    return Paper(name, module.TITLE, module.WALKS, module.EXPERIMENTS, module.tables)
+    paper = Paper(name, module.TITLE, module.WALKS, module.EXPERIMENTS, module.tables)
+    return replace(paper, tables_of_run=getattr(module, "tables_of_run", paper.tables_of_run))
 
 
 @dataclass(frozen=True)
@@ -70,18 +72,21 @@ def _fits(walk: Walk, record: RunRecord) -> bool:
 
 
 def tables_beside(record: RunRecord) -> list[tuple[Paper, list[Table]]]:
-    """The papers whose walks this run is, and what of their tables it fills."""
+    """What a run fills of the papers' tables: as one of a paper's walks, or else by what the
+    paper makes of any run."""
     found = []
     for paper in map(load_paper, paper_names()):
-        if not any(_fits(walk, record) for walk in paper.walks):
-            continue
+        if any(_fits(walk, record) for walk in paper.walks):
+            tables = paper.tables(_OneRun(paper, record))
+        else:
+            tables = paper.tables_of_run(record)
         filled = [
             replace(
                 table,
                 rows=tuple(row for row in table.rows if row.ours is not None),
                 trends=tuple(trend for trend in table.trends if trend.holds is not None),
             )
-            for table in paper.tables(_OneRun(paper, record))
+            for table in tables
         ]
         found.append((paper, [table for table in filled if table.rows]))
-    return found
+    return [(paper, tables) for paper, tables in found if tables]

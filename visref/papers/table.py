@@ -7,7 +7,11 @@ A module of `visref.papers` states
     EXPERIMENTS: tuple[Experiment, ...]    measurements that are no judged run
     def tables(records: Records) -> list[Table]
 
-and measures nothing itself: every number of ours comes from a run folder or from the JSON that
+and, where a single run may fill a table by itself, whoever asked for it,
+
+    def tables_of_run(record: RunRecord) -> list[Table]
+
+It measures nothing itself: every number of ours comes from a run folder or from the JSON that
 an experiment left, so that a table can be made again from the records alone.
 """
 
