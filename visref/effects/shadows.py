@@ -84,7 +84,9 @@ def sun(direction: tuple[float, float, float], scene: Scene, lexels: int) -> Lig
     corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
     local = np.abs((corners - centre) @ pose[:3, :3]).max(axis=0)
     # Two lexels around, so that rounding and footprints leave nothing of the scene at the rim.
-    half = local + RIM_LEXELS * 2.0 * local[:2].max() / lexels
+    # A scene that the sun sees as a point is as wide as it is deep.
+    across = float(local[:2].max()) or float(local[2]) or 1.0
+    half = local + RIM_LEXELS * 2.0 * across / lexels
     pose[:3, 3] = centre + pose[:3, 2] * half[2]
     width = max(1, math.ceil(lexels * min(1.0, half[0] / half[1])))
     height = max(1, math.ceil(lexels * min(1.0, half[1] / half[0])))
