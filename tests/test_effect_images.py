@@ -74,6 +74,8 @@ def test_bounds_of_other_samples_are_refused():
 
 def test_verdicts_of_frames_add_up_and_keep_the_first_worst_sample():
     bad = ImageVerdict(judged=4, shown=2, lost=1, worst=(3, 1))
-    both = ImageVerdict(judged=1, shown=1, held=1).plus(bad).plus(ImageVerdict(lost=1, worst=(0, 0)))
+    both = (
+        ImageVerdict(judged=1, shown=1, held=1).plus(bad).plus(ImageVerdict(lost=1, worst=(0, 0)))
+    )
     assert (both.judged, both.lost, both.worst, both.status) == (5, 2, (3, 1), "violation")
     assert both.to_json()["status"] == "violation"

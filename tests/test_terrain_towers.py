@@ -7,7 +7,7 @@ import pytest
 
 from datasets_gen import scene_of
 from datasets_gen.glb import glb_bytes
-from datasets_gen.terrain_towers import EYE_HEIGHT_M, terrain_towers
+from datasets_gen.terrain_towers import WALK, terrain_towers
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.visibility import objects_seen
@@ -44,14 +44,16 @@ def test_walk_meets_no_tower_and_sees_towers_but_few_of_the_birds():
     for camera in dataset.path:
         gap = np.maximum(np.maximum(boxes[:, 0] - camera.eye, camera.eye - boxes[:, 1]), 0.0)
         assert np.linalg.norm(gap[kind != "ground"], axis=1).min() > camera.near
-        assert camera.eye[1] > EYE_HEIGHT_M - 5.0
+        assert camera.eye[1] > WALK.eye_m - 5.0
         seen = objects_seen(engine.frame(camera), scene).visible
         assert seen[kind == "tower"].any()
         assert seen[kind == "bird"].mean() < 0.1
         assert (camera.width, camera.height) == (640, 480)
 
 
-@pytest.mark.parametrize(("settings", "line"), [({"scale": 0.0}, "scale"), ({"frames": 0}, "frames")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("settings", "line"), [({"scale": 0.0}, "scale"), ({"frames": 0}, "frames")]
+)
 def test_nothing_to_make_is_one_clear_line(settings, line):
     with pytest.raises(InputError, match=line):
         terrain_towers(**settings)

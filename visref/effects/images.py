@@ -45,8 +45,8 @@ class ImageVerdict:
     """Samples, by what became of them.
 
     `judged`: in the domain; `shown`: where the truth shows the effect; `held`: where the image
-    does too. `lost`, `extra`: image below or above its bounds; `within_tolerance`: inside them and not the truth. `differing`:
-    image is not the reference, and one of the two is out of bounds;
+    does too. `lost`, `extra`: image below or above its bounds; `within_tolerance`: inside them and
+    not the truth. `differing`: image is not the reference, and one of the two is out of bounds;
     `differing_within_tolerance`: both are inside. `worst`: (x, y) of a sample lost, extra or
     differing.
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 from statistics import fmean
 from typing import Any
 
-from culling.sampled import sampled
+from culling.experiments.sampled import sampled
 from culling.shadow_volumes.volumes import ShadowVolumes, endless
 from visref.camera import CameraPath
 from visref.effects import solid
