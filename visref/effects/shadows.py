@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera, look_at
 from visref.culler import RasterTolerance
 from visref.effects.images import NO_BOUNDS, Bounds, ImageVerdict, disputed, judge
-from visref.effects.surfaces import surfaces_at
+from visref.effects.surfaces import TRANSFORM, surfaces_at
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
@@ -39,11 +39,9 @@ from visref.visibility import FrameTruth
 # 2^-53 on the sum of absolute products, counted as in `ray_kernels.PLANE_ROUNDING`.
 ORIENTATION_ROUNDING = 16.0 * 2.0**-53
 
-# A float32 transform relative to the eye errs by TRANSFORM of the distance: seven roundings of
-# 2^-24 on each of three components. A shadow's face is made of a vertex and that vertex moved
-# along the light's ray, which costs as many roundings again on a sum of two lengths, each at
-# most the scene's reach from the eye.
-TRANSFORM = 7.0 * math.sqrt(3.0) * 2.0**-24
+# A shadow's face is made of a vertex and that vertex moved along the light's ray, which costs as
+# many roundings as a transform again on a sum of two lengths, each at most the scene's reach from
+# the eye.
 FACE_TRANSFORMS = 3.0
 
 # `lit_domain` asks for one lexel and a footprint to the rim of the light's image.
