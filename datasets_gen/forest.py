@@ -19,7 +19,7 @@ from datasets_gen.dataset import Dataset
 from datasets_gen.graph import Mesh, Node
 from datasets_gen.shapes import Float64, Soup, icosphere, lathe, merge, quarter_turn, snap
 from datasets_gen.stock import plain
-from datasets_gen.terrain import Height, patch
+from datasets_gen.terrain import Height, Winding, patch
 from visref.camera import Camera, CameraPath, look_at
 from visref.errors import InputError
 
@@ -31,8 +31,7 @@ TILE_TRIANGLES = 128
 SHAPES_A_KIND = 4
 KINDS_SHARE = {"broadleaf": 0.4, "spruce": 0.45, "shrub": 0.15}
 CLEARANCE_M = 2.4  # from the walk to a trunk
-EYE_HEIGHT_M = 1.7
-STEP_M = 0.6
+WALK = Winding(step_m=0.6, reach=0.45, sway_m=4.0, bend_m=7.0, eye_m=1.7)
 FAR_M = 400.0
 
 
@@ -139,18 +138,10 @@ def _trees(
 
 
 def _walk(side: float, frames: int, height: Height) -> CameraPath:
-    """Along x through the middle, swaying, and looking where the walk goes."""
-    s = STEP_M * (np.arange(frames + 1) - frames / 2.0)
-    # A long walk in a small forest turns round: to and fro.
-    reach = 0.45 * side
-    x = side / 2.0 + reach * np.sin(s / reach)
-    z = side / 2.0 + 4.0 * np.sin(s / 7.0)
+    """Swaying through the middle, and looking where the walk goes."""
     cameras = []
-    for k in range(frames):
-        eye = np.array([x[k], float(height(x[k], z[k])) + EYE_HEIGHT_M, z[k]])
-        ahead = np.array([x[k + 1] - x[k], 0.0, z[k + 1] - z[k]])
-        ahead /= np.linalg.norm(ahead)
-        ahead[1] = 0.04 * math.sin(0.31 * s[k])
+    for s, eye, ahead in WALK.steps(side, frames, height):
+        ahead[1] = 0.04 * math.sin(0.31 * s)
         pose = look_at(eye, eye + ahead)
         cameras.append(Camera(pose, 1280, 960, near=0.1, far=FAR_M, yfov=math.pi / 4))
     return CameraPath(tuple(cameras))

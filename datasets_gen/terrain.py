@@ -1,15 +1,45 @@
-"""Ground with heights, of exactly as many triangles as asked."""
+"""Ground with heights, of exactly as many triangles as asked, and a walk above it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from datasets_gen.shapes import EMPTY, Float64, Soup, merge, quads
 
 Height = Callable[[Float64, Float64], Float64]  # y from x and z
+
+
+@dataclass(frozen=True)
+class Winding:
+    """A walk along x through the middle of a square, swaying along z, above the ground.
+
+    `reach`: how far it goes from the middle, as a share of the side; a long walk in a small
+    country turns round, to and fro. `sway_m`: to either side, once in `2 pi * bend_m` of the way.
+    """
+
+    step_m: float
+    reach: float
+    sway_m: float
+    bend_m: float
+    eye_m: float
+
+    def steps(
+        self, side: float, frames: int, height: Height
+    ) -> Iterator[tuple[float, Float64, Float64]]:
+        """For each frame: metres gone, counted from the middle of the walk; the eye; and the
+        way it goes, level and of length 1."""
+        s = self.step_m * (np.arange(frames + 1) - frames / 2.0)
+        reach = self.reach * side
+        x = side / 2.0 + reach * np.sin(s / reach)
+        z = side / 2.0 + self.sway_m * np.sin(s / self.bend_m)
+        for k in range(frames):
+            eye = np.array([x[k], float(height(x[k], z[k])) + self.eye_m, z[k]])
+            ahead = np.array([x[k + 1] - x[k], 0.0, z[k + 1] - z[k]])
+            yield float(s[k]), eye, ahead / np.linalg.norm(ahead)
 
 
 def patch(

@@ -17,7 +17,7 @@ from datasets_gen.dataset import Dataset
 from datasets_gen.graph import Mesh, Node
 from datasets_gen.shapes import Float64, Soup, boxes, lathe, merge, quarter_turn, ring, snap
 from datasets_gen.stock import plain
-from datasets_gen.terrain import Height, patch
+from datasets_gen.terrain import Height, Winding, patch
 from visref.camera import Camera, CameraPath, look_at
 from visref.errors import InputError
 
@@ -29,8 +29,8 @@ BIRDS_A_TILE = 2.0
 BIRD_HEIGHT_M = (25.0, 60.0)  # above the highest ground
 SHAPES_A_KIND = 3
 CLEARANCE_M = 9.0  # from the walk to a tower's axis
-EYE_HEIGHT_M = 9.0  # on a dyke, say: high enough to see the ground between the hills
-STEP_M = 1.5
+# On a dyke, say: high enough to see the ground between the hills.
+WALK = Winding(step_m=1.5, reach=0.4, sway_m=6.0, bend_m=17.0, eye_m=9.0)
 PITCH_DOWN = 0.25
 NEAR_M, FAR_M = 0.5, 1000.0
 
@@ -114,18 +114,10 @@ def _birds(rng: np.random.Generator, tiles: int, height: Height) -> list[Node]:
 
 
 def _walk(side: float, frames: int, height: Height) -> CameraPath:
-    """Along x through the middle, swaying, and looking ahead and a little down."""
-    s = STEP_M * (np.arange(frames + 1) - frames / 2.0)
-    # A long walk in a small country turns round: to and fro.
-    reach = 0.4 * side
-    x = side / 2.0 + reach * np.sin(s / reach)
-    z = side / 2.0 + 6.0 * np.sin(s / 17.0)
+    """Swaying through the middle, and looking ahead and down."""
     cameras = []
-    for k in range(frames):
-        eye = np.array([x[k], float(height(x[k], z[k])) + EYE_HEIGHT_M, z[k]])
-        ahead = np.array([x[k + 1] - x[k], 0.0, z[k + 1] - z[k]])
-        ahead /= np.linalg.norm(ahead)
-        ahead[1] = -PITCH_DOWN + 0.03 * math.sin(0.21 * s[k])
+    for s, eye, ahead in WALK.steps(side, frames, height):
+        ahead[1] = -PITCH_DOWN + 0.03 * math.sin(0.21 * s)
         pose = look_at(eye, eye + ahead)
         cameras.append(Camera(pose, 640, 480, near=NEAR_M, far=FAR_M, yfov=math.pi / 4))
     return CameraPath(tuple(cameras))

@@ -304,5 +304,5 @@ class CountedInFront(OtherDepthTest):
 
     depth_funcs: ClassVar = {">=": "<", ">": "<="}
 
-    def _read(self, target):
-        return -super()._read(target)
+    def read(self, target):
+        return -super().read(target)

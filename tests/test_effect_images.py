@@ -19,7 +19,7 @@ def bounds(samples, least, most):
 def test_three_equal_images_have_no_violation():
     image, reference, truth = images([0, 1, 2], [0, 1, 2], [0, 1, 2])
     verdict = judge(image, reference, truth, NO_BOUNDS)
-    assert verdict == ImageVerdict(judged=3, shown=2)
+    assert verdict == ImageVerdict(judged=3, shown=2, held=2)
     assert verdict.status == "no_violation_found"
 
 
@@ -34,6 +34,7 @@ def test_sample_below_its_bounds_is_lost_and_above_them_extra():
 def test_sample_within_its_bounds_is_counted_and_excused():
     image, reference, truth = images([1, 1], [1, 0], [0, 1])
     verdict = judge(image, reference, truth, bounds([0, 1], [0, 0], [1, 1]))
+    assert (verdict.shown, verdict.held) == (1, 1)
     assert (verdict.within_tolerance, verdict.differing_within_tolerance) == (1, 1)
     assert verdict.status == "no_violation_found"
 
@@ -45,11 +46,11 @@ def test_image_that_is_right_where_the_reference_is_wrong_still_differs():
     assert verdict.status == "violation"
 
 
-def test_blank_image_of_a_shown_effect_fails_whatever_the_tolerance():
+def test_blank_image_of_a_shown_effect_passes_nothing_whatever_the_tolerance():
     image, reference, truth = images([0, 0], [0, 0], [1, 0])
     verdict = judge(image, reference, truth, bounds([0], [0], [1]))
-    assert verdict.blank
-    assert verdict.status == "violation"
+    assert (verdict.lost, verdict.within_tolerance) == (0, 1)
+    assert verdict.status == "inconclusive"
 
 
 def test_effect_that_never_shows_proves_nothing():
@@ -73,6 +74,8 @@ def test_bounds_of_other_samples_are_refused():
 
 def test_verdicts_of_frames_add_up_and_keep_the_first_worst_sample():
     bad = ImageVerdict(judged=4, shown=2, lost=1, worst=(3, 1))
-    both = ImageVerdict(judged=1, shown=1).plus(bad).plus(ImageVerdict(lost=1, worst=(0, 0)))
+    both = (
+        ImageVerdict(judged=1, shown=1, held=1).plus(bad).plus(ImageVerdict(lost=1, worst=(0, 0)))
+    )
     assert (both.judged, both.lost, both.worst, both.status) == (5, 2, (3, 1), "violation")
     assert both.to_json()["status"] == "violation"

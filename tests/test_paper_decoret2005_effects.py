@@ -28,7 +28,7 @@ class Records:
         return self.results.get(key)
 
 
-GOOD = ImageVerdict(judged=1000, shown=10, within_tolerance=2).to_json()
+GOOD = ImageVerdict(judged=1000, shown=10, held=9, within_tolerance=2).to_json()
 
 
 def rows_of(records, table):

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from culling.experiments.particles import measure
 from culling.n_buffer.particles import Particles
-from culling.n_buffer.particles_experiment import measure
 from culling.view import View
 from tests.effect_scenes import camera_at, particle_verdict, scene_with, snowfall
 from visref.camera import Camera, CameraPath

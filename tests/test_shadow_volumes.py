@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from culling.experiments.shadow_volumes import measure
 from culling.shadow_volumes import ShadowVolumes
 from culling.shadow_volumes.casters import casters_of
-from culling.shadow_volumes.experiment import measure
 from culling.shadow_volumes.volumes import endless
 from datasets_gen import scene_of
 from datasets_gen.shapes import box

@@ -30,12 +30,13 @@ import moderngl
 import numpy as np
 
 from culling.device import Device, State, Target, device
-from culling.geometry import Geometry, view_uniforms
+from culling.geometry import view_uniforms
 from culling.n_buffer.cover import ceil_log2
 from culling.n_buffer.gpu import NBufferTexture
+from culling.sums import Sums
 from culling.view import View
 from visref.camera import Camera
-from visref.culler import QueryStats, RasterTolerance
+from visref.culler import RasterTolerance
 from visref.effects.sprites import Sprites
 from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
@@ -60,12 +61,10 @@ class ParticleFrame:
 class Particles:
     """Draws sprites in a solid scene (`visref.effects.solid`)."""
 
-    def __init__(self, scene: Scene, sprites: Sprites, *, depth: int = 24) -> None:
+    def __init__(self, scene: Scene, sprites: Sprites) -> None:
         self.device: Device = device()
-        self.scene, self.sprites, self.depth_bits = scene, sprites, depth
-        self.geometry = Geometry(
-            self.device, scene, scene.object_units(), np.ones(scene.triangle_count, np.bool_)
-        )
+        self.scene, self.sprites = scene, sprites
+        self.sums = Sums(self.device, scene)
         context, count = self.device.context, len(sprites.centres)
         self.program = self.load_program()
         self.centres = context.buffer(sprites.centres.tobytes() or bytes(12))
@@ -84,23 +83,15 @@ class Particles:
         if not camera.is_perspective and math.isinf(camera.far):
             raise InputError("an orthographic view of sprites has no end", mend="give it a far")
         view = View.of(camera, self.scene, self.device.subpixel_bits)
-        target = self.device.target(camera.width, camera.height, self.depth_bits, "f4")
-        self.device.begin_frame()
-        self.device.clear(State(target.framebuffer, self.geometry.program))
-        every = np.arange(self.scene.object_count, dtype=np.int64)
-        self.geometry.draw(view, target, every, QueryStats())
-        self.device.clear_colour(target.framebuffer)
+        target = self.sums.begin(view)
         self.build(target)
-        state = State(target.framebuffer, self.program, depth_write=False, add_colours=True)
-        self._draw(view, state, culled=culled)
-        layers = self._read(target)
+        self._draw(view, self.sums.adding(target, self.program), culled=culled)
+        layers = self.sums.read(target)
         counted = None
         if fragments:
-            query = self.device.queries(1)[0]
-            with query:
-                scratch = State(target.scratch, self.program, depth_func="", depth_write=False)
-                self._draw(view, scratch, culled=culled)
-            counted = int(query.samples)
+            counted = self.sums.fragments(
+                target, self.program, lambda state: self._draw(view, state, culled=culled)
+            )
         self.device.context.memory_barrier()
         record = np.frombuffer(self.record.read(), np.uint32)[: len(self.sprites.centres)]
         in_image = int(np.count_nonzero(record & IN_IMAGE))
@@ -110,7 +101,7 @@ class Particles:
     def tolerance(self, camera: Camera) -> RasterTolerance:
         """What this rasteriser declares for a camera."""
         view = View.of(camera, self.scene, self.device.subpixel_bits)
-        return view.tolerance(self.depth_bits)
+        return self.sums.tolerance(view)
 
     # The steps.
 
@@ -149,13 +140,8 @@ class Particles:
         self.device.apply(state)
         self.vertex_array.render(vertices=len(self.sprites.centres))
 
-    def _read(self, target: Target) -> Int32:
-        width, height = target.framebuffer.size
-        raw = np.frombuffer(target.framebuffer.read(components=1, dtype="f4"), np.float32)
-        return raw.reshape(height, width)[::-1].astype(np.int32)
-
     def close(self) -> None:
         if self.levels is not None:
             self.levels.release()
-        for part in (self.vertex_array, self.centres, self.record, self.geometry):
+        for part in (self.vertex_array, self.centres, self.record, self.sums):
             part.release()

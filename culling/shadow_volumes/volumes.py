@@ -43,12 +43,13 @@ import moderngl
 import numpy as np
 
 from culling.device import Device, State, Target, device, set_uniform
-from culling.geometry import COMMAND_WORDS, Geometry, view_uniforms
+from culling.geometry import COMMAND_WORDS, view_uniforms
 from culling.shadow_volumes.casters import Casters, Faces, casters_of
 from culling.shadow_volumes.litmaps import Litmaps, light_from_relative
+from culling.sums import Sums
 from culling.view import View
 from visref.camera import Camera
-from visref.culler import QueryStats, RasterTolerance
+from visref.culler import RasterTolerance
 from visref.effects.shadows import Light
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
@@ -83,12 +84,10 @@ class ShadowFrame:
 class ShadowVolumes:
     """Shadows of a solid scene (`visref.effects.solid`) by one light."""
 
-    def __init__(self, scene: Scene, light: Light, *, depth: int = 24) -> None:
+    def __init__(self, scene: Scene, light: Light) -> None:
         self.device: Device = device()
-        self.scene, self.light, self.depth_bits = scene, light, depth
-        self.geometry = Geometry(
-            self.device, scene, scene.object_units(), np.ones(scene.triangle_count, np.bool_)
-        )
+        self.scene, self.light = scene, light
+        self.sums = Sums(self.device, scene)
         self.casters: Casters = casters_of(scene, light)
         self.litmaps = self.make_litmaps()
         self.extents_shader = self.load_extents()
@@ -101,25 +100,25 @@ class ShadowVolumes:
         """The shadows that a camera sees; without `clamped` every volume is drawn in full, to
         infinity. `fragments` counts them, beside the frame."""
         view = self.view_of(camera)
-        target = self.device.target(camera.width, camera.height, self.depth_bits, "f4")
-        self.device.begin_frame()
-        self.device.clear(State(target.framebuffer, self.geometry.program))
-        every = np.arange(self.scene.object_count, dtype=np.int64)
-        self.geometry.draw(view, target, every, QueryStats())
-        self.device.clear_colour(target.framebuffer)
+        target = self.sums.begin(view)
         if clamped:
             self.litmaps.build(view, target, self._reach(camera))
             self._clamp()
         else:
             self._keep_all()
-        state = State(target.framebuffer, self.program, depth_write=False, add_colours=True)
-        self.draw_volumes(view, state)
-        counted = self._fragments(view, target) if fragments else None
-        return ShadowFrame(self._read(target), *self._read_extents(), counted)
+        self.draw_volumes(view, self.sums.adding(target, self.program))
+        # The background receives no shadow.
+        count = np.where(target.read_depth() < 1.0, self.read(target), 0).astype(np.int32)
+        counted = None
+        if fragments:
+            counted = self.sums.fragments(
+                target, self.program, lambda state: self.draw_volumes(view, state)
+            )
+        return ShadowFrame(count, *self._read_extents(), counted)
 
     def tolerance(self, camera: Camera) -> RasterTolerance:
         """What this rasteriser declares for a camera."""
-        return self.view_of(camera).tolerance(self.depth_bits)
+        return self.sums.tolerance(self.view_of(camera))
 
     # The steps.
 
@@ -174,6 +173,10 @@ class ShadowVolumes:
             self.device.apply(state._replace(depth_func=behind if state.depth_func else ""))
             first, count = place * self.casters.count, self.casters.count
             vertex_array.render_indirect(self.commands, count=count, first=first)
+
+    def read(self, target: Target) -> Int32:
+        """(height, width) int32 counts, as they were added up."""
+        return self.sums.read(target)
 
     # The rest.
 
@@ -236,21 +239,6 @@ class ShadowVolumes:
         program["vertices"] = len(self.casters.caster)
         self.planes.bind_to_storage_buffer(3)
 
-    def _fragments(self, view: View, target: Target) -> int:
-        query = self.device.queries(1)[0]
-        with query:
-            self.draw_volumes(
-                view, State(target.scratch, self.program, depth_func="", depth_write=False)
-            )
-        return int(query.samples)
-
-    def _read(self, target: Target) -> Int32:
-        width, height = target.framebuffer.size
-        raw = np.frombuffer(target.framebuffer.read(components=1, dtype="f4"), np.float32)
-        count = raw.reshape(height, width)[::-1].astype(np.int32)
-        # The background receives no shadow.
-        return np.where(target.read_depth() < 1.0, count, 0).astype(np.int32)
-
     def _read_extents(self) -> tuple[Float32, Int64]:
         count = self.casters.count
         self.device.context.memory_barrier()
@@ -271,7 +259,7 @@ class ShadowVolumes:
         for buffer in (*self.index_buffers, *buffers):
             buffer.release()
         self.litmaps.release()
-        self.geometry.release()
+        self.sums.release()
 
 
 def endless(camera: Camera) -> Camera:

@@ -44,41 +44,39 @@ NO_BOUNDS = Bounds(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.
 class ImageVerdict:
     """Samples, by what became of them.
 
-    `judged`: in the domain; `shown`: where the truth shows the effect. `lost`, `extra`: image
-    below or above its bounds; `within_tolerance`: inside them and not the truth. `differing`:
-    image is not the reference, and one of the two is out of bounds;
-    `differing_within_tolerance`: both are inside. `blank`: the truth shows the effect and the
-    image nowhere, whatever the tolerance. `worst`: (x, y) of a sample lost, extra or differing.
+    `judged`: in the domain; `shown`: where the truth shows the effect; `held`: where the image
+    does too. `lost`, `extra`: image below or above its bounds; `within_tolerance`: inside them and
+    not the truth. `differing`: image is not the reference, and one of the two is out of bounds;
+    `differing_within_tolerance`: both are inside. `worst`: (x, y) of a sample lost, extra or
+    differing.
     """
 
     judged: int = 0
     shown: int = 0
+    held: int = 0
     lost: int = 0
     extra: int = 0
     within_tolerance: int = 0
     differing: int = 0
     differing_within_tolerance: int = 0
-    blank: bool = False
     worst: tuple[int, int] | None = None
 
     @property
     def status(self) -> str:
-        """As in verdict.json: "violation", "inconclusive" where the truth shows nothing that
-        could have been lost, else "no_violation_found"."""
-        if self.lost or self.extra or self.differing or self.blank:
+        """As in verdict.json: "violation", "inconclusive", or "no_violation_found". An image that
+        never shows what the truth does passes nothing, whatever the tolerance excuses."""
+        if self.lost or self.extra or self.differing:
             return "violation"
-        return "no_violation_found" if self.shown else "inconclusive"
+        return "no_violation_found" if self.held else "inconclusive"
 
     def plus(self, other: ImageVerdict) -> ImageVerdict:
         """Both verdicts' frames together; the worst sample is the first one's, if it has any."""
         sums = {
             name: value + getattr(other, name)
             for name, value in vars(self).items()
-            if name not in ("blank", "worst")
+            if name != "worst"
         }
-        return replace(
-            self, **sums, blank=self.blank or other.blank, worst=self.worst or other.worst
-        )
+        return replace(self, **sums, worst=self.worst or other.worst)
 
     def to_json(self) -> dict[str, Any]:
         """The counts and the status."""
@@ -121,11 +119,11 @@ def judge(
     return ImageVerdict(
         judged=int(inside.sum()),
         shown=int(shown.sum()),
+        held=int((shown & (image > 0)).sum()),
         lost=int(lost.sum()),
         extra=int(extra.sum()),
         within_tolerance=int((~out & (got != true)).sum()),
         differing=int(differing.sum()),
         differing_within_tolerance=int((unlike & ~differing).sum()),
-        blank=bool(shown.any() and not (image[inside] > 0).any()),
         worst=(int(bad[0]) % image.shape[1], int(bad[0]) // image.shape[1]) if len(bad) else None,
     )

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera, look_at
 from visref.culler import RasterTolerance
 from visref.effects.images import NO_BOUNDS, Bounds, ImageVerdict, disputed, judge
-from visref.effects.surfaces import surfaces_at
+from visref.effects.surfaces import TRANSFORM, surfaces_at
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
@@ -39,11 +39,9 @@ from visref.visibility import FrameTruth
 # 2^-53 on the sum of absolute products, counted as in `ray_kernels.PLANE_ROUNDING`.
 ORIENTATION_ROUNDING = 16.0 * 2.0**-53
 
-# A float32 transform relative to the eye errs by TRANSFORM of the distance: seven roundings of
-# 2^-24 on each of three components. A shadow's face is made of a vertex and that vertex moved
-# along the light's ray, which costs as many roundings again on a sum of two lengths, each at
-# most the scene's reach from the eye.
-TRANSFORM = 7.0 * math.sqrt(3.0) * 2.0**-24
+# A shadow's face is made of a vertex and that vertex moved along the light's ray, which costs as
+# many roundings as a transform again on a sum of two lengths, each at most the scene's reach from
+# the eye.
 FACE_TRANSFORMS = 3.0
 
 # `lit_domain` asks for one lexel and a footprint to the rim of the light's image.
@@ -84,7 +82,9 @@ def sun(direction: tuple[float, float, float], scene: Scene, lexels: int) -> Lig
     corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
     local = np.abs((corners - centre) @ pose[:3, :3]).max(axis=0)
     # Two lexels around, so that rounding and footprints leave nothing of the scene at the rim.
-    half = local + RIM_LEXELS * 2.0 * local[:2].max() / lexels
+    # A scene that the sun sees as a point is as wide as it is deep.
+    across = float(local[:2].max()) or float(local[2]) or 1.0
+    half = local + RIM_LEXELS * 2.0 * across / lexels
     pose[:3, 3] = centre + pose[:3, 2] * half[2]
     width = max(1, math.ceil(lexels * min(1.0, half[0] / half[1])))
     height = max(1, math.ceil(lexels * min(1.0, half[1] / half[0])))

@@ -1,10 +1,14 @@
 """What a rasteriser may see at a sample: every surface within its snap, with its depths.
 
 A rasteriser that moves each vertex by at most `snap_px` shows at a sample, of every triangle,
-only depths that the triangle has within `snap_px` of it, give or take a depth step and the
-float32 transform's error. It may show no other triangle; and it must show a triangle that
-covers the whole disc of that radius, or something nearer. The geometry is that of the margins
-(`visref.exact.margins`), in float64 with its error counted.
+only depths that the triangle has within `snap_px` of it, give or take the depth buffer's steps
+and the float32 transform's error. It may show no other triangle; and it must show a triangle
+that covers the whole disc of that radius, or something nearer. The geometry is that of the
+margins (`visref.exact.margins`), in float64 with its error counted.
+
+Unlike there, the rasteriser is taken to be one that transforms positions relative to the eye, in
+float32: it errs by a part of the distance, not of the coordinates. Effects are judged on such
+rasterisers alone, and what is excused in a shadow's place is only as good as this bound.
 
 Which way this errs: outward. A sample on an edge that two triangles share lies wholly in
 neither, so what is behind them counts as possible too.
@@ -12,6 +16,7 @@ neither, so what is behind them counts as possible too.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,14 +28,24 @@ from visref.camera import Camera
 from visref.culler import RasterTolerance
 from visref.exact import ExactScene, screen
 from visref.exact.filters import View, view_of
-from visref.exact.margins import depth_rows, key_error, with_doubtful_range
+from visref.exact.margins import depth_rows, with_doubtful_range
 from visref.exact.polygons import (
     distance_to_polygon,
     distance_to_segment,
     key_range,
     screen_polygon,
 )
-from visref.scene import Float64, Int32, Int64
+from visref.scene import Float32, Float64, Int32, Int64
+
+# A transform relative to the eye errs by this part of the distance: per component two
+# subtractions, one rounding of each matrix entry and of each product, three of the sums, so seven
+# of 2^-24 on the sum of |entry * component|, which is at most sqrt(3) times the distance.
+TRANSFORM = 7.0 * math.sqrt(3.0) * 2.0**-24
+
+# Window depth as stored, in units of 2^-24: the division by w (2, in half the range: 1), the
+# viewport's product and sum (2), the last sum of its plane (1), the rounding to a step (1 with
+# what reads it back). What the plane's slope makes of it is within the snap.
+DEPTH_STEPS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +96,11 @@ def surfaces_at(
         starts = np.concatenate([[0], np.cumsum(counts)])
         room = int(starts[-1]) if keep else 0
         place, certain = np.empty(room, np.int32), np.empty(room, np.bool_)
-        near_key, far_key = np.empty(room), np.empty(room)
+        near, far = np.empty(room), np.empty(room)
         _gather(
-            x, y, tile, view, exact.corners, found, boxes, offsets, entries,
-            tolerance.snap_px, rows, keep, starts, counts, place, near_key, far_key, certain,
+            x, y, tile, view, exact.corners, found, boxes, offsets, entries, tolerance.snap_px,
+            _steps(rows), camera.near, camera.far, keep, starts, counts, place, near, far, certain,
         )  # fmt: skip
-    near, far = _depths(view, near_key, far_key)
     owner = np.repeat(np.arange(len(samples)), counts)
     limit = np.full(len(samples), np.inf)
     np.minimum.at(limit, owner[certain], far[certain])
@@ -101,24 +115,26 @@ def surfaces_at(
 
 
 def depth_doubt(
-    exact: ExactScene, camera: Camera, points: NDArray[np.float32], tolerance: RasterTolerance
+    exact: ExactScene, camera: Camera, points: Float32, tolerance: RasterTolerance
 ) -> tuple[Float64, Float64]:
     """Between which view depths a rasteriser may place points that are not moved on the screen:
     (n, 3) float32 -> two (n,) float64."""
-    rows, view = depth_rows(camera, exact, tolerance), view_of(camera)
-    step = rows[2, 0] * rows[2, 1]
-    depth = (points.astype(np.float64) - camera.eye) @ view.z_dual
-    doubt = np.array([key_error(np.tile(point, 3), view, rows) + step for point in points])
+    steps = _steps(depth_rows(camera, exact, tolerance))
+    relative = points.astype(np.float64) - camera.eye
+    depth = relative @ view_of(camera).z_dual
+    moved = TRANSFORM * np.linalg.norm(relative, axis=1)
     with np.errstate(divide="ignore"):
         key = 1.0 / depth if camera.is_perspective else -depth
-    return _depths(view, key + doubt, key - doubt)
+        if not camera.is_perspective:
+            return -(key + steps) - moved, steps - key + moved
+        far = np.where(key > steps, 1.0 / (key - steps), np.inf)
+        return 1.0 / (key + steps) - moved, far + moved
 
 
-def _depths(view: View, near_key: Float64, far_key: Float64) -> tuple[Float64, Float64]:
-    if not view.perspective:
-        return -near_key, -far_key
-    with np.errstate(divide="ignore"):
-        return 1.0 / near_key, np.where(far_key > 0.0, 1.0 / far_key, np.inf)
+def _steps(rows: Float64) -> float:
+    """The depth buffer's error in the key, from `depth_rows`."""
+    step, scale = rows[2, :2]
+    return float((DEPTH_STEPS * 2.0**-24 + step) * scale)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -133,17 +149,18 @@ def _gather(
     bin_offsets: NDArray[Any],
     bin_entries: NDArray[Any],
     radius: float,
-    rows: NDArray[Any],
+    steps: float,
+    first: float,
+    last: float,
     keep: bool,
     starts: NDArray[Any],
     counts: NDArray[Any],
     place: NDArray[Any],
-    near_key: NDArray[Any],
-    far_key: NDArray[Any],
+    near: NDArray[Any],
+    far: NDArray[Any],
     certain: NDArray[Any],
 ) -> None:
     polygon, tags = np.empty((4, 3)), np.empty(4, np.int8)
-    step = rows[2, 0] * rows[2, 1]
     for index in range(len(xs)):
         x, y = np.float64(xs[index]), np.float64(ys[index])
         at = starts[index]
@@ -151,12 +168,23 @@ def _gather(
             k = bin_entries[entry]
             if x < boxes[k, 0] or x > boxes[k, 1] or y < boxes[k, 2] or y > boxes[k, 3]:
                 continue
-            count, slop = screen_polygon(corners[found[k]], view, polygon, tags)
+            corner = corners[found[k]]
+            count, slop = screen_polygon(corner, view, polygon, tags)
             if count == 0 or distance_to_polygon(x, y, polygon, count) > radius + slop:
                 continue
-            doubt = step + key_error(corners[found[k]], view, rows)
             low, high = key_range(x, y, radius + slop, polygon, count)
-            if low - doubt > rows[2, 2] or high + doubt < rows[2, 3]:
+            moved = 0.0
+            for i in range(3):
+                distance = 0.0
+                for axis in range(3):
+                    distance += (np.float64(corner[3 * i + axis]) - view.e[axis]) ** 2
+                moved = max(moved, TRANSFORM * math.sqrt(distance))
+            if view.perspective:
+                least = 1.0 / (high + steps) - moved
+                greatest = 1.0 / (low - steps) + moved if low > steps else np.inf
+            else:
+                least, greatest = -(high + steps) - moved, steps - low + moved
+            if greatest < first or least > last:
                 continue
             if keep:
                 rim = np.inf
@@ -169,14 +197,8 @@ def _gather(
                         ),
                     )
                 inside = distance_to_polygon(x, y, polygon, count) == 0.0
-                place[at] = found[k]
-                near_key[at], far_key[at] = high + doubt, low - doubt
+                place[at], near[at], far[at] = found[k], least, greatest
                 # Wholly in range too, or the range itself may cut it away.
-                certain[at] = (
-                    inside
-                    and rim > radius + slop
-                    and high + doubt < rows[2, 2]
-                    and low - doubt > rows[2, 3]
-                )
+                certain[at] = inside and rim > radius + slop and least > first and greatest < last
             at += 1
         counts[index] = at - starts[index]

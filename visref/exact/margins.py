@@ -174,7 +174,7 @@ def with_doubtful_range(view: View, exact_scene: ExactScene, depth: Float64) -> 
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
+def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
     """How far off a float32 rasteriser's key of a triangle may be at any of its points."""
     worst = 0.0
     for i in range(3):
@@ -313,7 +313,7 @@ def examine(
                 if thick:
                     continue
             if with_depth:
-                doubt = depth[2, 0] * depth[2, 1] + key_error(corners[t], view, depth)
+                doubt = depth[2, 0] * depth[2, 1] + _key_error(corners[t], view, depth)
                 low, high = key_range(x, y, radius + slop, polygons[near], count)
                 if low - doubt > depth[2, 2] or high + doubt < depth[2, 3]:
                     continue
@@ -341,7 +341,7 @@ def examine(
             low, high = key_range(x, y, radius + slops[k], polygons[k], counts[k])
             least, greatest = min(least, low), max(greatest, high)
             if with_depth:
-                error = max(error, key_error(corners[places[k]], view, depth))
+                error = max(error, _key_error(corners[places[k]], view, depth))
             for i in range(counts[k]):
                 j = i + 1 if i + 1 < counts[k] else 0
                 distance = distance_to_segment(
@@ -380,7 +380,7 @@ def examine(
             count = counts[other]
             low, high = key_range(x, y, radius + slops[other], polygons[other], count)
             if with_depth:
-                doubt = step + error + key_error(corners[places[other]], view, depth)
+                doubt = step + error + _key_error(corners[places[other]], view, depth)
                 if high + doubt >= least:
                     lost[index] = True
                 continue

@@ -8,7 +8,7 @@ from __future__ import annotations
 from statistics import fmean
 from typing import Any
 
-from culling.sampled import sampled
+from culling.experiments.sampled import sampled
 from culling.shadow_volumes.volumes import ShadowVolumes, endless
 from visref.camera import CameraPath
 from visref.effects import solid
@@ -22,7 +22,7 @@ SUN_DIRECTION = (-0.45, -0.8, 0.3)
 # On the longer side of the litmaps; twice as many save about a hundredth of the fragments more.
 LEXELS = 512
 # Frames looked at, evenly along the path: full volumes in a city take seconds a frame.
-FRAMES = 10
+FRAMES = 6
 
 
 def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from culling.experiments.sampled import sampled
 from culling.n_buffer.particles import Particles
-from culling.sampled import sampled
 from visref.camera import CameraPath
 from visref.effects import solid
 from visref.effects.images import ImageVerdict
