@@ -20,7 +20,7 @@ from culling.shadow_volumes.litmaps import Litmaps
 
 def edited(shader: str, *changes: tuple[str, str]) -> str:
     """A shader's text with each change made; every one has to apply."""
-    text = device._source(shader)
+    text = device.shader_source(shader)
     for old, new in changes:
         assert old in text, f"{shader} no longer says {old!r}"
         text = text.replace(old, new)
@@ -42,8 +42,8 @@ class EditedParticles(Particles):
     def load_program(self):
         return self.device.context.program(
             vertex_shader=edited("particle.vert", *self.changes),
-            geometry_shader=device._source("particle.geom"),
-            fragment_shader=device._source("plain.frag"),
+            geometry_shader=device.shader_source("particle.geom"),
+            fragment_shader=device.shader_source("plain.frag"),
         )
 
 
