@@ -135,6 +135,7 @@ class Device:
         info = self.context.info
         self.subpixel_bits = int(info["GL_SUBPIXEL_BITS"])
         self.max_side = min(int(info["GL_MAX_TEXTURE_SIZE"]), *info["GL_MAX_VIEWPORT_DIMS"])
+        self.max_block_bytes = int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         self.context.front_face = "ccw"
         self.context.cull_face = "back"
         self.context.blend_func = moderngl.ONE, moderngl.ONE
@@ -161,7 +162,7 @@ class Device:
             "sub-pixel bits": self.subpixel_bits,
             "depth bits": attached.value,
             "largest image side": self.max_side,
-            "largest storage block (bytes)": int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
+            "largest storage block (bytes)": self.max_block_bytes,
         }
 
     def program(self, vertex: str, fragment: str, geometry: str | None = None) -> moderngl.Program:

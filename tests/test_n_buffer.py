@@ -16,7 +16,7 @@ from culling.n_buffer.cover import four_squares, one_square
 from tests import strategies
 from visref.camera import CameraPath, look_at
 from visref.conformance import case
-from visref.conformance_scenes import box, camera
+from visref.conformance_scenes import box, camera, panel
 from visref.conformance_scenes import case as scene_case
 from visref.errors import InputError
 
@@ -50,6 +50,17 @@ def test_gpu_draws_what_the_cpu_draws_on_scenes_of_hypothesis(built, squares, de
     assert drawn_sets(NBufferCulling(where="gpu", **options), built.scene, path) == drawn_sets(
         NBufferCulling(**options), built.scene, path
     )
+
+
+@pytest.mark.parametrize("where", ["cpu", "gpu"])
+def test_a_box_that_gl_could_not_draw_whole_is_looked_up_all_the_same(where):
+    """So far beside the image that clipping it as a query box might lose samples at the rim."""
+    view = replace(camera((0.0, 0.0, 0.0)), far=1e4)
+    wall = panel((-99.0, 99.0), (-99.0, 99.0), -5.0)
+    backdrop = panel((-4e6, 4e6), (-9.0, 9.0), -900.0)
+    built = scene_case([("wall", wall), ("backdrop", backdrop)], [view] * 3)
+    assert drawn_sets(NBufferCulling(where=where), built.scene, built.path)[-1] == [0]
+    assert drawn_sets(NBufferCulling(test="query"), built.scene, built.path)[-1] == [0, 1]
 
 
 @pytest.mark.parametrize("name", ["walk_through_a_city", "crowd"])
@@ -150,6 +161,38 @@ def test_a_stale_occluder_is_drawn_once_and_forgotten(where):
     # From above more is seen than from the street.
     assert set(sets[2]) - set(sets[4])
     assert sets[3] == sets[4]
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"hierarchy": True}, {"where": "gpu"}, {"test": "query"}], ids=str
+)
+def test_referee_learns_when_each_unit_was_asked_about(options):
+    """Who was seen before is drawn without asking; the others are asked about after that."""
+    built = town(6)
+    view = built.path.frames[0]
+    aside = replace(view, world_from_camera=look_at((6.0, 9.0, 4.0), (6.0, 0.0, -9.0)))
+    culler = NBufferCulling(**options)
+    culler.prepare(built.scene)
+    first = culler.cull(view)
+    assert (first.asked_at == 0).all()
+    culler.cull(view)
+    remembered = set(culler.cull(view).unit_ids.tolist())
+    last = culler.cull(aside)
+    occluders = int((last.asked_at == -1).sum())
+    assert 0 < occluders < len(last.unit_ids)
+    assert set(last.unit_ids[:occluders].tolist()) <= remembered
+    assert (last.asked_at[:occluders] == -1).all()
+    assert (last.asked_at[occluders:] == occluders).all()
+    culler.close()
+
+
+def test_gpu_refuses_more_units_than_a_storage_block_holds(monkeypatch):
+    built = town(2)
+    culler = NBufferCulling(where="gpu")
+    monkeypatch.setattr(culler.device, "max_block_bytes", 4 * 48 - 1)
+    with pytest.raises(InputError, match="4 units"):
+        culler.prepare(built.scene)
+    culler.close()
 
 
 def test_first_frame_knows_no_occluders_and_draws_all_in_view():

@@ -8,6 +8,8 @@ the number of units. Which units were drawn comes back once, at the end, for the
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +20,31 @@ from culling.n_buffer.cover import ONE
 from culling.n_buffer.gpu import NBufferTexture
 from culling.view import View
 from visref.culler import QueryStats
+from visref.errors import InputError
 from visref.scene import Float64, Int64
 
 GROUP = 64  # work items of a group, as in the shader
 SHADER = "n_buffer_cull.comp"
+# As in the shader: of `seen`, and of `drawn`.
+VISIBLE, LOOKED_UP = 1, 2
+BEFORE, AFTER = 1, 2
+BOUNDS_BYTES = 8 * 6  # a box of float64
+
+
+class Decided(NamedTuple):
+    """Units drawn before the test and after it, and which of the latter were looked up before;
+    int64, ascending."""
+
+    occluders: Int64
+    others: Int64
+    asked: Int64
 
 
 class GpuCull:
     """The units of a scene on the GPU, and which of them the last frame saw.
 
-    `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool.
+    `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool. Raises InputError for more
+    units than a storage block holds.
     """
 
     texture: type[NBufferTexture] = NBufferTexture
@@ -43,6 +60,13 @@ class GpuCull:
         self.device, self.geometry, self.units = device, geometry, len(bounds)
         self.squares = squares
         self.shader = self.load()
+        # What lies beyond a block's end is read as nothing: units would be lost without a word.
+        largest = self.units * max(BOUNDS_BYTES, 4 * COMMAND_WORDS * len(geometry.classes))
+        if largest > device.max_block_bytes:
+            raise InputError(
+                f"{self.units:,} units are more than this OpenGL's storage blocks hold",
+                mend="use where=cpu",
+            )
         buffer = device.context.buffer
         nothing = bytes(4 * max(1, self.units))
         ranges = np.array(
@@ -60,10 +84,10 @@ class GpuCull:
     def load(self) -> moderngl.ComputeShader:
         return self.device.compute(SHADER)
 
-    def frame(self, view: View, target: Target, stats: QueryStats) -> Int64:
-        """Draw what may be visible; returns the units drawn, ascending, int64."""
+    def frame(self, view: View, target: Target, stats: QueryStats) -> Decided:
+        """Draw what may be visible."""
         if not self.units:
-            return np.zeros(0, np.int64)
+            return Decided(*np.zeros((3, 0), np.int64))
         levels = self.map_of(target)
         self.view.write(_view_bytes(view, len(self.geometry.classes)))
         buffers = (
@@ -83,18 +107,17 @@ class GpuCull:
             self.device.context.memory_barrier()
             self.geometry.draw_commands(view, target, self.commands, self.units, stats)
         self.device.context.memory_barrier()
-        drawn = np.flatnonzero(np.frombuffer(self.drawn.read(4 * self.units), np.uint32))
-        self.geometry.tally(drawn, stats)
+        drawn = np.frombuffer(self.drawn.read(4 * self.units), np.uint32)
+        self.geometry.tally(np.flatnonzero(drawn), stats)
         seen = np.frombuffer(self.seen.read(4 * self.units), np.uint32)
         stats.bytes_read_back = (stats.bytes_read_back or 0) + 8 * self.units
         stats.batches = (stats.batches or 0) + 1
-        looked_up = seen & 2 != 0
-        asked = int(np.count_nonzero(looked_up))
-        stats.queries = (stats.queries or 0) + asked
-        passed = int(np.count_nonzero(looked_up & (seen & 1 != 0)))
-        stats.queries_passed = (stats.queries_passed or 0) + passed
-        stats.lookups = (stats.lookups or 0) + asked * self.squares
-        return drawn
+        asked, passed = seen & LOOKED_UP != 0, seen == (VISIBLE | LOOKED_UP)
+        stats.queries = (stats.queries or 0) + int(asked.sum())
+        stats.queries_passed = (stats.queries_passed or 0) + int(passed.sum())
+        stats.lookups = (stats.lookups or 0) + int(asked.sum()) * self.squares
+        before, after = drawn == BEFORE, drawn == AFTER
+        return Decided(*map(np.flatnonzero, (before, after, after & asked)))
 
     def map_of(self, target: Target) -> NBufferTexture:
         """The N-buffer of this image's size."""

@@ -38,6 +38,7 @@ from culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from culling.n_buffer.cover import FOUR, ONE
 from culling.n_buffer.gpu_cull import GpuCull
 from culling.queries.depth_map import DepthMapQueries
+from culling.view import View
 from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
@@ -57,6 +58,7 @@ class NBufferCulling(GLCuller):
         **GL_OPTIONS,
     }
 
+    notes_asked = True
     # With test=query: all boxes out, then all answers in.
     way = "batch"
     map_queries: type[DepthMapQueries] = DepthMapQueries
@@ -123,6 +125,13 @@ class NBufferCulling(GLCuller):
     def nearest(self, frame: Frame, boxes: Float64) -> Float64:
         return frame.view.nearest_depth(boxes)
 
+    def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
+        if not self.looks_up:
+            return super().needs_no_query(view, boxes)
+        # A rectangle is computed and not drawn, so nothing else needs sparing.
+        crosses: NDArray[np.bool_] = view.nearest_depth(boxes) <= view.camera.near
+        return crosses
+
     # The algorithm.
 
     def begin(self, camera: Camera) -> Frame:
@@ -131,7 +140,10 @@ class NBufferCulling(GLCuller):
 
     def decide(self, frame: Frame) -> None:
         if self.gpu is not None:
-            frame.drawn.append(self.gpu.frame(frame.view, frame.target, frame.stats))
+            decided = self.gpu.frame(frame.view, frame.target, frame.stats)
+            frame.drawn.append(decided.occluders)
+            frame.note_asked(decided.asked)
+            frame.drawn.append(decided.others)
             return
         old = self.remembered(frame)
         self.draw(frame, np.flatnonzero(old))
@@ -139,6 +151,8 @@ class NBufferCulling(GLCuller):
             with phase(frame.stats, "build"):
                 self.map.begin(frame.view, frame.target, frame.stats)
         shown = self.descend(frame) if self.hierarchy else self.test_all(frame)
+        # Occluders were drawn without asking, and are asked about for the next frame's sake.
+        frame.note_asked(frame.ids[shown & ~frame.sure & ~old])
         self.seen[:] = False
         self.seen[frame.ids[shown]] = True
         self.draw(frame, np.flatnonzero(shown & ~old))

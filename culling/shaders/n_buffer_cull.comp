@@ -7,7 +7,7 @@ struct Range { uint first, count; };
 layout(std430, binding = 1) readonly buffer Bounds { double bounds_world[]; };
 layout(std430, binding = 2) readonly buffer Occludes { uint can_occlude[]; };
 layout(std430, binding = 3) buffer Seen { uint seen[]; };  // 1 visible, 2 looked up
-layout(std430, binding = 4) buffer Drawn { uint drawn[]; };
+layout(std430, binding = 4) buffer Drawn { uint drawn[]; };  // 1 as an occluder, 2 after the test
 layout(std430, binding = 5) readonly buffer Ranges { Range range_of[]; };
 layout(std430, binding = 6) writeonly buffer Commands { uint commands[]; };
 layout(std430, binding = 7) readonly buffer View {
@@ -111,7 +111,7 @@ void main() {
         bool visible = filled && in_frustum() && shows();
         draw = visible && drawn[unit] == 0u;
         seen[unit] = uint(visible) | uint(looked_up) << 1;
-        drawn[unit] |= uint(visible);
+        drawn[unit] |= uint(draw) << 1;
     }
     // A slot a unit: which are drawn never changes the order.
     for (uint k = 0u; k < uint(image.w); k++) {

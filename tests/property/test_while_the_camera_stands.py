@@ -1,0 +1,101 @@
+"""N-buffer culling misses nothing where its memory counts: every camera stands for three frames.
+
+A culler that remembers draws all in view in its first frame, so a path of one frame says nothing
+of it. In the second frame all that is in view is an occluder and is tested against the depth of
+all, its own too; in the third only what passed is drawn.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, find, given, settings
+from hypothesis import strategies as st
+
+from tests import strategies
+from tests.bad_cullers import Method
+from tests.bad_n_buffer import ALL, MUTANTS
+from visref.camera import CameraPath
+from visref.conformance import SCENES, case, exact_truths, judge_on
+from visref.conformance_scenes import Case
+from visref.hardcases import read_cases
+from visref.visibility import FrameTruth
+
+pytestmark = pytest.mark.gl
+
+FRAMES = 3
+QUIET = settings(derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def problems_while_standing(
+    make, built: Case, truths: Sequence[FrameTruth] | None = None
+) -> tuple[str, ...]:
+    """What is wrong where each camera of a case stands for three frames."""
+    truths = exact_truths(built) if truths is None else truths
+    places = [place for place in range(len(built.path)) for _ in range(FRAMES)]
+    standing = CameraPath(tuple(built.path.frames[place] for place in places))
+    held = replace(built, path=standing)
+    return judge_on(make, held, [truths[place] for place in places])[0]
+
+
+@cache
+def conformance_case(name: str) -> tuple[Case, tuple[FrameTruth, ...]]:
+    built = Case(*case(name))
+    return built, exact_truths(built)
+
+
+@cache
+def hard_cases() -> dict[str, tuple[Case, tuple[FrameTruth, ...]]]:
+    """Those that load, with their exact truths."""
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = [
+            (hard.name, Case(hard.load(), hard.path))
+            for hard in read_cases(Path(folder))
+            if not hard.error
+        ]
+    return {name: (built, exact_truths(built)) for name, built in loaded}
+
+
+@pytest.mark.parametrize("method", ALL, ids=str)
+def test_nothing_is_missed_on_any_conformance_scene(method: Method) -> None:
+    for made in SCENES:
+        assert problems_while_standing(method.make, *conformance_case(made.name)) == (), made.name
+
+
+@pytest.mark.parametrize("method", ALL, ids=str)
+def test_nothing_is_missed_in_any_hard_case(method: Method) -> None:
+    assert len(hard_cases()) >= 50
+    for name, known in hard_cases().items():
+        assert problems_while_standing(method.make, *known) == (), name
+
+
+@settings(QUIET, max_examples=100)
+@given(built=strategies.cases(), method=st.sampled_from(ALL))
+def test_nothing_is_missed_that_hypothesis_puts_in_view(built: Case, method: Method) -> None:
+    assert problems_while_standing(method.make, built) == ()
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        "G10-TwoCornersTransformed-n-buffer-gpu",
+        "G2-QueryWithTheEyeInside-n-buffer-query",
+        "U1-NearestForFarthest-n-buffer-four",
+        "U7-UnclippedQuery-n-buffer-tree",
+    ],
+)
+def test_a_standing_camera_convicts_the_broken(found: str) -> None:
+    """Or the properties above would hold of anything."""
+    mutant = next(mutant for mutant in MUTANTS if str(mutant) == found)
+
+    def convicted(built: Case) -> bool:
+        problems = problems_while_standing(mutant.make, built)
+        return any(problem.startswith("MISSED_OBJECT") for problem in problems)
+
+    few = settings(QUIET, max_examples=60, phases=[Phase.generate], database=None)
+    find(strategies.cases(), convicted, settings=few)
