@@ -33,6 +33,8 @@ class Records:
         return self.experiments.get(key)
 
 
+SIZES = [[256, 256], [512, 512], [640, 480], [1024, 1024]]
+LEVELS = {"sizes": SIZES, "levels": [1, 2, 3, 4], "gpu_ms": [5.0] * 4, "cpu_ms": [6.0] * 4}
 COUNTS = dict(zip(paper.CULLERS, (900_000, 300_000, 500, 1_000, 1_000), strict=True))
 
 
@@ -71,10 +73,17 @@ def test_each_claim_can_fail(place, counts):
 
 
 def test_levels_stand_beside_their_own_resolution():
-    levels = {"levels": [1, 2, 3, 4], "gpu_ms": [5.0] * 4, "cpu_ms": [6.0] * 4}
-    rows = {r.quantity: r for r in table(Records(levels=levels), "Table 1").rows}
+    rows = {r.quantity: r for r in table(Records(levels=LEVELS), "Table 1").rows}
     assert (rows["640 × 480: levels"].published, rows["640 × 480: levels"].ours) == (10, 3)
     assert rows["256 × 256: all levels, GPU"].ratio is None
+    assert rows["1024 × 1024: a level, GPU"].ours == 5.0 / 4
+    assert rows["1024 × 1024: a level, GPU"].published == 3.1
+
+
+def test_cost_of_the_levels_stands_beside_the_tests_they_save():
+    rows = {r.quantity: r for r in table(Records(levels=LEVELS), "Table 2").rows}
+    assert rows["pixels of the levels built, a frame"].ours == 512 * 512 * 2
+    assert rows["depth tests a frame, N-buffer"].ours is None
 
 
 @pytest.mark.gl
