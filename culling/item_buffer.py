@@ -48,7 +48,8 @@ class ItemBuffer:
         self.depth_bits = depth_bits
         self.program = gl.program("mesh.vert", "item.frag")
         self.vertices = gl.context.buffer(scene.vertices.tobytes() or bytes(12))
-        self.opaque = self.upload(occluders(scene))
+        solid = occluders(scene)
+        self.opaque, self.others = self.upload(solid), self.upload(~solid)
 
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
@@ -110,8 +111,16 @@ class ItemBuffer:
                 batch.release()
         return target.read_ids()
 
+    def whole_image(self, camera: Camera) -> Int32:
+        """`image` of all triangles, which are on the GPU already: a million of them uploaded for
+        each frame leave holes in the heap that it never fills again."""
+        view, target = self.view(camera), self.clear(camera)
+        self.draw(view, target, self.opaque, depth_write=True)
+        self.draw(view, target, self.others, depth_write=False)
+        return target.read_ids()
+
     def release(self) -> None:
-        for batch in self.opaque:
+        for batch in (*self.opaque, *self.others):
             batch.release()
         self.vertices.release()
 
@@ -179,7 +188,7 @@ class ItemBufferEngine(TruthEngine):
 
     def pixels_differ(self, camera: Camera, drawn: NDArray[np.bool_]) -> int:
         """Pixels in which the picture of some triangles, (t,) bool, is not the whole scene's."""
-        whole = self.items.image(camera, np.ones_like(drawn))
+        whole = self.items.whole_image(camera)
         return int(np.count_nonzero(self.items.image(camera, drawn) != whole))
 
     def frame(self, camera: Camera) -> FrameTruth:

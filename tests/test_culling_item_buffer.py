@@ -176,6 +176,10 @@ def test_image_of_what_shows_is_the_whole_image_and_any_loss_is_seen():
         assert np.array_equal(raster.image(camera, kept), whole) is same
     assert not np.array_equal(raster.item_buffer(camera), whole)  # opaque alone
     raster.close()
+    engine = ItemBufferEngine(scene)
+    for left_out, same in ((0, False), (1, True), (2, False)):
+        assert (engine.pixels_differ(camera, scene.object_of_triangle != left_out) == 0) is same
+    engine.close()
 
 
 def test_an_engine_frame_is_the_same_after_other_cameras():

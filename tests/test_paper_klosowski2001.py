@@ -274,6 +274,6 @@ def test_a_run_prints_table_3_beside_the_papers(tmp_path, capsys):
     run = ["run", spec, "--culler", "cplp:budget=1000", "--out", str(tmp_path / "run")]
     assert cli.main(run) == 0
     told = capsys.readouterr().out
-    assert "(Table 3)" in told
+    assert "(klosowski2001, Table 3)" in told
     assert "budget 1,000: tests" in told
     assert "16,844" in told
