@@ -35,7 +35,7 @@ WORST_FILL = 3.0  # "Worst case: requires three times the fill rate"
 STALLS = 1  # "Stalls graphics pipe only once per frame"
 
 SCENE = "seismic:scale=0.5"
-SIZE = (512, 384)
+SIZE = (384, 288)
 # The faults have 252 triangles and stand in for themselves, a tile 2,048.
 EXTRA = 500
 
