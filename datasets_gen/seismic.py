@@ -195,26 +195,30 @@ def _slices() -> list[Node]:
     """An inline, a crossline and a time slice, opaque; and a block of the volume as a stack."""
     x, z = EXTENT_M
     top, bottom = -FIRST_DEPTH_M + 300.0, -FIRST_DEPTH_M - LAYER_M * HORIZONS
-
-    def rectangle(corner: tuple[float, ...], along: tuple[float, ...], up: tuple[float, ...]):  # type: ignore[no-untyped-def]
-        steps = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
-        points = np.array(corner) + steps @ np.array([along, up])
-        return points.reshape(2, 2, 3)
-
     height = (0.0, top - bottom, 0.0)
-    nodes = [
-        _grid_node("slice-inline", rectangle((0.62 * x, bottom, 0.0), (0, 0, 0.55 * z), height),
-                   _SLICE),
-        _grid_node("slice-crossline", rectangle((0.0, bottom, 0.7 * z), (0.45 * x, 0, 0), height),
-                   _SLICE),
-        _grid_node("slice-time", rectangle((0.5 * x, -FIRST_DEPTH_M - 2.45 * LAYER_M, 0.4 * z),
-                                           (0.5 * x, 0, 0), (0, 0, 0.6 * z)), _SLICE),
-    ]  # fmt: skip
+    middle = -FIRST_DEPTH_M - 2.45 * LAYER_M
+    opaque = {
+        "inline": _rectangle((0.62 * x, bottom, 0.0), (0.0, 0.0, 0.55 * z), height),
+        "crossline": _rectangle((0.0, bottom, 0.7 * z), (0.45 * x, 0.0, 0.0), height),
+        "time": _rectangle((0.5 * x, middle, 0.4 * z), (0.5 * x, 0.0, 0.0), (0.0, 0.0, 0.6 * z)),
+    }
+    nodes = [_grid_node(f"slice-{name}", points, _SLICE) for name, points in opaque.items()]
     for number in range(VOLUME_SLICES):
         at = 0.30 * x + 0.22 * x * number / (VOLUME_SLICES - 1)
-        part = rectangle((at, top - 950.0, 0.15 * z), (0, 0, 0.4 * z), (0, 700.0, 0))
+        part = _rectangle((at, top - 950.0, 0.15 * z), (0.0, 0.0, 0.4 * z), (0.0, 700.0, 0.0))
         nodes.append(_grid_node(f"volume-slice-{number:02d}", part, _VOLUME))
     return nodes
+
+
+Way = tuple[float, float, float]
+
+
+def _rectangle(corner: Way, along: Way, up: Way) -> Float64:
+    """(2, 2, 3) corners."""
+    ways = np.array([along, up])
+    steps = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    points: Float64 = np.array(corner) + steps[:, :1] * ways[0] + steps[:, 1:] * ways[1]
+    return points.reshape(2, 2, 3)
 
 
 def _grid_node(

@@ -129,7 +129,12 @@ def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> lis
     it passes closely may be listed too.
     """
     corners = scene.vertices[scene.triangles]
-    balls = _balls(corners)
+    return _triangles_along(corners, _balls(corners), camera, samples)
+
+
+def _triangles_along(
+    corners: NDArray[Any], balls: NDArray[np.float64], camera: Camera, samples: Sequence[int]
+) -> list[Int64]:
     forward = camera.forward
     result = []
     for sample in samples:
@@ -174,12 +179,15 @@ def write_witnesses(
     by_frame: dict[int, list[Miss]] = defaultdict(list)
     for frame, miss in misses[:WITNESSES_PER_CULLER]:
         by_frame[frame].append(miss)
+    # Once for all frames: on a large scene these take longer than the rays.
+    corners = scene.vertices[scene.triangles]
+    balls = _balls(corners)
     with file.open("w", encoding="utf-8") as lines:
         for frame in sorted(by_frame):
             camera = path.frames[frame]
             chosen = sorted(by_frame[frame], key=lambda miss: miss.object)
             shown = drawn(frame)
-            along = triangles_along(scene, camera, [miss.sample for miss in chosen])
+            along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
             for miss, triangles in zip(chosen, along, strict=True):
                 witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
                 witness["culler"] = record.spec

@@ -75,6 +75,7 @@ class ThreePassCulling(GLCuller):
 
     name = "three-pass"
     summary = "Seismic slides: low-resolution stand-ins are drawn, then queried, then replaced"
+    promise = Promise.APPROXIMATE
     options: ClassVar[Mapping[str, Option]] = {
         "mode": Option(
             "published",
@@ -101,8 +102,8 @@ class ThreePassCulling(GLCuller):
     ) -> None:
         super().__init__(depth=depth, fragments=fragments)
         self.conservative = mode == "conservative"
-        if not self.conservative:
-            self.promise = Promise.APPROXIMATE
+        if self.conservative:
+            self.promise = Promise.CONSERVATIVE
         if reduction < 1:
             raise InputError(f"reduction is {reduction}", place="reduction", mend="give 1 or more")
         for name, value in (("threshold", threshold), ("extra", extra)):

@@ -40,7 +40,7 @@ EXTRA = 500
 MEASURES = ("deviation", "displacement", "outline")
 
 
-def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
+def prediction(scene: Scene, path: CameraPath) -> dict[str, Any]:
     """For each reduction the correlations of each measure with the wrong pixels of a tile, and
     over all reductions with those of a frame and with the missed pixels of a frame."""
     truths = _owners(scene, path)
@@ -95,16 +95,15 @@ class _Frame:
         self.wrong = (truths + answers - 2 * both).astype(np.float64)
         self.missed = np.where(answers == 0, truths, 0).astype(np.float64)
         self.seen = (truths > 0) | (answers > 0)
-        pixel = 2.0 * float(np.linalg.norm(camera.right_step))
         nearest = view.nearest_depth(view.inflated(scene.object_bounds[self.tiles]))
         deviation = np.zeros(len(self.tiles))
         displacement = np.zeros(len(self.tiles))
         for at, tile in enumerate(self.tiles.tolist()):
             points, moved = offsets[tile]
-            squared = np.einsum("ij,ij->i", moved, moved)
             depth = max(float(nearest[at]), camera.near) if camera.is_perspective else 1.0
-            deviation[at] = np.sqrt(squared.mean()) / (pixel * depth)
-            displacement[at] = _across(camera, pixel, points, moved, squared)
+            mean = float(np.einsum("ij,ij->i", moved, moved).mean())
+            deviation[at] = math.sqrt(mean) / (_pixel(camera) * depth)
+            displacement[at] = root_mean_square_across(camera, points, moved)
         self.measures = {
             "deviation": deviation,
             "displacement": displacement,
@@ -112,24 +111,28 @@ class _Frame:
         }
 
 
-def _across(
-    camera: Camera, pixel: float, points: Float64, moved: Float64, squared: Float64
-) -> float:
-    """The root mean square of offsets' parts across the line of sight, of those in view, pixels."""
+def root_mean_square_across(camera: Camera, points: Float64, offsets: Float64) -> float:
+    """Of offsets (k, 3) at points (k, 3): the root mean square of their parts across the line of
+    sight, in pixels, over those in view; 0 where none is."""
     at, depth = camera.pixel_of(points)
     inside = (depth >= camera.near) & (depth <= camera.far)
     for axis, side in enumerate((camera.width, camera.height)):
         inside &= (at[:, axis] >= -0.5) & (at[:, axis] <= side - 0.5)
     if not inside.any():
         return 0.0
-    depth, moved, squared = depth[inside], moved[inside], squared[inside]
-    if not camera.is_perspective:
-        along, depth = moved @ camera.forward, np.ones(len(depth))
-    else:
+    offsets, depth = offsets[inside], depth[inside]
+    if camera.is_perspective:
         sight = points[inside] - camera.eye
-        along = np.einsum("ij,ij->i", moved, sight) / np.linalg.norm(sight, axis=1)
-    across = np.maximum(squared - along**2, 0.0) / (pixel * depth) ** 2
-    return float(np.sqrt(across.mean()))
+        along = np.einsum("ij,ij->i", offsets, sight) / np.linalg.norm(sight, axis=1)
+    else:
+        along, depth = offsets @ camera.forward, np.ones(len(depth))
+    squared = np.einsum("ij,ij->i", offsets, offsets) - along**2
+    return float(np.sqrt((np.maximum(squared, 0.0) / (_pixel(camera) * depth) ** 2).mean()))
+
+
+def _pixel(camera: Camera) -> float:
+    """A pixel's width in world units, at unit depth in a perspective view."""
+    return 2.0 * float(np.linalg.norm(camera.right_step))
 
 
 def _summary(reduction: int, frames: list[_Frame]) -> dict[str, Any]:
