@@ -35,7 +35,7 @@ PUBLISHED = {
     formula_one: (306, 746_827),
     city_cars: (1_900, 4_059_195),
 }
-whole = cache(lambda make: make(frames=2))  # a scene at scale 1 is made once
+whole = cache(lambda make: make())  # a scene at scale 1 is made once
 STATIONS = [
     (1.0, 0.5, 0.0, 1.0, 2.0),
     (0.5, 0.6, 0.1, 1.1, 3.0),
