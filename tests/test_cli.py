@@ -380,3 +380,11 @@ def test_a_reader_that_stops_reading_changes_no_status():
     finally:
         os.close(writer)
     assert (run.returncode, run.stderr) == (0, b"")
+
+
+def test_a_set_of_scenes_is_refused_in_one_line(tmp_path, capsys):
+    given = ["run", "hard", "--culler", "none", "--out", str(tmp_path / "run")]
+    assert main(given) == 2
+    error = capsys.readouterr().err
+    assert "a set of 63 scenes" in error
+    assert error.count("\n") == 1

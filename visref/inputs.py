@@ -122,8 +122,14 @@ def generated_with(spec: str) -> dict[str, int | float]:
 
 
 def _write(generator: Any, values: dict[str, int | float], folder: Path) -> tuple[Path, Path]:
-    generated: _Generated = generator(**values)
-    return generated.write(folder)
+    generated = generator(**values)
+    if isinstance(generated, list):
+        names = [one.name for one in generated]
+        raise InputError(
+            f"this is a set of {len(names)} scenes ({names[0]}, …), not one",
+            mend="write them with `python -m datasets_gen NAME --out DIR` and name one",
+        )
+    return cast(_Generated, generated).write(folder)
 
 
 def _findings(scene: Scene) -> tuple[Finding, ...]:
