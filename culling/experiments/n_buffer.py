@@ -5,14 +5,13 @@ Décoret 2005, Table 1 and Fig. 4.
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from culling.device import State, device
+from culling.experiments.timing import quickest_ms
 from culling.n_buffer.cover import FOUR, ONE, Cover, four_squares, one_square
 from culling.n_buffer.gpu import NBufferTexture
 from culling.n_buffer.levels import build_levels, level_count
@@ -27,8 +26,8 @@ SHOWN_STEP_PX = 16
 
 
 def levels(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
-    """By size: the levels above level 0, and median milliseconds to build them all on the GPU
-    from a depth buffer and on the CPU from a depth map."""
+    """By size: the levels above level 0, and milliseconds to build them all on the GPU from a
+    depth buffer and on the CPU from a depth map."""
     result: dict[str, Any] = {"sizes": [list(size) for size in SIZES], "levels": []}
     result |= {"gpu_ms": [], "cpu_ms": []}
     gl = device()
@@ -37,24 +36,13 @@ def levels(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         target = gl.target(*size)
         gl.clear(State(target.framebuffer, gl.program("mesh.vert", "plain.frag")))
         made = NBufferTexture(gl, *size)
-        result["gpu_ms"].append(_median_ms(lambda m=made, t=target: m.build(t)))  # type: ignore[misc]
-        made.release()
         depth = np.random.default_rng(0).random(size[::-1], np.float32)
-        result["cpu_ms"].append(_median_ms(lambda d=depth: build_levels(d)))  # type: ignore[misc]
+        on_gpu, on_cpu = partial(made.build, target), partial(build_levels, depth)
+        gpu_ms, cpu_ms = quickest_ms(on_gpu, on_cpu, rounds=ROUNDS)
+        result["gpu_ms"].append(gpu_ms)
+        result["cpu_ms"].append(cpu_ms)
+        made.release()
     return result
-
-
-def _median_ms(job: Callable[[], object]) -> float:
-    """After a first turn that warms up."""
-    spent = []
-    for turn in range(ROUNDS + 1):
-        device().context.finish()
-        started = time.perf_counter()
-        job()
-        device().context.finish()
-        if turn:
-            spent.append((time.perf_counter() - started) * 1e3)
-    return statistics.median(spent)
 
 
 def coverage(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:

@@ -6,8 +6,6 @@ whatever else the machine does only adds to it.
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,6 +15,7 @@ import numpy as np
 
 from culling.baselines import NoCulling
 from culling.device import State, device
+from culling.experiments.timing import quickest_ms
 from culling.occupancy_map import TILES, WORDS, OccupancyMapCulling, covered, mark
 from culling.queries.occlusion_query import BoxQueries
 from culling.view import View, round_outward
@@ -48,7 +47,9 @@ def lookup(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         partial(_look_up_many, words, tiles, count)
         for tiles, count in zip(LOOKUP_TILES, counts, strict=True)
     ]
-    times = [ms / count for ms, count in zip(_best_ms(*jobs), counts, strict=True)]
+    times = [
+        ms / count for ms, count in zip(quickest_ms(*jobs, rounds=ROUNDS), counts, strict=True)
+    ]
     culler = OccupancyMapCulling()
     result = {
         "tiles": list(LOOKUP_TILES),
@@ -73,18 +74,20 @@ def latency(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     """Milliseconds of one query waited for, by the side of the box's front face in pixels,
     with and without back-face culling; and of a small one by how it is asked."""
     asker = _Asker()
-    best = _best_ms(
+    best = quickest_ms(
         *(
             asker.asking(size, 1, "sync", cull_back_faces=cull)
             for size in SIZES_PX
             for cull in (True, False)
-        )
+        ),
+        rounds=ROUNDS,
     )
-    each = _best_ms(
+    each = quickest_ms(
         *(
             asker.asking(SIZES_PX[0], count, way, cull_back_faces=True)
             for way, count in WAYS.items()
-        )
+        ),
+        rounds=ROUNDS,
     )
     asker.queries.release()
     return {
@@ -100,7 +103,8 @@ def query_in_triangles(scene: Scene | None, path: CameraPath | None) -> dict[str
     """Milliseconds of one query waited for, its box's front face as large as a triangle of
     `TRIANGLE_PX` pixels, and of drawing such a triangle among many."""
     asker = _Asker()
-    (query_ms,) = _best_ms(asker.asking(TRIANGLE_PX**0.5, 1, "sync", cull_back_faces=True))
+    asking = asker.asking(TRIANGLE_PX**0.5, 1, "sync", cull_back_faces=True)
+    (query_ms,) = quickest_ms(asking, rounds=ROUNDS)
     asker.queries.release()
     empty_ms, full_ms = (_frame_ms(count) for count in (1, TRIANGLES))
     return {"query_ms": query_ms, "triangle_ms": (full_ms - empty_ms) / (TRIANGLES - 1)}
@@ -157,14 +161,3 @@ class _Asker:
             )
 
         return ask
-
-
-def _best_ms(*jobs: Callable[[], Any]) -> list[float]:
-    """Each job's quickest round; they take turns, so that all meet the same disturbances."""
-    best = [math.inf] * len(jobs)
-    for _ in range(ROUNDS):
-        for at, job in enumerate(jobs):
-            started = time.perf_counter()
-            job()
-            best[at] = min(best[at], 1e3 * (time.perf_counter() - started))
-    return best

@@ -6,8 +6,7 @@ up: whatever else the machine does only adds to it.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -15,6 +14,7 @@ import moderngl
 import numpy as np
 
 from culling.device import State, Target, device
+from culling.experiments.timing import quickest_ms
 from culling.item_buffer import ItemBufferEngine
 from culling.plp.plp import PLPCulling
 from culling.queries.histogram import HistogramQueries
@@ -62,15 +62,19 @@ def _primitives(side: int) -> dict[str, Any]:
             target.scratch.read(components=channels, alignment=1),
             np.uint8 if channels == 1 else np.uint32,
         )
-        transfer.append(_best_ms(partial(target.scratch.read, components=channels, alignment=1)))
-        scan.append(_best_ms(partial(np.bincount, ids, minlength=IDS + 1)))
-    count = partial(histogram.scan, target.scratch, histogram.active, IDS, QueryStats())
+        read = partial(target.scratch.read, components=channels, alignment=1)
+        count = partial(np.bincount, ids, minlength=IDS + 1)
+        times = quickest_ms(read, count, rounds=ROUNDS)
+        transfer.append(times[0])
+        scan.append(times[1])
+    on_gpu = partial(histogram.scan, target.scratch, histogram.active, IDS, QueryStats())
+    (histogram_ms,) = quickest_ms(on_gpu, rounds=ROUNDS)
     result = {
         "side_px": side,
         "channels": list(CHANNELS),
         "transfer_ms": transfer,
         "scan_ms": scan,
-        "histogram_ms": _best_ms(count),
+        "histogram_ms": histogram_ms,
     }
     histogram.release()
     return result
@@ -114,15 +118,14 @@ def _front(scene: Scene, cameras: Sequence[Camera], leaf: int) -> dict[str, Any]
 
     samples = ask("batch")
     covered = hardware.fragments(view, target, boxes, cull_back_faces=True)
+    ways = ("sync", "batch", "instanced", "counted", *items)
+    times = quickest_ms(*(partial(ask, way) for way in ways), rounds=ROUNDS)
     result = {
         "leaf": leaf,
         "cells": len(boxes),
         "visible": int(np.count_nonzero(samples)),
         "fragments": int(covered.sum()),
-        "ms": {
-            way: _best_ms(partial(ask, way))
-            for way in ("sync", "batch", "instanced", "counted", *items)
-        },
+        "ms": dict(zip(ways, times, strict=True)),
     }
     hardware.release()
     for of_way in items.values():
@@ -159,15 +162,3 @@ def quality(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         culler.close()
         found.append(shares)
     return {"budgets": list(QUALITY_BUDGETS), "found": found}
-
-
-def _best_ms(job: Callable[[], object]) -> float:
-    spent = []
-    for turn in range(ROUNDS + 1):
-        device().context.finish()
-        started = time.perf_counter()
-        job()
-        device().context.finish()
-        if turn:
-            spent.append((time.perf_counter() - started) * 1e3)
-    return min(spent)
