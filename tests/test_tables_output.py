@@ -8,7 +8,7 @@ import re
 import pytest
 
 from tests import chromium, tables_runs
-from tests.tables_runs import ALL, NOTHING, SIZE, TOWN, Steps, paper
+from tests.tables_runs import ALL, NOTHING, SIZE, STOPPED, TOWN, Steps, paper
 from visref import cli
 from visref.gate import Exit
 from visref.papers.table import Experiment, Walk
@@ -116,6 +116,16 @@ def test_the_command_measures_writes_and_prints_the_claims(tmp_path, monkeypatch
     assert cli.main(["tables", "--paper", "toy", "--frames", "2", "--out", str(out)]) == 0
     assert "fewer queries than the paper" in capsys.readouterr().out
     assert (out / "tables.html").is_file()
+
+
+def test_an_interrupted_command_says_that_it_can_go_on(tmp_path, monkeypatch, capsys):
+    first, second = paper().walks
+    stopped = Walk(second.key, TOWN, (STOPPED,), size=SIZE)
+    monkeypatch.setattr(cli, "load_paper", lambda name: paper((first, stopped), ()))
+    out = tmp_path / "out"
+    assert cli.main(["tables", "--paper", "toy", "--frames", "1", "--out", str(out)]) == 130
+    assert "the same command goes on from there" in capsys.readouterr().err
+    assert (out / "records" / "toy" / first.key / "manifest.json").is_file()
 
 
 @pytest.mark.parametrize(

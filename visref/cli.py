@@ -102,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _ERRORS.print(f"nothing could be judged: {error}", markup=False)
         return int(Exit.NOTHING_JUDGED)
     except KeyboardInterrupt:
-        _ERRORS.print("interrupted; nothing was written", markup=False)
+        _ERRORS.print(f"interrupted; {given.interrupted}", markup=False)
         return _INTERRUPTED
     except OSError as error:
         # A full disk, say: nobody's bug.
@@ -121,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Is your occlusion culler safe, and what does it cost?",
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",
     )
+    parser.set_defaults(interrupted="nothing was written")
     commands_ = parser.add_subparsers(required=True, metavar="COMMAND")
 
     demo = commands_.add_parser("demo", help="judge four cullers on a generated city")
@@ -207,7 +208,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="goes on with what is there",
     )
-    tables.set_defaults(command=_tables)
+    kept = "what was measured is kept, and the same command goes on from there"
+    tables.set_defaults(command=_tables, interrupted=kept)
 
     explain = commands_.add_parser("explain", help="replay a witness from the run folder alone")
     explain.add_argument("run", type=Path, metavar="RUN")
