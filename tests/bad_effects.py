@@ -16,15 +16,7 @@ from culling.n_buffer.particles import Particles
 from culling.shadow_volumes import ShadowVolumes
 from culling.shadow_volumes.casters import Faces
 from culling.shadow_volumes.litmaps import Litmaps
-
-
-def edited(shader: str, *changes: tuple[str, str]) -> str:
-    """A shader's text with each change made; every one has to apply."""
-    text = device.shader_source(shader)
-    for old, new in changes:
-        assert old in text, f"{shader} no longer says {old!r}"
-        text = text.replace(old, new)
-    return text
+from tests.shader_edits import edited
 
 
 def compute(shader, *changes):

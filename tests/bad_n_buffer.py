@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from culling.device import shader_source
 from culling.n_buffer import NBufferCulling
 from culling.n_buffer.cover import Cover
 from culling.n_buffer.gpu import NBufferTexture
@@ -30,6 +29,7 @@ from tests.bad_cullers import (
     UnfinishedQueryReadAsZero,
     registrar,
 )
+from tests.shader_edits import edited
 
 
 def method(name: str, **options: Any) -> Method:
@@ -85,28 +85,20 @@ def of_the_map(step: type) -> type:
     return type(step.__name__, (), {"__doc__": step.__doc__, "map_queries": map_queries})
 
 
-def edited(name: str, about: str, *edits: tuple[str, str], build: str = "") -> type:
-    """A culler's step that edits the GPU's shader, or with `build` the one that builds levels.
-    Every edit must change something."""
-
-    def text_of(shader: str) -> str:
-        text = shader_source(shader)
-        for old, new in edits:
-            assert old in text, old
-            text = text.replace(old, new)
-        return text
+def on_the_gpu(name: str, about: str, *edits: tuple[str, str], build: str = "") -> type:
+    """A culler's step that edits the GPU's shader, or with `build` the one that builds levels."""
 
     class Built(NBufferTexture):
         def shader(self, name: str) -> Any:
             if name != build:
                 return super().shader(name)
-            return self.device.context.compute_shader(text_of(build))
+            return self.device.context.compute_shader(edited(build, *edits))
 
     class Edited(GpuCull):
         def load(self) -> Any:
             if build:
                 return super().load()
-            return self.device.context.compute_shader(text_of(SHADER))
+            return self.device.context.compute_shader(edited(SHADER, *edits))
 
         texture = Built
 
@@ -466,16 +458,16 @@ _EDITS: dict[str, tuple[str, str, str, list[tuple[str, str]], str]] = {
             "n_buffer_base.comp"),
 }  # fmt: skip
 for id_, (name_, about_, caught_, edits_, build_) in _EDITS.items():
-    mutant(id_, of=GPUS, caught_by=caught_)(edited(name_, about_, *edits_, build=build_))
+    mutant(id_, of=GPUS, caught_by=caught_)(on_the_gpu(name_, about_, *edits_, build=build_))
 mutant("U4", of=(GPU,), caught_by=PIERCED)(
-    edited(
+    on_the_gpu(
         "SecondSquareShortOnTheGPU",
         "The squares that end at the rectangle's last column start one pixel too early.",
         ("ivec2 last = max(r.zw - side + 1, r.xy);", "ivec2 last = max(r.zw - side, r.xy);"),
     )
 )
 mutant("U9", of=(GPU_ONE,), caught_by=PIERCED)(
-    edited(
+    on_the_gpu(
         "TopLevelMissingOnTheGPU",
         "Levels end with the largest square that fits the image's longer side.",
         ("n_buffer_square(r.xy, n_buffer_level(max(size.x, size.y)))",
@@ -544,7 +536,7 @@ class RepeatWrap:
 
 # The wasteful edits: what leaves the image joins the farthest depth, or the other edge.
 mutant("W12", of=GPUS, contract="hidden")(
-    edited(
+    on_the_gpu(
         "BorderOfOneOnTheGPU",
         "Outside the image lies the farthest depth.",
         ("return depth;\n    }", "return 1.0;\n    }"),
@@ -552,7 +544,7 @@ mutant("W12", of=GPUS, contract="hidden")(
     )
 )
 mutant("W13", of=GPUS, contract="hidden")(
-    edited(
+    on_the_gpu(
         "RepeatWrapOnTheGPU",
         "Beyond the image's edge the other edge follows.",
         ("return depth;\n    }", "at = at % size;\n    }"),

@@ -1,12 +1,13 @@
 """Every broken lazy grid is caught where it should be, and the sound one passes there."""
 
 import itertools
-from functools import cache, partial
+from functools import partial
 
 import pytest
 
 from tests.bad_cullers import COMMON
 from tests.bad_lazy_grid import ALL, EQUIVALENT, MUTANTS, NOT_HERE, OF_THE_METHOD, OWN
+from tests.convictions import assert_only_the_mutant_is_convicted
 from tests.lazy_grid_contract import watched
 from visref.conformance import Check, Status, _judge_on, case, check_culler, conformance_checks
 
@@ -21,19 +22,9 @@ WATCHED = ("walk_through_a_city", "crowd", "odd_viewports")
 METHODS = {method.name: method for method in ALL}
 
 
-@cache
-def sound_result(method, check):
-    return check_culler(METHODS[method].make, checks=[CHECKS[check]])[0]
-
-
 @pytest.mark.parametrize("mutant", UNSAFE, ids=str)
 def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
-    (found,) = check_culler(mutant.make, checks=[CHECKS[mutant.caught_by]])
-    assert found.status is Status.FAILED
-    assert found.missed > 0
-    assert "MISSED_OBJECT" in found.problems[0]
-    sound = sound_result(mutant.method.name, mutant.caught_by)
-    assert sound.status is Status.PASSED, sound.problems
+    assert_only_the_mutant_is_convicted(mutant, CHECKS)
 
 
 @pytest.mark.parametrize("method", ALL, ids=lambda method: method.name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from functools import cache
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from culling.plp.traversal import near_corners
 from culling.view import View
 from tests.bad_cullers import COMMON
 from tests.bad_plp import ALL, EQUIVALENT, MUTANTS, NOT_HERE, OF_THE_METHOD, OWN
+from tests.convictions import assert_only_the_mutant_is_convicted
 from visref.conformance import Check, Status, _judge_on, case, check_culler, conformance_checks
 
 pytestmark = pytest.mark.gl
@@ -24,21 +24,9 @@ UNSAFE = [mutant for mutant in MUTANTS if mutant.caught_by]
 WASTEFUL = [mutant for mutant in MUTANTS if mutant.contract]
 
 
-@cache
-def sound_result(method, check, options):
-    sound = {m.name: m for m in ALL}[method]
-    return check_culler(lambda: sound.culler(**dict(options)), checks=[CHECKS[check]])[0]
-
-
 @pytest.mark.parametrize("mutant", UNSAFE, ids=str)
 def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
-    (found,) = check_culler(mutant.make, checks=[CHECKS[mutant.caught_by]])
-    assert found.status is Status.FAILED
-    assert found.missed > 0
-    assert "MISSED_OBJECT" in found.problems[0]
-    options = tuple(sorted(mutant.options.items()))
-    sound = sound_result(mutant.method.name, mutant.caught_by, options)
-    assert sound.status is Status.PASSED, sound.problems
+    assert_only_the_mutant_is_convicted(mutant, CHECKS)
 
 
 # The contracts.

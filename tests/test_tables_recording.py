@@ -188,7 +188,7 @@ def test_what_failed_leaves_no_record_of_an_earlier_time(tmp_path):
 def test_a_violation_stands_in_the_records(tmp_path):
     walk = Walk("first", TOWN, (ALL, NOTHING), size=SIZE)
     measured, _ = run(tmp_path, [paper((walk,), ())], frames=2)
-    (found,) = measured.runs(measured.papers[0])
+    found = measured.records(measured.papers[0]).run("first")
     assert found.verdict["status"] == "violation"
     assert found.verdict["cullers"][ALL]["violations"] == 0
 

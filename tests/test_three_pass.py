@@ -33,15 +33,14 @@ from tests.bad_three_pass import (
     WASTEFUL_OF_THREE_PASS,
     NotCleared,
 )
+from tests.convictions import assert_only_the_mutant_is_convicted
 from tests.property.test_every_culler import QUIET
 from tests.three_pass_contract import CONTRACTS, broken, pieces, watch
 from visref.camera import Camera, look_at
 from visref.cli import main
 from visref.conformance import (
-    Status,
     assert_conforms,
     case,
-    check_culler,
     conformance_checks,
     exact_truths,
     judge_on,
@@ -86,12 +85,7 @@ def survey():
 
 @pytest.mark.parametrize("mutant", UNSAFE, ids=str)
 def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
-    (found,) = check_culler(mutant.make, checks=[CHECKS[mutant.caught_by]])
-    assert found.status is Status.FAILED
-    assert found.missed > 0
-    assert "MISSED_OBJECT" in found.problems[0]
-    (sound,) = check_culler(mutant.method.make, checks=[CHECKS[mutant.caught_by]])
-    assert sound.status is Status.PASSED, sound.problems
+    assert_only_the_mutant_is_convicted(mutant, CHECKS)
 
 
 def watched() -> list[tuple[Scene, list[Camera]]]:

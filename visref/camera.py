@@ -382,6 +382,13 @@ class CameraPath:
         )
 
 
+def middles(length: int, parts: int) -> list[int]:
+    """Frames in the middles of equal parts of a path, ascending; of a shorter path, all of it.
+    Neither its first frame nor its last is special."""
+    parts = min(parts, length)
+    return [(2 * k + 1) * length // (2 * parts) for k in range(parts)]
+
+
 def look_at(
     eye: NDArray[Any] | tuple[float, float, float],
     target: NDArray[Any] | tuple[float, float, float],

@@ -85,12 +85,11 @@ def open_scene(
     A generated scene goes through files in `kept_in`, and is read from there the next time;
     without it, through files that are not kept.
     """
-    name, _, options = spec.partition(":")
-    if Path(spec).exists() or name not in available(SCENES):
+    found = _generator(spec)
+    if found is None:
         loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
         return loaded, None, _findings(loaded)
-    generator = cast(Any, load_entry(SCENES, name, kind="scene"))
-    values = _generator_options(spec, options)
+    name, generator, values = found
     with ExitStack() as closing:
         if kept_in is None:
             temporary = tempfile.TemporaryDirectory(prefix="visref-scene-")
@@ -109,16 +108,24 @@ def open_scene(
 def generated_with(spec: str) -> dict[str, int | float]:
     """The seed and whatever else a generated scene was made with, defaults included; empty where
     the spec is a file."""
-    name, _, options = spec.partition(":")
-    if Path(spec).exists() or name not in available(SCENES):
+    found = _generator(spec)
+    if found is None:
         return {}
-    generator = cast(Any, load_entry(SCENES, name, kind="scene"))
+    _, generator, values = found
     defaults = {
         option: parameter.default
         for option, parameter in inspect.signature(generator).parameters.items()
         if isinstance(parameter.default, (int, float))
     }
-    return defaults | _generator_options(spec, options)
+    return defaults | values
+
+
+def _generator(spec: str) -> tuple[str, Any, dict[str, int | float]] | None:
+    """The name, the generator and the options that a spec gives; None where it is a file."""
+    name, _, options = spec.partition(":")
+    if Path(spec).exists() or name not in available(SCENES):
+        return None
+    return name, load_entry(SCENES, name, kind="scene"), _generator_options(spec, options)
 
 
 def _write(generator: Any, values: dict[str, int | float], folder: Path) -> tuple[Path, Path]:

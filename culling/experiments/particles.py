@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from culling.experiments.sampled import sampled
 from culling.n_buffer.particles import Particles
-from visref.camera import CameraPath
+from visref.camera import CameraPath, middles
 from visref.effects import solid
 from visref.effects.images import ImageVerdict
 from visref.effects.sprites import Sprites, SpriteTruth
@@ -35,7 +34,8 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     verdict = ImageVerdict()
     in_view, kept, plain, lookups, left = [], [], [], [], []
     try:
-        for camera in sampled(path, FRAMES):
+        for frame in middles(len(path), FRAMES):
+            camera = path.frames[frame]
             everything = particles.frame(camera, culled=False, fragments=True)
             culled = particles.frame(camera, fragments=True)
             tolerance = particles.tolerance(camera)

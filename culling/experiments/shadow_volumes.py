@@ -8,9 +8,8 @@ from __future__ import annotations
 from statistics import fmean
 from typing import Any
 
-from culling.experiments.sampled import sampled
 from culling.shadow_volumes.volumes import ShadowVolumes, endless
-from visref.camera import CameraPath
+from visref.camera import CameraPath, middles
 from visref.effects import solid
 from visref.effects.images import ImageVerdict
 from visref.effects.shadows import ShadowCaster, sun
@@ -34,8 +33,8 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     verdict = ImageVerdict()
     full, clamped, kept = [], [], []
     try:
-        for camera in sampled(path, FRAMES):
-            camera = endless(camera)
+        for frame in middles(len(path), FRAMES):
+            camera = endless(path.frames[frame])
             whole = volumes.frame(camera, clamped=False, fragments=True)
             cut = volumes.frame(camera, fragments=True)
             truth = caster.engine.frame(camera)

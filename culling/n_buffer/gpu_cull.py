@@ -73,12 +73,19 @@ class GpuCull:
             [[part.first, part.count] for part in geometry.classes], np.uint32
         ).transpose(0, 2, 1) if geometry.classes else np.zeros(0, np.uint32)  # fmt: skip
         slots = max(1, len(geometry.classes) * self.units)
-        self.bounds = buffer(bounds.tobytes() or bytes(8))
-        self.occludes = buffer(can_occlude.astype(np.uint32).tobytes() or bytes(4))
         self.seen, self.drawn = buffer(nothing), buffer(nothing)
-        self.ranges = buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8))
         self.commands = buffer(reserve=4 * COMMAND_WORDS * slots)
         self.view = buffer(reserve=8 * 4 * 16)
+        # By binding, from 1.
+        self.blocks = (
+            buffer(bounds.tobytes() or bytes(8)),
+            buffer(can_occlude.astype(np.uint32).tobytes() or bytes(4)),
+            self.seen,
+            self.drawn,
+            buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8)),
+            self.commands,
+            self.view,
+        )
         self.map: NBufferTexture | None = None
 
     def load(self) -> moderngl.ComputeShader:
@@ -90,13 +97,10 @@ class GpuCull:
             return Decided(*np.zeros((3, 0), np.int64))
         levels = self.map_of(target)
         self.view.write(_view_bytes(view, len(self.geometry.classes)))
-        buffers = (
-            self.bounds, self.occludes, self.seen, self.drawn, self.ranges, self.commands, self.view
-        )  # fmt: skip
         for occluders in (True, False):
             if not occluders:
                 levels.build(target)
-            for binding, buffer in enumerate(buffers, start=1):
+            for binding, buffer in enumerate(self.blocks, start=1):
                 buffer.bind_to_storage_buffer(binding)
             levels.use(self.shader)
             self.shader["occluders"] = occluders
@@ -131,9 +135,7 @@ class GpuCull:
     def release(self) -> None:
         if self.map is not None:
             self.map.release()
-        for buffer in (
-            self.bounds, self.occludes, self.seen, self.drawn, self.ranges, self.commands, self.view
-        ):  # fmt: skip
+        for buffer in self.blocks:
             buffer.release()
 
 

@@ -11,7 +11,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from visref.bench.bounds import ALPHA
@@ -22,6 +21,7 @@ from visref.camera import CameraPath
 from visref.engines.rays import available_threads
 from visref.report import words
 from visref.report.bench_record import MARKER
+from visref.report.environment import page_environment
 from visref.scene import Scene
 from visref.truth_file import path_digest
 
@@ -181,15 +181,7 @@ def _write_csv(file: Path, bench: Bench) -> None:
 
 
 def _page(bench: Bench, facts: dict[str, Any], machine: dict[str, Any], svg: str) -> str:
-    environment = Environment(
-        # The reports' own style sheet.
-        loader=ChoiceLoader([PackageLoader("visref.bench"), PackageLoader("visref.report")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"count": words.count}
+    environment = page_environment("visref.bench")
     libraries = ", ".join(f"{name} {number}" for name, number in machine["libraries"].items())
     return environment.get_template("bench.html.j2").render(
         headline=headline(bench),

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from visref.causes import Cause
@@ -19,6 +18,7 @@ from visref.measures import NO_FPR_PX, RATES, Measures, best, measure
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_record import BenchRecord
+from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
 from visref.report.tables import table_view
 from visref.rules import RULES, Rule, Severity
@@ -125,15 +125,8 @@ _COLUMNS = (
 
 def page_html(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], out: Path) -> str:
     """The whole page. `out` is the folder it will stand in: replay commands start there."""
-    environment = Environment(
-        loader=PackageLoader("visref.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("visref.report")
     environment.filters |= {
-        "count": words.count,
         "percent": words.percent,
         "quantity": words.quantity,
         "code": _code,

@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-
 from visref.files import replacing_file
 from visref.gate import Exit, decide
 from visref.measures import RATES, Measures, definitions, measure
@@ -22,6 +20,7 @@ from visref.papers import Paper
 from visref.papers.table import Table
 from visref.record import machine, versions
 from visref.report import words
+from visref.report.environment import page_environment
 from visref.report.tables import (
     VERDICTS,
     table_csv,
@@ -89,10 +88,12 @@ def write_tables(measured: Measured) -> tuple[Path, Exit]:
 
 
 def _view(measured: Measured, paper: Paper) -> PaperView:
-    runs = measured.runs(paper)
+    records = measured.records(paper)
+    found = (records.run(walk.key) for walk in paper.walks)
+    runs = [run for run in found if run is not None]
     return PaperView(
         paper,
-        paper.tables(measured.records(paper)),
+        paper.tables(records),
         [(run, [measure(run, culler) for culler in run.cullers]) for run in runs],
         [
             (label.partition("/")[2], why)
@@ -130,14 +131,7 @@ def _verdict_line(runs: Sequence[RunRecord]) -> str:
 def _page(
     measured: Measured, views: Sequence[PaperView], runs: Sequence[RunRecord], status: Exit
 ) -> str:
-    environment = Environment(
-        # The reports' own style sheet and table.
-        loader=ChoiceLoader([PackageLoader("visref.tables"), PackageLoader("visref.report")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment("visref.tables")
     scenes = {run.manifest["scene"]["source"]: run.manifest["scene"]["sha256"] for run in runs}
     return environment.get_template("tables.html.j2").render(
         headline=headline(views),

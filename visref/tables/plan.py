@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from visref.camera import CameraPath
+from visref.camera import CameraPath, middles
 from visref.papers import Paper
 from visref.papers.table import Experiment, Walk
 from visref.registry import CULLERS, SCENES, available
@@ -47,9 +47,7 @@ def sampled(count: int, wanted: int | None, stretch: int) -> list[int]:
     `stretch` consecutive ones. Ascending, without repeats."""
     if wanted is None or wanted >= count:
         return list(range(count))
-    stretches = -(-wanted // stretch)
-    # The middles of equal parts of the path: neither its first frame nor its last is special.
-    starts = [(2 * k + 1) * count // (2 * stretches) for k in range(stretches)]
+    starts = middles(count, -(-wanted // stretch))
     frames = {min(start + k, count - 1) for start in starts for k in range(stretch)}
     return sorted(frames)[:wanted]
 

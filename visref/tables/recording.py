@@ -57,14 +57,16 @@ class Progress(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PaperRecords:
-    """`visref.papers.table.Records`, read from disk; what is not there is None."""
+    """`visref.papers.table.Records`, read from disk, a run once; what is not there is None."""
 
     folder: Path
-    failures: Mapping[str, str]
+    _runs: dict[str, RunRecord | None] = field(default_factory=dict)
 
     def run(self, key: str) -> RunRecord | None:
-        folder = self.folder / key
-        return read_run(folder) if (folder / MANIFEST).is_file() else None
+        if key not in self._runs:
+            folder = self.folder / key
+            self._runs[key] = read_run(folder) if (folder / MANIFEST).is_file() else None
+        return self._runs[key]
 
     def experiment(self, key: str) -> Mapping[str, Any] | None:
         file = self.folder / key / RESULT
@@ -81,16 +83,10 @@ class Measured:
     papers: tuple[Paper, ...]
     out: Path
     frames: int | None
-    large: bool
     failures: dict[str, str] = field(default_factory=dict)
 
     def records(self, paper: Paper) -> PaperRecords:
-        return PaperRecords(self.out / "records" / paper.name, self.failures)
-
-    def runs(self, paper: Paper) -> list[RunRecord]:
-        """The paper's run folders, in the order of its walks."""
-        found = [self.records(paper).run(walk.key) for walk in paper.walks]
-        return [run for run in found if run is not None]
+        return PaperRecords(self.out / "records" / paper.name)
 
 
 def measure(
@@ -109,7 +105,7 @@ def measure(
     """
     if frames is not None and frames < 1:
         raise InputError(f"--frames is {frames}", mend="give 1 or more")
-    measured = Measured(tuple(papers), out, frames, large)
+    measured = Measured(tuple(papers), out, frames)
     todo = tasks(measured.papers, large=large)
     progress.begin(sum(_steps(task, frames) for task in todo))
     stage = _Stage(out / "scenes", threads)

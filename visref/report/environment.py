@@ -1,0 +1,21 @@
+"""The Jinja environment of every page."""
+
+from __future__ import annotations
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+from visref.report import words
+
+
+def page_environment(package: str) -> Environment:
+    """Templates of a package, and the reports' own beside them: style sheet, table, and filters.
+    Text is escaped; a name that a template misspells is an error."""
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("visref.report")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"count": words.count}
+    return environment
