@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller
-from culling.view import View
 from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Int64
+from visref_culling.gl.view import View
+from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller
 
 
 class NoCulling(GLCuller):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.baselines import SingleQueryCulling
 from visref.scene import Int64
+from visref_culling.baselines import SingleQueryCulling
 
 
 class HastyQueryCulling(SingleQueryCulling):

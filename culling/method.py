@@ -27,15 +27,15 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from culling import geometry
-from culling.device import State, Target, device
-from culling.hierarchy import BoxTree, front_to_back
-from culling.item_buffer import GLRaster
-from culling.queries.occlusion_query import BoxQueries
-from culling.view import View, round_outward
 from visref.camera import Camera
 from visref.culler import Culler, DrawnSet, Option, QueryStats
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref_culling.boxes.hierarchy import BoxTree, front_to_back
+from visref_culling.gl import geometry
+from visref_culling.gl.device import State, Target, device
+from visref_culling.gl.item_buffer import GLRaster
+from visref_culling.gl.view import View, round_outward
+from visref_culling.queries.occlusion_query import BoxQueries
 
 # Called as observer(step, data) at "clear", "draw", "query" and a method's own steps. The
 # data are plain values; nothing that a method decides depends on it.

@@ -38,12 +38,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
-from culling.rectangles import screen_rectangles
-from culling.view import View
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float64, Int32, Int64, Scene, Units
+from visref_culling.boxes.rectangles import screen_rectangles
+from visref_culling.gl.view import View
+from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
 
 TILES = 128  # a side
 WORDS_PER_ROW = TILES // 32

@@ -1,5 +1,5 @@
 """Generated scenes with camera paths: seeded, and deterministic to the byte."""
 
-from datasets_gen.dataset import Dataset, scene_of
+from visref_datasets_gen.dataset import Dataset, scene_of
 
 __all__ = ["Dataset", "scene_of"]

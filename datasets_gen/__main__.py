@@ -8,8 +8,8 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from datasets_gen.dataset import Dataset
 from visref.errors import InputError
+from visref_datasets_gen.dataset import Dataset
 
 GROUP = "visref.scenes"
 

@@ -16,12 +16,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from datasets_gen.isosurface import isosurface
-from datasets_gen.orbit import orbit
-from datasets_gen.refine import split_to
 from visref.errors import InputError
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
+from visref_datasets_gen.isosurface import isosurface
+from visref_datasets_gen.orbit import orbit
+from visref_datasets_gen.refine import split_to
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]

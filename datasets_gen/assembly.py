@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from datasets_gen.refine import split_to, welded
-from datasets_gen.shapes import Float64, Soup
 from visref.errors import InputError
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
+from visref_datasets_gen.refine import split_to, welded
+from visref_datasets_gen.shapes import Float64, Soup
 
 Colour = tuple[float, float, float]
 Place = tuple[float, float, float]

@@ -12,12 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from datasets_gen.assembly import Assembly, Colour, Place, exactly, facing
-from datasets_gen.boombox_inside import CHROME, PLASTIC, STEEL, furnish
-from datasets_gen.dataset import Dataset
-from datasets_gen.orbit import orbit
-from datasets_gen.shapes import box, boxes, merge, moved, quads
-from datasets_gen.solids import (
+from visref.errors import InputError
+from visref_datasets_gen.assembly import Assembly, Colour, Place, exactly, facing
+from visref_datasets_gen.boombox_inside import CHROME, PLASTIC, STEEL, furnish
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.orbit import orbit
+from visref_datasets_gen.shapes import box, boxes, merge, moved, quads
+from visref_datasets_gen.solids import (
     annulus,
     chords,
     finned,
@@ -34,7 +35,6 @@ from datasets_gen.solids import (
     torus,
     tube,
 )
-from visref.errors import InputError
 
 SHAPES = 530
 TRIANGLES_AT_SCALE_1 = 644_268

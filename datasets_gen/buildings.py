@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.shapes import (
+from visref_datasets_gen.shapes import (
     Soup,
     box,
     boxes,

@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen import street
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import box, boxes, lathe, merge, quarter_turn
-from datasets_gen.stock import Stock, placed, plain
-from datasets_gen.walk import walk
 from visref.errors import InputError
+from visref_datasets_gen import street
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Mesh, Node
+from visref_datasets_gen.shapes import box, boxes, lathe, merge, quarter_turn
+from visref_datasets_gen.stock import Stock, placed, plain
+from visref_datasets_gen.walk import walk
 
 BLOCKS_AT_SCALE_1 = 36
 BLOCK_M = (72.0, 56.0)

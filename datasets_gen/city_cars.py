@@ -3,7 +3,7 @@
 The counterpart of "City", the largest model of Staneker, Bartz and Meissner ("Improving
 Occlusion Query Efficiency with Occupancy Maps", 2003, section 5.2), "an artificial city with
 some Formula One cars in the streets". How many cars it had is not said. This one has four of
-`datasets_gen.formula_one`, which leaves 676 shapes of 1,586 triangles on average for the rest:
+`formula_one`, which leaves 676 shapes of 1,586 triangles on average for the rest:
 a building is one shape, a street too, and trees make up the number of shapes.
 """
 
@@ -14,7 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from datasets_gen.city import (
+from visref.camera_path import CameraPath
+from visref.errors import InputError
+from visref_datasets_gen.city import (
     BLOCK_M,
     PAVEMENT_HEIGHT_M,
     PAVEMENT_M,
@@ -24,17 +26,15 @@ from datasets_gen.city import (
     kind_of,
     lots,
 )
-from datasets_gen.city_large import triangles_of
-from datasets_gen.dataset import Dataset
-from datasets_gen.formula_one import SHAPES as SHAPES_A_CAR
-from datasets_gen.formula_one import car
-from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import Float64, box, boxes, quarter_turn
-from datasets_gen.stock import Stock, placed, plain
-from datasets_gen.terrain import Height, patch
-from datasets_gen.walk import corners, walk
-from visref.camera import CameraPath
-from visref.errors import InputError
+from visref_datasets_gen.city_large import triangles_of
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.formula_one import SHAPES as SHAPES_A_CAR
+from visref_datasets_gen.formula_one import car
+from visref_datasets_gen.graph import Mesh, Node
+from visref_datasets_gen.shapes import Float64, box, boxes, quarter_turn
+from visref_datasets_gen.stock import Stock, placed, plain
+from visref_datasets_gen.terrain import Height, patch
+from visref_datasets_gen.walk import corners, walk
 
 SHAPES = 1_900
 TRIANGLES_AT_SCALE_1 = 4_059_195

@@ -2,7 +2,7 @@
 
 "Real-Time Occlusion Culling With A Lazy Occlusion Grid" (TR-186-2-01-02, section 7) walks
 through a city of so many triangles, made of several copies of a model of Vienna. This one is
-`datasets_gen.city` with as many blocks as fit, instanced, and a field on the first plot that is
+`city` with as many blocks as fit, instanced, and a field on the first plot that is
 left, tessellated so that the number is exact. As in an old town no street runs on for
 kilometres: every third one, or so, ends at a house.
 """
@@ -14,15 +14,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from datasets_gen.city import BLOCK_M, PITCH_M, STREET_M, VARIANTS, CityMaker
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Node
-from datasets_gen.shapes import Float64
-from datasets_gen.stock import placed, plain
-from datasets_gen.terrain import patch
-from datasets_gen.walk import walk
-from visref.camera import CameraPath
+from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref_datasets_gen.city import BLOCK_M, PITCH_M, STREET_M, VARIANTS, CityMaker
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Node
+from visref_datasets_gen.shapes import Float64
+from visref_datasets_gen.stock import placed, plain
+from visref_datasets_gen.terrain import patch
+from visref_datasets_gen.walk import walk
 
 TRIANGLES_AT_SCALE_1 = 34_034_176
 

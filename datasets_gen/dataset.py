@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.glb import glb_bytes
-from datasets_gen.graph import Node
-from visref.camera import CameraPath
+from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.scene import Float64, Scene, unique_names
+from visref_datasets_gen.glb import glb_bytes
+from visref_datasets_gen.graph import Node
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,14 @@ from functools import partial
 
 import numpy as np
 
-from datasets_gen import formula_one_inside, formula_one_wheels
-from datasets_gen.assembly import Assembly, Colour, exactly
-from datasets_gen.dataset import Dataset
-from datasets_gen.hulls import SKIN_M, Station, hull, open_shell, outline, patch_on, tunnel
-from datasets_gen.orbit import orbit
-from datasets_gen.shapes import Float64, Soup, box, merge, moved, quads
-from datasets_gen.solids import (
+from visref.errors import InputError
+from visref_datasets_gen import formula_one_inside, formula_one_wheels
+from visref_datasets_gen.assembly import Assembly, Colour, exactly
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.hulls import SKIN_M, Station, hull, open_shell, outline, patch_on, tunnel
+from visref_datasets_gen.orbit import orbit
+from visref_datasets_gen.shapes import Float64, Soup, box, merge, moved, quads
+from visref_datasets_gen.solids import (
     chords,
     curve,
     looped,
@@ -33,7 +34,6 @@ from datasets_gen.solids import (
     thick,
     tube,
 )
-from visref.errors import InputError
 
 SHAPES = 306
 TRIANGLES_AT_SCALE_1 = 746_827

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from datasets_gen.assembly import Assembly, Colour, facing
-from datasets_gen.hulls import hull
-from datasets_gen.shapes import Soup, boxes, icosphere, merge, moved
-from datasets_gen.solids import (
+from visref_datasets_gen.assembly import Assembly, Colour, facing
+from visref_datasets_gen.hulls import hull
+from visref_datasets_gen.shapes import Soup, boxes, icosphere, merge, moved
+from visref_datasets_gen.solids import (
     annulus,
     chords,
     curve,

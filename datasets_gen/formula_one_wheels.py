@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from datasets_gen.assembly import Assembly, Colour, Place, facing
-from datasets_gen.shapes import Soup, merge, moved
-from datasets_gen.solids import (
+from visref_datasets_gen.assembly import Assembly, Colour, Place, facing
+from visref_datasets_gen.shapes import Soup, merge, moved
+from visref_datasets_gen.solids import (
     annulus,
     chords,
     framed,

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from datasets_gen.shapes import (
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
+from visref_datasets_gen.shapes import (
     Soup,
     box,
     boxes,

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.graph import Material, Mesh, Node, Primitive
 from visref.scene import Alpha
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
 
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from datasets_gen.shapes import Float64, Soup
-from datasets_gen.solids import chords, curve, looped, sections, thick
+from visref_datasets_gen.shapes import Float64, Soup
+from visref_datasets_gen.solids import chords, curve, looped, sections, thick
 
 # A section: its z, half width, lowest and highest y, and exponent: 2 is an ellipse, more is
 # boxier.

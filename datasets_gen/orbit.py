@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from datasets_gen.graph import Node
-from datasets_gen.shapes import Float64
-from visref.camera import Camera, CameraPath
+from visref.camera import Camera
+from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref_datasets_gen.graph import Node
+from visref_datasets_gen.shapes import Float64
 
 Place = tuple[float, float, float]
 

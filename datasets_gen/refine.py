@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from datasets_gen.shapes import Soup
+from visref_datasets_gen.shapes import Soup
 
 
 def welded(soup: Soup) -> Soup:

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.scene import Alpha
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
 
 Float64 = NDArray[np.float64]
 

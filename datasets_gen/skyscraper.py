@@ -12,12 +12,13 @@ import math
 
 import numpy as np
 
-from datasets_gen import furniture
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Mesh
-from datasets_gen.shapes import box, boxes, lathe, merge, moved, quarter_turn
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref_datasets_gen import furniture
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Mesh
+from visref_datasets_gen.shapes import box, boxes, lathe, merge, moved, quarter_turn
 
 FLOORS_AT_SCALE_1 = 6
 SIDE = 3

@@ -15,12 +15,13 @@ import math
 
 import numpy as np
 
-from datasets_gen import furniture
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import Float64, Soup, box, merge
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref_datasets_gen import furniture
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Mesh, Node
+from visref_datasets_gen.shapes import Float64, Soup, box, merge
 
 COPIES = 3
 OFFICES_AT_SCALE_1 = 13  # on each side of a copy's corridor

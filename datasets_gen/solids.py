@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from datasets_gen.shapes import Float64, Soup, box, fans, loft, merge, moved, ring
+from visref_datasets_gen.shapes import Float64, Soup, box, fans, loft, merge, moved, ring
 
 
 def chords(count: float, fine: float, least: int = 5) -> int:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen import street
-from datasets_gen.buildings import KINDS
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from datasets_gen.shapes import Soup, quarter_turn, snap
+from visref_datasets_gen import street
+from visref_datasets_gen.buildings import KINDS
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
+from visref_datasets_gen.shapes import Soup, quarter_turn, snap
 
 Colour = tuple[float, float, float]
 _COLOURS: dict[str, Colour] = {
@@ -98,7 +98,7 @@ class Stock:
         return self._tinted(name, tint, separate=True), depth, self._roofs[name]
 
     def prop(self, name: str, tint: int = 0) -> tuple[Mesh, ...]:
-        """Meshes of `datasets_gen.street`, by name there; `NAME-K` is the K-th of a kind."""
+        """Meshes of `street`, by name there; `NAME-K` is the K-th of a kind."""
         kind = name.split("-")[0]
         if name not in self._shapes:
             if kind in street.CARS:

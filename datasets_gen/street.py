@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from datasets_gen.shapes import (
+from visref_datasets_gen.shapes import (
     Float64,
     Soup,
     box,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from datasets_gen.shapes import EMPTY, Float64, Soup, merge, quads
+from visref_datasets_gen.shapes import EMPTY, Float64, Soup, merge, quads
 
 Height = Callable[[Float64, Float64], Float64]  # y from x and z
 

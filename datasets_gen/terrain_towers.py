@@ -13,13 +13,14 @@ from functools import partial
 
 import numpy as np
 
-from datasets_gen.dataset import Dataset
-from datasets_gen.graph import Mesh, Node
-from datasets_gen.shapes import Float64, Soup, boxes, lathe, merge, quarter_turn, ring, snap
-from datasets_gen.stock import plain
-from datasets_gen.terrain import Height, Winding, patch
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.graph import Mesh, Node
+from visref_datasets_gen.shapes import Float64, Soup, boxes, lathe, merge, quarter_turn, ring, snap
+from visref_datasets_gen.stock import plain
+from visref_datasets_gen.terrain import Height, Winding, patch
 
 SIDE_AT_SCALE_1_M = 400.0
 TILE_M = 25.0

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.camera import Camera, CameraPath, look_at
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.errors import InputError
 
 EYE_HEIGHT_M = 1.7

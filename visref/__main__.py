@@ -2,6 +2,6 @@
 
 import sys
 
-from visref.cli import main
+from visref.cli.main import main
 
 sys.exit(main())

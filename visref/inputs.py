@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from visref.camera import CameraPath
+from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
-from visref.loading import load_path, load_scene
+from visref.findings import Finding
+from visref.formats.loading import load_path, load_scene
 from visref.registry import SCENES, available, load_entry
-from visref.rules import Finding
 from visref.scene import Scene
 
 

@@ -2,7 +2,7 @@
 
 A scene holds only what visibility needs: float32 vertices in world space, triangles in the
 order of their objects, and per triangle whether it is one-sided, alpha-masked or blended.
-Reading files is `visref.loading`'s work.
+Reading files is `visref.formats.loading`'s work.
 """
 
 from __future__ import annotations

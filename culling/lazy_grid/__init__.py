@@ -1,5 +1,5 @@
 """The lazy occlusion grid of Hey, Tobler, Purgathofer 2001."""
 
-from culling.lazy_grid.method import LazyGridCulling
+from visref_culling.lazy_grid.method import LazyGridCulling
 
 __all__ = ["LazyGridCulling"]

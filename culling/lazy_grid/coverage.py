@@ -8,9 +8,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.lazy_grid.grid import Grid
-from culling.view import View
 from visref.scene import Scene, Units
+from visref_culling.gl.view import View
+from visref_culling.lazy_grid.grid import Grid
 
 
 def add_coverage(

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.lazy_grid.nodes import Area
 from visref.scene import Float64, Int64
+from visref_culling.lazy_grid.nodes import Area
 
 # States of the occlusion-buffer variant.
 FREE, PARTLY_FREE, OUTDATED, FULL = 0, 1, 2, 3

@@ -18,8 +18,8 @@ Departures from the paper:
 - The box's rectangle is of the samples that it may cover, and cells at the image's edge consist
   of the pixels that the image has.
 - An eye in the box, or a box across the near plane, is visible without a test.
-- Fig. 3's `z_far = z_max` (see `culling.lazy_grid.grid`) and section 5's query for hardware that
-  only counts samples (see `culling.queries.areas`) are mended.
+- Fig. 3's `z_far = z_max` (see `lazy_grid.grid`) and section 5's query for hardware that
+  only counts samples (see `queries.areas`) are mended.
 - A border query that finds a pixel so far away tells that much of the whole cell, as Fig. 2
   says of `partially free` and Fig. 3 does not.
 - Draws go out together when the next query, or the frame's end, needs them.
@@ -38,11 +38,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from culling.item_buffer import GLRaster
-from culling.lazy_grid.boxes import triangle_boxes
-from culling.lazy_grid.coverage import add_coverage
-from culling.lazy_grid.grid import DepthGrid, Grid, OcclusionGrid
-from culling.lazy_grid.nodes import (
+from visref.camera import Camera
+from visref.culler import Option
+from visref.errors import InputError
+from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.gl.item_buffer import GLRaster
+from visref_culling.gl.view import FARTHEST_QUERY, View
+from visref_culling.lazy_grid.boxes import triangle_boxes
+from visref_culling.lazy_grid.coverage import add_coverage
+from visref_culling.lazy_grid.grid import DepthGrid, Grid, OcclusionGrid
+from visref_culling.lazy_grid.nodes import (
     INNER,
     Area,
     ViewNodes,
@@ -53,14 +58,9 @@ from culling.lazy_grid.nodes import (
     nodes_in_view,
     pixel_bounds,
 )
-from culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from culling.queries.areas import AreaQueries, Readback, RectangleQueries
-from culling.queries.software_depth import SoftwareBuffer
-from culling.view import FARTHEST_QUERY, View
-from visref.camera import Camera
-from visref.culler import Option
-from visref.errors import InputError
-from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
+from visref_culling.queries.areas import AreaQueries, Readback, RectangleQueries
+from visref_culling.queries.software_depth import SoftwareBuffer
 
 Cell = tuple[int, int]  # column, row
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from culling.hierarchy import FAN_OUT, BoxTree
-from culling.view import View
 from visref.scene import Float64, Int64
+from visref_culling.boxes.hierarchy import FAN_OUT, BoxTree
+from visref_culling.gl.view import View
 
 Area = tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels, half-open, y down
 

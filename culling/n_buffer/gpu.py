@@ -5,9 +5,9 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from culling.device import Device, Target
-from culling.n_buffer.levels import level_count
 from visref.scene import Float32
+from visref_culling.gl.device import Device, Target
+from visref_culling.n_buffer.levels import level_count
 
 GROUP = 16  # work items on a side of a group, as in the shaders
 

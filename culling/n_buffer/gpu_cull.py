@@ -1,7 +1,7 @@
 """N-buffer culling wholly on the GPU: it tests every box and writes the draw commands itself.
 
 A compute shader decides about all units at once and fills a command for each, with no triangles
-for what is not drawn; one indirect multi-draw a class of triangles (`culling.geometry`: at most
+for what is not drawn; one indirect multi-draw a class of triangles (`gl.geometry`: at most
 four) draws them. The number of GL calls hangs on the image's size, through the levels, and not on
 the number of units. Which units were drawn comes back once, at the end, for the record alone.
 """
@@ -14,14 +14,14 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Device, Target
-from culling.geometry import COMMAND_WORDS, Geometry
-from culling.n_buffer.cover import ONE
-from culling.n_buffer.gpu import NBufferTexture
-from culling.view import View
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.scene import Float64, Int64
+from visref_culling.gl.device import Device, Target
+from visref_culling.gl.geometry import COMMAND_WORDS, Geometry
+from visref_culling.gl.view import View
+from visref_culling.n_buffer.cover import ONE
+from visref_culling.n_buffer.gpu import NBufferTexture
 
 GROUP = 64  # work items of a group, as in the shader
 SHADER = "n_buffer_cull.comp"

@@ -5,7 +5,7 @@ X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24
 Level 0 is a depth map of any size. A pixel of level i holds the farthest (or nearest) depth of
 the 2^i by 2^i pixels that start at it and go right and down; pixels outside the image do not
 count. Unlike a pyramid's, every level has the map's resolution, so any rectangle is covered by
-one square of a level, or more tightly by four (`culling.n_buffer.cover`).
+one square of a level, or more tightly by four (`n_buffer.cover`).
 
 Departures from the paper: rows count from the top, as everywhere here, and squares go down from
 their pixel; a square that hangs from a rectangle's top then starts inside the image. Outside, a
@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from culling.n_buffer.cover import Cover
 from visref.scene import Float32
+from visref_culling.n_buffer.cover import Cover
 
 
 def level_count(width: int, height: int) -> int:

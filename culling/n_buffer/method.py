@@ -13,13 +13,13 @@ Memory only chooses occluders, and these are drawn with the camera of the frame 
 things in; so neither a jump cut nor a fast turn can make the method unsafe. An occluder hides
 nothing of itself either: its own depth lies in its own rectangle, and is not nearer than its box.
 
-- `where=cpu`: `culling.queries.depth_map`; `where=gpu`: `culling.n_buffer.gpu_cull`.
+- `where=cpu`: `n_buffer.depth_map`; `where=gpu`: `n_buffer.gpu_cull`.
 - `hierarchy`: whole branches of a tree of boxes are tested first (CPU).
 - `test=query`: the paper's comparison, the same algorithm with occlusion queries of the boxes.
 
 Departures from the paper:
 
-- The box's depth and rectangle come from the inflated box (`culling.view`), and depths that
+- The box's depth and rectangle come from the inflated box (`gl.view`), and depths that
   compare equal are visible.
 - A box across the near plane or around the eye is visible without a test.
 - Objects without opaque triangles are no occluders.
@@ -33,16 +33,16 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.hierarchy import FAN_OUT
-from culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from culling.n_buffer.cover import FOUR, ONE
-from culling.n_buffer.gpu_cull import GpuCull
-from culling.queries.depth_map import DepthMapQueries
-from culling.view import View
 from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.boxes.hierarchy import FAN_OUT
+from visref_culling.gl.view import View
+from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
+from visref_culling.n_buffer.cover import FOUR, ONE
+from visref_culling.n_buffer.depth_map import DepthMapQueries
+from visref_culling.n_buffer.gpu_cull import GpuCull
 
 
 class NBufferCulling(GLCuller):

@@ -29,17 +29,17 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from culling.device import Device, State, Target, device
-from culling.geometry import view_uniforms
-from culling.n_buffer.cover import ceil_log2
-from culling.n_buffer.gpu import NBufferTexture
-from culling.sums import Sums
-from culling.view import View
 from visref.camera import Camera
 from visref.culler import RasterTolerance
 from visref.effects.sprites import Sprites
 from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
+from visref_culling.gl.device import Device, State, Target, device
+from visref_culling.gl.geometry import view_uniforms
+from visref_culling.gl.sums import Sums
+from visref_culling.gl.view import View
+from visref_culling.n_buffer.cover import ceil_log2
+from visref_culling.n_buffer.gpu import NBufferTexture
 
 DRAWN, IN_IMAGE = 1, 2  # as in the shader
 

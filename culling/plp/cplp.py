@@ -41,17 +41,17 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import State, Target
-from culling.item_buffer import GLRaster
-from culling.method import GL_OPTIONS, QUERY_OPTIONS, Asked, Frame, GLCuller, phase
-from culling.plp.plp import PLP_OPTIONS, PLPCulling
-from culling.queries.histogram import HistogramQueries
-from culling.queries.item_buffer_query import ItemBufferQueries
-from culling.view import round_outward
 from visref.camera import Camera
 from visref.culler import Option, Promise, QueryStats
 from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
+from visref_culling.gl.device import State, Target
+from visref_culling.gl.item_buffer import GLRaster
+from visref_culling.gl.view import round_outward
+from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Asked, Frame, GLCuller, phase
+from visref_culling.plp.plp import PLP_OPTIONS, PLPCulling
+from visref_culling.queries.histogram import HistogramQueries
+from visref_culling.queries.item_buffer_query import ItemBufferQueries
 
 HARDWARE_WAYS = {"occlusion-query": "sync", "fragment-histogram": "instanced"}
 ITEM_WAYS = {"item-buffer": ItemBufferQueries, "histogram": HistogramQueries}

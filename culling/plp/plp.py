@@ -16,8 +16,8 @@ Departures from the paper:
 - The traversal ends with the cell whose triangles reach the budget, so it may pass it by less
   than a leaf's triangles.
 - A triangle in several cells is drawn, and counted, once.
-- Solidity is the area of a cell's triangles (`culling.plp.solidity`), not their number; the front
-  is ordered by the pixels that a cell may show at (`culling.plp.traversal`), not by solidity alone.
+- Solidity is the area of a cell's triangles (`plp.solidity`), not their number; the front
+  is ordered by the pixels that a cell may show at (`plp.traversal`), not by solidity alone.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from culling.item_buffer import GLRaster
-from culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from culling.plp.octree import Links, Octree, build
-from culling.plp.solidity import solidity
-from culling.plp.traversal import Walk, near_corners
-from culling.shared_geometry import Marks, SharedGeometry
 from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.gl.item_buffer import GLRaster
+from visref_culling.gl.shared_geometry import Marks, SharedGeometry
+from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
+from visref_culling.plp.octree import Links, Octree, build
+from visref_culling.plp.solidity import solidity
+from visref_culling.plp.traversal import Walk, near_corners
 
 # The paper's fastest budget for a million triangles (section 4), and its leaves.
 PLP_OPTIONS: dict[str, Option] = {

@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.plp.octree import Octree
 from visref.scene import Float64, Scene
+from visref_culling.plp.octree import Octree
 
 # A convex polygon gains a corner with each of six planes: nine. Where rounding dents one, a plane
 # may cut it in several places, but leaves at most half as many corners again: 28.

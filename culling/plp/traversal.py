@@ -7,7 +7,7 @@ Derived here from that description:
 - What is kept for a cell is `light`, the share of it that comes through to the cell. Where the
   eye is, nothing is in front, and it is 1.
 - A cell hands on to its neighbours what it gets, less what its own things stop along the normal of
-  the common face: `light exp(-solidity)` (see `culling.plp.solidity`).
+  the common face: `light exp(-solidity)` (see `plp.solidity`).
 - A cell is entered through several faces, and shows if light comes in through one: its light is
   the most that a neighbour projected so far hands on. A mean hides what stands in a doorway.
 
@@ -29,10 +29,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.plp.octree import CHILD, Links, Octree
-from culling.shared_geometry import Marks
-from culling.view import View
 from visref.scene import Float64, Int64
+from visref_culling.gl.shared_geometry import Marks
+from visref_culling.gl.view import View
+from visref_culling.plp.octree import CHILD, Links, Octree
 
 # What a cell is: beyond the view, not met yet, in the front, projected, found hidden.
 OUTSIDE, UNMET, FRONT, PROJECTED, HIDDEN = range(5)

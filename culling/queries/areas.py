@@ -3,7 +3,7 @@
 Hey, Tobler, Purgathofer 2001, section 5, names three ways:
 
 - `Readback` reads the area's depth and looks at every pixel: the paper's own set-up.
-- `SoftwareBuffer` (`culling.queries.software_depth`) keeps a depth buffer beside GL's.
+- `SoftwareBuffer` (`queries.software_depth`) keeps a depth buffer beside GL's.
 - `RectangleQueries` draws the area as one rectangle at the asked depth, with an occlusion query
   around it: the only one that needs no pixel on the CPU.
 
@@ -42,10 +42,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Device, State, Target, set_uniform
-from culling.view import View
 from visref.culler import QueryStats
 from visref.scene import Float32, Float64, Int64
+from visref_culling.gl.device import Device, State, Target, set_uniform
+from visref_culling.gl.view import View
 
 Area = tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels, half-open, y down
 StateHook = Callable[[State], State]

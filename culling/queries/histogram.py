@@ -1,6 +1,6 @@
 """Ask the depth buffer about boxes with an image histogram: ids are counted where they are.
 
-Klosowski, Silva 2001, section 3.3: as with the item buffer (`culling.queries.item_buffer_query`),
+Klosowski, Silva 2001, section 3.3: as with the item buffer (`queries.item_buffer_query`),
 but the picture of ids stays on the GPU, and only how often each id occurs comes back. The
 paper's histogram is a pixel-transfer operation of OpenGL 1.2, gone today; here a compute shader
 counts, over the active tiles alone. Its 256 bins limit the ids no longer.
@@ -14,10 +14,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Device
-from culling.queries.item_buffer_query import TILE_PX, ItemBufferQueries
 from visref.culler import QueryStats
 from visref.scene import Int64
+from visref_culling.gl.device import Device
+from visref_culling.queries.item_buffer_query import TILE_PX, ItemBufferQueries
 
 
 class HistogramQueries(ItemBufferQueries):
@@ -25,7 +25,7 @@ class HistogramQueries(ItemBufferQueries):
 
     def __init__(self, device: Device) -> None:
         super().__init__(device)
-        source = files("culling") / "shaders" / "item_histogram.comp"
+        source = files("visref_culling") / "shaders" / "item_histogram.comp"
         self.counting = device.context.compute_shader(source.read_text(encoding="utf-8"))
         self.corners, self.histogram, self.hits = (
             device.context.buffer(reserve=8, dynamic=True) for _ in range(3)

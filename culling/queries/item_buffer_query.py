@@ -23,11 +23,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Device, State, set_uniform
-from culling.queries.occlusion_query import STRIP_VERTICES, StateHook
-from culling.view import View
 from visref.culler import QueryStats
 from visref.scene import Float32, Int64
+from visref_culling.gl.device import Device, State, set_uniform
+from visref_culling.gl.view import View
+from visref_culling.queries.occlusion_query import STRIP_VERTICES, StateHook
 
 TILE_PX = 64
 MOST_IDS_IN_A_BYTE = 255  # 0 is the background

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from culling.device import State, Target
-from culling.geometry import Geometry, view_uniforms
-from culling.queries.occlusion_query import StateHook
-from culling.view import View
 from visref.culler import QueryStats
 from visref.scene import Int64
+from visref_culling.gl.device import State, Target
+from visref_culling.gl.geometry import Geometry, view_uniforms
+from visref_culling.gl.view import View
+from visref_culling.queries.occlusion_query import StateHook
 
 
 def ask_meshes(

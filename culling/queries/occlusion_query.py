@@ -12,7 +12,7 @@ Four ways, one answer:
 The depth and image are read only in all four. Each can ask the eight corners, a point each, in
 place of the box: cheaper, and a "no" says nothing about the box.
 
-Boxes come inflated and in float32 (see `culling.view`), wholly beyond the near plane; depth is
+Boxes come inflated and in float32 (see `gl.view`), wholly beyond the near plane; depth is
 clamped behind the far plane, so a box that reaches across it is not cut open.
 """
 
@@ -23,10 +23,10 @@ from collections.abc import Callable
 import moderngl
 import numpy as np
 
-from culling.device import Device, State, Target, set_uniform
-from culling.view import View
 from visref.culler import QueryStats
 from visref.scene import Float32, Int64
+from visref_culling.gl.device import Device, State, Target, set_uniform
+from visref_culling.gl.view import View
 
 STRIP_VERTICES = 14
 CORNERS = 8

@@ -18,11 +18,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Target
-from culling.queries.areas import Area, PixelQueries
-from culling.view import View
 from visref.culler import QueryStats
 from visref.scene import Float32, Float64, Int64, Scene, Units
+from visref_culling.gl.device import Target
+from visref_culling.gl.view import View
+from visref_culling.queries.areas import Area, PixelQueries
 
 # Each corner's coordinates err by fewer than 12 units of 2**-53 of their magnitude (the eye's
 # subtraction, the inverse of an almost orthonormal matrix, a product and two sums a row), a

@@ -21,11 +21,11 @@ import math
 import moderngl
 import numpy as np
 
-from culling.device import Device, Target, set_uniform
-from culling.n_buffer.gpu import GROUP, NBufferTexture
-from culling.view import DEPTH_STEPS, FLOAT32_UNIT, TRANSFORM_ROUNDINGS, View
 from visref.effects.shadows import Light
 from visref.scene import Float32, Float64
+from visref_culling.gl.device import Device, Target, set_uniform
+from visref_culling.gl.view import DEPTH_STEPS, FLOAT32_UNIT, TRANSFORM_ROUNDINGS, View
+from visref_culling.n_buffer.gpu import GROUP, NBufferTexture
 
 # Transforms at the cost of `TRANSFORM_ROUNDINGS` of the farthest distance from the eye each: a
 # vertex's; its distance along the light, its way from there and the sum of both; the sample's

@@ -12,7 +12,7 @@ visible surface ("z-fail": the eye may be in a volume, and no near plane cuts a 
 sample is in shadow where the count is above 0.
 
 Which way it errs. Maps hold every visible sample over its whole footprint
-(`culling.shadow_volumes.litmaps`) and rectangles are whole lexels, rounded outward: so the planes
+(`shadow_volumes.litmaps`) and rectangles are whole lexels, rounded outward: so the planes
 enclose all samples that the full volume shadows, by more than GL may err. A map too coarse, or a
 box too wide, only clamps less. The sides of a clamped volume are other polygons than those of the
 full one, so a sample within GL's snap of a shadow's edge may fall to either side.
@@ -25,7 +25,7 @@ Departures from the paper:
   moves vertex by vertex; where the plane cuts a triangle, the moved corner takes the cap behind
   the triangle, and what is seen between the two loses its shadow.
 - A caster is culled too where all that is seen is nearer to the light than the caster.
-- Silhouettes are those of triangle soup (`culling.shadow_volumes.casters`).
+- Silhouettes are those of triangle soup (`shadow_volumes.casters`).
 - A light cap is drawn as the scene's own triangle, corner for corner, so it has the very depth
   that the visible surface has, and counts as behind it (`>=`): no bias is needed, and a surface
   that the light meets from the eye's side is not in its own shadow. Seen from its other side it
@@ -42,17 +42,17 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from culling.device import Device, State, Target, device, set_uniform
-from culling.geometry import COMMAND_WORDS, view_uniforms
-from culling.shadow_volumes.casters import Casters, Faces, casters_of
-from culling.shadow_volumes.litmaps import Litmaps, light_from_relative
-from culling.sums import Sums
-from culling.view import View
 from visref.camera import Camera
 from visref.culler import RasterTolerance
 from visref.effects.shadows import Light
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
+from visref_culling.gl.device import Device, State, Target, device, set_uniform
+from visref_culling.gl.geometry import COMMAND_WORDS, view_uniforms
+from visref_culling.gl.sums import Sums
+from visref_culling.gl.view import View
+from visref_culling.shadow_volumes.casters import Casters, Faces, casters_of
+from visref_culling.shadow_volumes.litmaps import Litmaps, light_from_relative
 
 GROUP = 64  # work items of a group, as in the shader
 

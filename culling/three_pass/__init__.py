@@ -1,5 +1,5 @@
 """Three passes: low-resolution stand-ins fill the depth, are queried, and pick what is drawn."""
 
-from culling.three_pass.method import ThreePassCulling
+from visref_culling.three_pass.method import ThreePassCulling
 
 __all__ = ["ThreePassCulling"]

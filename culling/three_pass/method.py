@@ -18,7 +18,7 @@ another; a threshold and a smaller image lose what is small. So it promises noth
 - The second pass asks what contains the object: the boxes of its parts, inflated, which have 1 in
   `reduction` of its triangles; or the object itself, where it is an additional occluder.
 - `threshold` is 0 and the comparison "not farther". A smaller image is the window's, drawn whole
-  and reduced by the maximum (`culling.three_pass.small_image`).
+  and reduced by the maximum (`three_pass.small_image`).
 
 Departures from the slides, and what they leave open:
 
@@ -26,7 +26,7 @@ Departures from the slides, and what they leave open:
   the volume. They stand in for themselves in both passes, and are queried as all others are.
 - What is semi-transparent (BLEND) or alpha-tested does not occlude; it is queried and drawn.
 - Only objects whose boxes meet the view take part; what is drawn comes front to back.
-- The slides do not say how they simplify: see `culling.three_pass.stand_ins`.
+- The slides do not say how they simplify: see `three_pass.stand_ins`.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from culling.device import Target
-from culling.geometry import Geometry
-from culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from culling.queries.mesh_query import ask_meshes, mesh_fragments
-from culling.three_pass.parts import parts_of
-from culling.three_pass.small_image import FarthestDepth, grown, small_camera
-from culling.three_pass.stand_ins import stand_ins
-from culling.view import View, round_outward
 from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float32, Float64, Int64, Scene, Units
+from visref_culling.gl.device import Target
+from visref_culling.gl.geometry import Geometry
+from visref_culling.gl.view import View, round_outward
+from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
+from visref_culling.queries.mesh_query import ask_meshes, mesh_fragments
+from visref_culling.three_pass.parts import parts_of
+from visref_culling.three_pass.small_image import FarthestDepth, grown, small_camera
+from visref_culling.three_pass.stand_ins import stand_ins
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,11 +21,11 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
-from culling.device import Device, State, Target, set_uniform
-from culling.view import FLOAT32_UNIT, View
 from visref.camera import Camera
 from visref.culler import QueryStats
 from visref.scene import Float64
+from visref_culling.gl.device import Device, State, Target, set_uniform
+from visref_culling.gl.view import FLOAT32_UNIT, View
 
 # sqrt(1/2) of a texel where sqrt(1/2) * (1 - 1 / scale) is needed: the rest, at least a tenth of
 # a pixel for any scale of 2 or more, is far more than the small camera's tan and atan round.

@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 
-from datasets_gen.dataset import Dataset
-from datasets_gen.hard import objects, ranges, surfaces
-from datasets_gen.hard.stage import HardCase
 from visref.errors import InputError
+from visref_datasets_gen.dataset import Dataset
+from visref_datasets_gen.hard import objects, ranges, surfaces
+from visref_datasets_gen.hard.stage import HardCase
 
 __all__ = ["HardCase", "hard", "hard_cases"]
 

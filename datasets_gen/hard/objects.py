@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.graph import Mesh, Node, Primitive
-from datasets_gen.hard.stage import (
+from visref.camera_path import CameraPath
+from visref_datasets_gen.graph import Mesh, Node, Primitive
+from visref_datasets_gen.hard.stage import (
     ONE_SIDED,
     QUAD,
     TWO_SIDED,
@@ -21,7 +22,6 @@ from datasets_gen.hard.stage import (
     seen,
     turned,
 )
-from visref.camera import CameraPath
 
 Float64 = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from datasets_gen.hard.stage import (
+from visref_datasets_gen.hard.stage import (
     ONE_SIDED,
     QUAD,
     HardCase,

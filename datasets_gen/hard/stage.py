@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_gen.dataset import Dataset, scene_of
-from datasets_gen.graph import Material, Mesh, Node, Primitive
-from visref.camera import Camera, CameraPath
+from visref.camera import Camera
+from visref.camera_path import CameraPath
 from visref.scene import Scene
+from visref_datasets_gen.dataset import Dataset, scene_of
+from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
 
 Float64 = NDArray[np.float64]
 Span = tuple[float, float]

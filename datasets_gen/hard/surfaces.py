@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from datasets_gen.hard.stage import (
+from visref_datasets_gen.hard.stage import (
     QUAD,
     HardCase,
     Stage,

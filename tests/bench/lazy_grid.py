@@ -17,16 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from culling.lazy_grid import LazyGridCulling
-from culling.lazy_grid import grid as grid_module
-from culling.lazy_grid.grid import FREE, FULL, OUTDATED, UNKNOWN
-from datasets_gen.city_large import city_large
-from datasets_gen.dataset import scene_of
-from datasets_gen.forest import forest
-from visref.camera import CameraPath
+from visref.camera_path import CameraPath
 from visref.papers import hey2001
 from visref.registry import make_culler
 from visref.scene import Scene
+from visref_culling.lazy_grid import LazyGridCulling
+from visref_culling.lazy_grid import grid as grid_module
+from visref_culling.lazy_grid.grid import FREE, FULL, OUTDATED, UNKNOWN
+from visref_datasets_gen.city_large import city_large
+from visref_datasets_gen.dataset import scene_of
+from visref_datasets_gen.forest import forest
 
 TITLE = "Lazy occlusion grid (Hey 2001): forest and city, 640x480"
 

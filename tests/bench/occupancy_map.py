@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from culling.experiments.occupancy_map import latency, lookup, query_in_triangles
+from visref_experiments.occupancy_map import latency, lookup, query_in_triangles
 
 TITLE = "Occupancy map (Staneker 2003): lookups and queries; `visref tables` has the rest"
 

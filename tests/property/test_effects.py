@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.effect_scenes import Stage, particle_verdict, shadow_verdict
-from tests.strategies import cases
+from tests.support.effect_scenes import Stage, particle_verdict, shadow_verdict
+from tests.support.strategies import cases
 from visref.effects import solid
 from visref.effects.shadows import sun
 from visref.effects.sprites import Sprites

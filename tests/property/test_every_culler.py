@@ -12,22 +12,23 @@ import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
-from datasets_gen.angio import angio
-from datasets_gen.city import city
-from datasets_gen.dataset import scene_of
-from tests import bad_occupancy_map as _its_mutants  # noqa: F401
-from tests import strategies
-from tests.bad_cullers import MUTANTS
-from visref.camera import Camera, CameraPath, look_at
+from tests.mutants import bad_occupancy_map as _its_mutants  # noqa: F401
+from tests.mutants.bad_cullers import MUTANTS
+from tests.support import strategies
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.conformance import assert_conforms, exact_truths, judge_on
-from visref.conformance_scenes import Case
+from visref.conformance.scenes import Case
 from visref.culler import Culler, Option
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
-from visref.loading import load_scene
+from visref.formats.loading import load_scene
+from visref.judging.referee import Referee
 from visref.registry import CULLERS, available
-from visref.run import Referee
 from visref.scene import Scene
+from visref_datasets_gen.angio import angio
+from visref_datasets_gen.city import city
+from visref_datasets_gen.dataset import scene_of
 
 pytestmark = pytest.mark.gl
 

@@ -17,13 +17,13 @@ import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
-from tests import strategies
-from tests.bad_cullers import Method
-from tests.bad_n_buffer import ALL, MUTANTS
-from visref.camera import CameraPath
-from visref.conformance import SCENES, case, exact_truths, judge_on
-from visref.conformance_scenes import Case
-from visref.hardcases import read_cases
+from tests.mutants.bad_cullers import Method
+from tests.mutants.bad_n_buffer import ALL, MUTANTS
+from tests.support import strategies
+from visref.camera_path import CameraPath
+from visref.conformance.scenes import Case
+from visref.conformance.suite import SCENES, case, exact_truths, judge_on
+from visref.trials.hardcases import read_cases
 from visref.visibility import FrameTruth
 
 pytestmark = pytest.mark.gl

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from visref.bench.bounds import ALPHA, good_turing, unseen_share_bound
 from visref.bench.subsets import ALL, SUBSETS, Grid, nested_subsets
-from visref.camera import Camera, CameraPath
+from visref.between.search import TRIES, FrameGeometry, GeometricSearch, Status
+from visref.camera import Camera
+from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.engines.rays import RayEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
-from visref.frustum import pixel_at
-from visref.geometric import TRIES, FrameGeometry, GeometricSearch, Status
+from visref.exact.outside import pixel_at
 from visref.scene import Alpha, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth, objects_seen
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from visref.camera import Camera, CameraPath
+from visref.camera import Camera
+from visref.camera_path import CameraPath
 from visref.engines.base import TruthEngine
 from visref.scene import Scene
 from visref.visibility import FrameTruth

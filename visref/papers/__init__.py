@@ -10,7 +10,7 @@ from typing import Any
 
 from visref.errors import InputError
 from visref.papers.table import Experiment, Records, Table, Walk
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
 
 
 @dataclass(frozen=True)

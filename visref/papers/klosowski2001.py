@@ -29,7 +29,7 @@ from visref.papers.table import (
     Trend,
     Walk,
 )
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
 
 TITLE = (
     "J. T. Klosowski, C. T. Silva: Efficient Conservative Visibility Culling Using the "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from dataclasses import dataclass
 
-from visref.run_record import Row, RunRecord
+from visref.run_folder.read import Row, RunRecord
 
 
 @dataclass(frozen=True)

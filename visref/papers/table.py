@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
 
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
 
 Size = tuple[int, int]
 

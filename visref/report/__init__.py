@@ -14,7 +14,7 @@ from visref.report.bench_record import is_bench, read_bench
 from visref.report.junit import junit_xml
 from visref.report.markdown import markdown_summary
 from visref.report.page import page_html
-from visref.run_record import read_run
+from visref.run_folder.read import read_run
 
 __all__ = ["write_report"]
 

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 
-from visref.measures import Measures, measure
+from visref.report.summary import Measures, measure
 from visref.report.words import (
     counted,
     culler_sentence,
@@ -15,7 +15,7 @@ from visref.report.words import (
     rates_line,
     replay_command,
 )
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
 
 # Control characters that XML 1.0 cannot carry, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from visref.measures import RATES, Measures, measure
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_record import BenchRecord
+from visref.report.summary import RATES, Measures, measure
 from visref.report.tables import table_markdown
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
 
 _MAX_LOST = 5
 

@@ -12,17 +12,17 @@ from typing import Any
 
 from markupsafe import Markup
 
-from visref.causes import Cause
 from visref.errors import InputError
-from visref.measures import NO_FPR_PX, RATES, Measures, best, measure
+from visref.findings import RULES, Rule, Severity
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_record import BenchRecord
 from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
+from visref.report.summary import NO_FPR_PX, RATES, Measures, best, measure
 from visref.report.tables import table_view
-from visref.rules import RULES, Rule, Severity
-from visref.run_record import LostObject, Row, RunRecord
+from visref.run_folder.causes import Cause
+from visref.run_folder.read import LostObject, Row, RunRecord
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8

@@ -8,10 +8,10 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from visref.causes import Cause
-from visref.gate import Exit, decide
-from visref.measures import Measures
-from visref.run_record import Row, RunRecord
+from visref.judging.status import Exit, decide
+from visref.report.summary import Measures
+from visref.run_folder.causes import Cause
+from visref.run_folder.read import Row, RunRecord
 
 HEADLINES = {
     "violation": "Violation",
@@ -75,7 +75,7 @@ def large(value: float | None) -> str:
     return quantity(value)
 
 
-# Each cause of `visref.causes` in a word or two, and in a sentence.
+# Each cause of `visref.run_folder.causes` in a word or two, and in a sentence.
 CAUSES = {
     Cause.OUTSIDE: ("outside the view", "its box shows nowhere in the image"),
     Cause.BOX: (

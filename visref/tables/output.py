@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from visref.files import replacing_file
-from visref.gate import Exit, decide
-from visref.measures import RATES, Measures, definitions, measure
+from visref.judging.status import Exit, decide
 from visref.papers import Paper
 from visref.papers.table import Table
-from visref.record import machine, versions
 from visref.report import words
 from visref.report.environment import page_environment
+from visref.report.summary import RATES, Measures, definitions, measure
 from visref.report.tables import (
     VERDICTS,
     table_csv,
@@ -28,7 +27,8 @@ from visref.report.tables import (
     table_markdown,
     table_view,
 )
-from visref.run_record import RunRecord
+from visref.run_folder.read import RunRecord
+from visref.run_folder.write import machine, versions
 from visref.tables.recording import Measured
 
 VERDICT_HEADINGS = (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from visref.camera import CameraPath, middles
+from visref.camera_path import CameraPath, middles
 from visref.papers import Paper
 from visref.papers.table import Experiment, Walk
 from visref.registry import CULLERS, SCENES, available

@@ -18,17 +18,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from visref.camera import Camera, CameraPath
+from visref.camera import Camera
+from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.files import replacing_folder
 from visref.inputs import generated_with, open_scene
+from visref.judging.referee import Job, JudgedFrame, Referee
 from visref.papers import Paper
 from visref.papers.table import Experiment, Walk
-from visref.record import MANIFEST, Recorder, slug, write_json
 from visref.registry import SCENES, available, load_entry, make_culler
-from visref.run import Job, JudgedFrame, Referee
-from visref.run_record import RunRecord, read_run
+from visref.run_folder.read import RunRecord, read_run
+from visref.run_folder.write import MANIFEST, Recorder, slug, write_json
 from visref.scene import Scene
 from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
 from visref.visibility import FrameTruth, ObjectVisibility

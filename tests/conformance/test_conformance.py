@@ -1,0 +1,277 @@
+"""The suite that strangers run: it passes the sound, fails the broken, and asks real questions."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tests.support.toy_culler import ToyCuller
+from visref.conformance import Status, assert_conforms, check_culler, conformance_checks
+from visref.conformance import suite as conformance
+from visref.conformance.scenes import SCENES
+from visref.culler import Culler, DrawnSet, Promise
+from visref.engines.exact import ExactEngine
+from visref.errors import InputError, NothingToJudge
+from visref.scene import Units
+from visref.visibility import objects_seen
+
+CHECKS = conformance_checks()
+WITHOUT_VISIBLE = {"empty_scene"}
+# Checks that ask nothing of what is drawn, only how.
+ABOUT_THE_CONTRACT = {"answers_repeat", "close_at_any_time"}
+QUICK = [check for check in CHECKS if check.name in ("glass", "slivers", "close_at_any_time")]
+
+
+class DrawsAll(Culler):
+    name = "draws-all"
+
+    def prepare(self, scene):
+        self.everything = np.arange(scene.object_count, dtype=np.int32)
+        return scene.object_units()
+
+    def cull(self, camera):
+        return DrawnSet(self.everything)
+
+
+class DrawsNothing(Culler):
+    name = "draws-nothing"
+
+    def cull(self, camera):
+        return DrawnSet(np.zeros(0, np.int32))
+
+
+def named(*names):
+    return [check for check in CHECKS if check.name in names]
+
+
+def statuses(results):
+    return {result.check: result.status for result in results}
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=str)
+def test_culler_that_draws_everything_conforms(check):
+    assert_conforms(DrawsAll, checks=[check])
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=str)
+def test_culler_that_draws_nothing_fails_wherever_something_is_visible(check):
+    (found,) = check_culler(DrawsNothing, checks=[check])
+    if check.name in WITHOUT_VISIBLE | ABOUT_THE_CONTRACT:
+        assert found.ok
+    else:
+        assert found.status is Status.FAILED
+        assert found.missed > 0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7])
+@pytest.mark.parametrize("made", SCENES, ids=lambda made: made.name)
+def test_every_scene_has_something_visible_in_each_frame(made, seed):
+    scene, path = conformance.case(made.name, seed=seed)
+    if made.name in WITHOUT_VISIBLE:
+        assert scene.triangle_count == 0
+        return
+    engine = ExactEngine(scene)
+    seen = np.array([objects_seen(engine.frame(camera), scene).visible for camera in path])
+    assert seen.any(axis=1).all()
+    # And something to leave out, or culling would not be tried.
+    assert not seen.all()
+
+
+def test_scenes_are_the_same_for_a_seed_and_others_for_another():
+    for made in SCENES:
+        first, again = (conformance.case(made.name, seed=3) for _ in range(2))
+        assert first[0].digest == again[0].digest
+        assert first[1].to_json() == again[1].to_json()
+    random = [conformance.case("crowd", seed=seed)[0].digest for seed in (0, 1)]
+    assert random[0] != random[1]
+
+
+def test_names_are_unique_and_every_check_states_claim_and_trap():
+    assert len({check.name for check in CHECKS}) == len(CHECKS)
+    assert all(check.claim and check.trap for check in CHECKS)
+
+
+def test_sound_culler_with_hidden_objects_left_out_conforms():
+    drawn = []
+
+    class Watched(ToyCuller):
+        def cull(self, camera):
+            answer = super().cull(camera)
+            drawn.append(len(answer.unit_ids) / max(1, self.scene.object_count))
+            return answer
+
+    assert_conforms(
+        Watched, checks=named("peeking_by_a_pixel", "glass", "large_object_at_the_edge")
+    )
+    # It does cull: the pass is not that of a culler that draws everything.
+    assert np.mean(drawn) < 0.9
+
+
+def test_failure_is_told_with_witness_trap_and_a_way_to_the_scene():
+    with pytest.raises(AssertionError) as raised:
+        assert_conforms(DrawsNothing, checks=named("objects_of_one_sample", "empty_scene"), seed=5)
+    text = str(raised.value)
+    assert "1 of 2 conformance checks failed (seed 5)" in text
+    assert "FAILED objects_of_one_sample: an object of a single sample is drawn" in text
+    assert "MISSED_OBJECT: frame 0 (64 x 48): 'wall' (object 0) lost" in text
+    assert re.search(r"witness: pixel \(\d+, \d+\), triangle [0-3] at depth 20\b", text)
+    assert "conformance.case('objects_of_one_sample', seed=5)" in text
+
+
+def test_witness_is_a_sample_that_the_truth_gives_to_the_lost_object():
+    (found,) = check_culler(DrawsNothing, checks=named("slivers"))
+    scene, path = conformance.case("slivers")
+    for line in found.problems[: conformance.LINES_PER_CHECK]:
+        told = re.search(
+            r"frame (\d+) .* lost (\d+) of its (\d+) .* \((\d+), (\d+)\), triangle (\d+)", line
+        )
+        frame, lost, owned, x, y, triangle = map(int, told.groups())
+        truth = ExactEngine(scene).frame(path.frames[frame])
+        assert truth.buffer.triangle[y, x] == triangle
+        pixels = objects_seen(truth, scene).pixels[scene.object_of_triangle[triangle]]
+        assert lost == owned == pixels
+    assert re.fullmatch(r"... and \d+ objects more", found.problems[-1])
+
+
+def test_expected_failure_is_accepted_and_an_unexpected_pass_is_an_error():
+    reasons = {"glass": "draws nothing at all", "slivers": "draws nothing at all"}
+    results = check_culler(DrawsNothing, checks=QUICK, expected_failures=reasons)
+    assert statuses(results) == {
+        "glass": Status.EXPECTED_FAILURE,
+        "slivers": Status.EXPECTED_FAILURE,
+        "close_at_any_time": Status.PASSED,
+    }
+    assert_conforms(DrawsNothing, checks=QUICK, expected_failures=reasons)
+    with pytest.raises(AssertionError, match=r"UNEXPECTED PASS glass.*\n.*because: no reason"):
+        assert_conforms(DrawsAll, checks=QUICK, expected_failures={"glass": "no reason any more"})
+
+
+def test_expected_failure_needs_a_known_check_and_a_reason():
+    with pytest.raises(InputError, match="did you mean 'glass'"):
+        check_culler(DrawsAll, checks=QUICK, expected_failures={"glas": "typo"})
+    with pytest.raises(InputError, match="has no reason; say why"):
+        check_culler(DrawsAll, checks=QUICK, expected_failures={"glass": " "})
+    with pytest.raises(InputError, match="no conformance check is named 'nonsense'"):
+        conformance.case("nonsense")
+    with pytest.raises(InputError, match="has no scene of its own"):
+        conformance.case("answers_repeat")
+
+
+def test_culler_that_promises_less_is_measured_and_not_convicted():
+    class Modest(DrawsNothing):
+        promise = Promise.APPROXIMATE
+
+    (found,) = check_culler(Modest, checks=named("glass"))
+    assert found.status is Status.PASSED
+    assert found.missed > 0
+
+
+class Raises(DrawsAll):
+    def cull(self, camera):
+        raise ZeroDivisionError("boxes per object")
+
+
+class DrawsTwice(DrawsAll):
+    def cull(self, camera):
+        return DrawnSet(np.repeat(self.everything, 2))
+
+
+class OutOfRange(DrawsAll):
+    def cull(self, camera):
+        return DrawnSet(self.everything + 1)
+
+
+class ReturnsAList(DrawsAll):
+    def cull(self, camera):
+        return self.everything.tolist()
+
+
+class RefusesToPrepare(DrawsAll):
+    def prepare(self, scene):
+        raise RuntimeError("no scene for me")
+
+
+class UnitsOfNothing(DrawsAll):
+    def prepare(self, scene):
+        super().prepare(scene)
+        return Units(np.array([0, 1]), np.array([scene.triangle_count], np.int32))
+
+
+@pytest.mark.parametrize(
+    ("culler", "told"),
+    [
+        (Raises, "ZeroDivisionError: boxes per object"),
+        (DrawsTwice, "a unit is drawn twice"),
+        (OutOfRange, "a unit id is outside"),
+        (ReturnsAList, "no DrawnSet"),
+        (RefusesToPrepare, "no scene for me"),
+        (UnitsOfNothing, "a unit names a triangle that the scene lacks"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_culler_that_breaks_the_contract_fails(culler, told):
+    (found,) = check_culler(culler, checks=named("glass"))
+    assert found.status is Status.FAILED
+    assert told in found.problems[0]
+
+
+def test_culler_that_breaks_down_on_an_empty_scene_fails():
+    class NeedsAnObject(DrawsAll):
+        def prepare(self, scene):
+            scene.object_bounds[0]
+            return super().prepare(scene)
+
+    assert statuses(check_culler(NeedsAnObject, checks=named("empty_scene", "slivers"))) == {
+        "empty_scene": Status.FAILED,
+        "slivers": Status.PASSED,
+    }
+
+
+def test_state_shared_between_cullers_is_found():
+    class Shared(DrawsAll):
+        drawn_before = 0
+
+        def cull(self, camera):
+            Shared.drawn_before += 1
+            return DrawnSet(self.everything[: 1 + Shared.drawn_before % 7])
+
+    (found,) = check_culler(Shared, checks=named("answers_repeat"))
+    assert found.status is Status.FAILED
+    assert "frame 0" in found.problems[0]
+
+
+def test_close_that_frees_twice_or_too_early_is_found():
+    class FreesTwice(DrawsAll):
+        def prepare(self, scene):
+            self.held = [scene]
+            return super().prepare(scene)
+
+        def close(self):
+            self.held.pop()
+
+    (found,) = check_culler(FreesTwice, checks=named("close_at_any_time"))
+    assert found.status is Status.FAILED
+    assert [problem.partition(":")[0] for problem in found.problems] == [
+        "the first close() before prepare()",
+        "the second close() before prepare()",
+        "the second close() after a frame",
+    ]
+
+
+def test_where_no_culler_can_be_made_nothing_is_judged():
+    def no_gl():
+        raise NothingToJudge("no OpenGL context")
+
+    with pytest.raises(NothingToJudge):
+        check_culler(no_gl, checks=QUICK)
+
+
+def test_no_gl_at_prepare_is_no_pass():
+    class NeedsGL(DrawsAll):
+        def prepare(self, scene):
+            raise NothingToJudge("no OpenGL context")
+
+    (found,) = check_culler(NeedsGL, checks=named("glass"))
+    assert found.problems == ("NO_GL: no OpenGL context",)

@@ -1,0 +1,281 @@
+"""Three-pass cullers with one step broken: U1 ... U8 of the conservative mode, the common mutants
+that apply, and wasteful ones.
+
+The unsafe are convicted by the verdict. The wasteful draw what they should, and break one of the
+contracts in `tests/mutants/three_pass_contract.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.mutants.bad_cullers import (
+    GlassOccludes,
+    Method,
+    MirroredCornersUnsorted,
+    Mutant,
+    QueryWithTheEyeInside,
+    ResolvedMultisamples,
+    TwoCornersTransformed,
+    UnfinishedQueryReadAsZero,
+    registrar,
+)
+from visref_culling.gl.geometry import Geometry
+from visref_culling.queries.mesh_query import ask_meshes
+from visref_culling.three_pass import ThreePassCulling
+from visref_culling.three_pass.method import PrePass
+from visref_culling.three_pass.stand_ins import stand_ins
+
+MUTANTS_OF_THREE_PASS = {
+    "U1": "LESS in pass two",
+    "U2": "writes on in pass two",
+    "U3": "no clear before pass three",
+    "U4": "tile indices of low and high shifted",
+    "U5": "threshold off by one",
+    "U6": "transparent slice as occluder",
+    "U7": "small image with another aspect",
+    "U8": "tile outside its own proxy",
+}
+WASTEFUL_OF_THREE_PASS = {
+    "W9": "stand-ins at another reduction",
+    "W10": "a stand-in drawn and asked twice",
+    "W11": "a wait for each query",
+    "W12": "answers ignored",
+}
+
+CONSERVATIVE = {"mode": "conservative", "reduction": 1}
+# Objects that are asked themselves; boxes of their parts; the same in an image of a 4th the side.
+WHOLE = Method("three-pass-whole", ThreePassCulling, CONSERVATIVE)
+BOXES = Method("three-pass-boxes", ThreePassCulling, {**CONSERVATIVE, "extra": 0})
+SMALL = Method("three-pass-small", ThreePassCulling, {**CONSERVATIVE, "extra": 0, "scale": 4})
+SAFE = (WHOLE, BOXES, SMALL)
+
+# The published mode, on meshes that it simplifies.
+PUBLISHED = Method("three-pass-published", ThreePassCulling, {"reduction": 4, "extra": 0})
+
+MUTANTS: list[Mutant] = []
+# (id, method's name) -> the reason.
+EQUIVALENT: dict[tuple[str, str], str] = {}
+NOT_HERE: dict[tuple[str, str], str] = {}
+
+mutant = registrar(MUTANTS)
+
+
+def not_here(ids: str, of: tuple[Method, ...], reason: str) -> None:
+    NOT_HERE.update({(id, method.name): reason for id in ids.split() for method in of})
+
+
+def equivalent(ids: str, of: tuple[Method, ...], reason: str) -> None:
+    EQUIVALENT.update({(id, method.name): reason for id in ids.split() for method in of})
+
+
+mutant("G2", of=(BOXES, SMALL), caught_by="eye_inside_an_object")(QueryWithTheEyeInside)
+mutant("G10", of=(BOXES, SMALL), caught_by="rotated_and_mirrored_plates")(TwoCornersTransformed)
+mutant("G10", of=(BOXES, SMALL), caught_by="walk_through_a_city")(MirroredCornersUnsorted)
+mutant("G12", of=(WHOLE, BOXES), caught_by="peeking_by_a_pixel")(ResolvedMultisamples)
+mutant("G13", of=SAFE, caught_by="glass")(GlassOccludes)
+mutant("G14", of=SAFE, caught_by="stacks_of_sheets")(UnfinishedQueryReadAsZero)
+not_here("G2 G10", (WHOLE,), "no box is asked: an object is, with the faces that it is drawn with")
+not_here("G12", (SMALL,), "its depth is the window's, read a pixel at a time")
+not_here("G1 G5 G6", SAFE, "the rasteriser projects the boxes and compares the depths")
+not_here("G3 G4 G7", (WHOLE, BOXES), "no rectangle is rounded, no depth copied or read back")
+not_here("G11", SAFE, "nothing is kept from one frame to the next")
+
+
+@mutant("U1", of=(WHOLE,), caught_by="crowd")
+@mutant("G8", of=(WHOLE,), caught_by="crowd")
+class StrictlyNearer:
+    """Pass two asks for less, and every object lies at its own depth."""
+
+    def query_state(self, state):
+        return super().query_state(state)._replace(depth_func="<")
+
+
+equivalent(
+    "U1 G8",
+    (BOXES, SMALL),
+    "an inflated box lies strictly before what it contains, by more than depth rounds",
+)
+
+
+@mutant("U2", of=(BOXES, SMALL), caught_by="stacks_of_sheets")
+@mutant("U2", of=(WHOLE,), caught_by="torn_layers")
+class DepthMaskLeftOn:
+    """What is asked in pass two writes its depth, the boxes and the transparent slices too."""
+
+    def query_state(self, state):
+        return super().query_state(state)._replace(depth_write=True)
+
+
+@mutant("U3", of=(PUBLISHED,), contract="third_pass_draws_on_empty_buffers")
+class NotCleared:
+    """Pass three finds the depth of the first."""
+
+    def clear_again(self, frame):
+        pass
+
+
+equivalent(
+    "U3",
+    SAFE,
+    "the first pass drew triangles of the scene itself, each of which is drawn again or lies "
+    "behind what is: the picture is the same, bit for bit. The published mode's is not, and a "
+    "contract sees that",
+)
+
+
+@mutant("U4", of=SAFE, caught_by="crowd")
+class IndicesShifted:
+    """Each object is decided by the stand-in of the next."""
+
+    def answering(self, ids):
+        return (super().answering(ids) + 1) % self.units.count
+
+
+@mutant("U5", of=SAFE, caught_by="objects_of_one_sample")
+@mutant("G9", of=SAFE, caught_by="objects_of_one_sample")
+class ThresholdOffByOne:
+    """A single sample is not enough."""
+
+    def passes(self, samples):
+        return samples > self.threshold + 1
+
+
+mutant("U6", of=SAFE, caught_by="torn_layers")(GlassOccludes)
+
+
+@mutant("U7", of=(SMALL,), caught_by="hole_of_a_pixel")
+class AnotherAspect:
+    """The small image has the window's field of view, and sides rounded to whole texels."""
+
+    def small_camera(self, camera):
+        small = super().small_camera(camera)
+        return replace(
+            camera,
+            width=small.width,
+            height=small.height,
+            shift_x_px=camera.shift_x_px / self.scale,
+            shift_y_px=camera.shift_y_px / self.scale,
+        )
+
+
+not_here("U7", (WHOLE, BOXES), "there is no smaller image")
+
+
+@mutant("U8", of=(BOXES,), caught_by="torn_layers")
+@mutant("U8", of=(SMALL,), caught_by="peeking_by_a_pixel")
+class PartsOfCentroids:
+    """A part's box holds its triangles' centroids."""
+
+    def unit_bounds(self, scene, units):
+        bounds = super().unit_bounds(scene, units)
+        if units.kind == "part":
+            centroids = scene.vertices[scene.triangles].mean(axis=1)
+            for part in range(units.count):
+                inside = centroids[units.gather([part])]
+                bounds[part] = inside.min(axis=0), inside.max(axis=0)
+        return bounds
+
+
+@mutant("U8", of=(WHOLE,), caught_by="torn_layers")
+class AskedAtLowResolution:
+    """What is asked is the published stand-in, which shrinks."""
+
+    def ask_objects(self, frame, places):
+        low = stand_ins(self.scene, 10, 0)
+        geometry = Geometry(self.device, low, low.object_units(), self.occluders(low))
+        samples = ask_meshes(geometry, frame.view, frame.target, frame.ids[places], frame.stats)
+        geometry.release()
+        return self.passes(samples)
+
+
+# The smaller image.
+
+
+@mutant("G3", of=(SMALL,), caught_by="crowd")
+class BoxesNotGrown:
+    """A box counts in the texels whose middles it covers."""
+
+    def grown(self, view, boxes):
+        return boxes
+
+
+@mutant("G4", of=(SMALL,), caught_by="hole_of_a_pixel")
+class LastTexelsLeftOut:
+    """The small image has whole texels only."""
+
+    def small_camera(self, camera):
+        whole = replace(
+            camera,
+            width=max(camera.width - camera.width % self.scale, self.scale),
+            height=max(camera.height - camera.height % self.scale, self.scale),
+        )
+        small = super().small_camera(camera)
+        return replace(
+            small,
+            width=whole.width // self.scale,
+            height=whole.height // self.scale,
+            yfov=super().small_camera(whole).yfov,
+        )
+
+
+@mutant("G7", of=(SMALL,), caught_by="posters_on_a_wall")
+class DepthCopiedInBytes:
+    """The farthest depth is copied in 8 bits, and rounded to nearest."""
+
+    def prepare(self, scene):
+        self.farthest.copy_error = -0.5 / 255.0
+        return super().prepare(scene)
+
+
+@mutant("low-resolution buffer", of=(SMALL,), caught_by="gap_narrower_than_a_texel")
+class SmallerViewport:
+    """The occluders are drawn into the small image, a sample for a texel."""
+
+    def fill_depth(self, frame, before):
+        ids = frame.ids[self.inner_occluders(frame)]
+        self.geometry.draw_depth(before.view, before.target, ids, frame.stats)
+
+
+# Wasteful.
+
+
+@mutant("W9", of=(PUBLISHED,), contract="stand_ins_have_the_reduction")
+class HalfTheReduction:
+    """Stand-ins have twice as many triangles as asked."""
+
+    def stand_ins_of(self, scene):
+        return stand_ins(scene, self.reduction // 2, self.extra)
+
+
+@mutant("W10", of=(PUBLISHED,), contract="each_stand_in_is_drawn_once_and_asked_once")
+class DrawnTwice:
+    """Pass one draws all stand-ins twice."""
+
+    def fill_depth(self, frame, before):
+        super().fill_depth(frame, before)
+        super().fill_depth(frame, before)
+
+
+@mutant("W11", of=(PUBLISHED,), contract="pipeline_stalls_once")
+class WaitsForEachQuery:
+    """Each answer is waited for."""
+
+    def ask(self, frame, before: PrePass):
+        ids, frame_ids = frame.ids, frame.ids
+        answers = []
+        for unit in ids:
+            frame.ids = np.array([unit])
+            answers.append(super().ask(frame, before))
+        frame.ids = frame_ids
+        return np.concatenate([np.zeros(0, bool), *answers])
+
+
+@mutant("W12", of=(PUBLISHED,), contract="only_what_shows_is_drawn")
+class AnswersIgnored:
+    """All is drawn in the third pass."""
+
+    def ask(self, frame, before):
+        return np.ones_like(super().ask(frame, before))

@@ -1,0 +1,177 @@
+"""Every broken cPLP is caught where it should be, and the sound one passes there."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tests.mutants.bad_cullers import COMMON
+from tests.mutants.bad_plp import ALL, EQUIVALENT, MUTANTS, NOT_HERE, OF_THE_METHOD, OWN
+from tests.support.convictions import assert_only_the_mutant_is_convicted
+from visref.conformance.suite import (
+    Check,
+    Status,
+    _judge_on,
+    case,
+    check_culler,
+    conformance_checks,
+)
+from visref_culling.gl.view import View
+from visref_culling.plp.traversal import near_corners
+
+pytestmark = pytest.mark.gl
+
+CHECKS = {check.name: check for check in conformance_checks()}
+CHECKS |= {m.name: Check(m.name, m.claim, m.trap, _judge_on(m)) for m in OWN.values()}
+UNSAFE = [mutant for mutant in MUTANTS if mutant.caught_by]
+WASTEFUL = [mutant for mutant in MUTANTS if mutant.contract]
+
+
+@pytest.mark.parametrize("mutant", UNSAFE, ids=str)
+def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
+    assert_only_the_mutant_is_convicted(mutant, CHECKS)
+
+
+# The contracts.
+
+
+def watched(culler, scene, path) -> list[str]:
+    """A line for each departure from what cPLP promises to save, over a path."""
+    units = culler.prepare(scene)
+    steps: list[tuple[str, dict]] = []
+    culler.observer = lambda step, data: steps.append((step, dict(data)))
+    problems = []
+    for camera in path:
+        steps.clear()
+        answer = culler.cull(camera)
+        for check in (no_cell_is_asked_twice, cells_come_in_the_order_of_what_shows):
+            problems += [f"{check.__name__}: {line}" for line in check(culler, camera, steps)]
+        drawn = units.mask(answer.unit_ids, scene.triangle_count).sum()
+        if answer.stats.triangles_drawn != drawn:
+            line = f"{answer.stats.triangles_drawn} drawn of {drawn}"
+            problems.append(f"no_triangle_is_drawn_twice: {line}")
+    culler.close()
+    return problems
+
+
+def no_cell_is_asked_twice(culler, camera, steps) -> Iterator[str]:
+    asked = [unit for step, data in steps if step == "query" for unit in data["units"].tolist()]
+    if len(asked) != len(set(asked)):
+        yield f"{len(asked) - len(set(asked))} questions too many"
+
+
+# The light of a cell is a product along a path of fewer than 2**8 cells here, of exponentials of
+# sums of fewer than 2**8 areas, its pixels some twenty roundings more: fewer than 2**13 of 2**-53.
+ROUNDING = 2.0**-40
+
+
+def cells_come_in_the_order_of_what_shows(culler, camera, steps) -> Iterator[str]:
+    """The docstrings of `plp.traversal` and `solidity`, followed along the order found,
+    from pairs of boxes that touch, in plain Python."""
+    (found,) = [data["cells"].tolist() for step, data in steps if step == "estimate"]
+    octree, budget, scene = culler.octree, culler.budget, culler.scene
+    view = View.of(camera, scene, 8)
+    bounds, units = octree.bounds, octree.units
+    boxes = view.inflated(bounds)
+    in_view = np.flatnonzero(view.meets_frustum(boxes)).tolist()
+    sure = view.needs_no_query(boxes)
+    pixels = {cell: rectangle_by_hand(camera, bounds[cell]) for cell in in_view}
+    light = {cell: 1.0 for cell in in_view if sure[cell] or on_open_hull(octree, view, cell)}
+    held = {
+        cell: set(units.triangles[units.offsets[cell] : units.offsets[cell + 1]].tolist())
+        for cell in in_view
+    }
+    front, done, drawn = set(light), set(), set()
+    for cell in found:
+        if cell not in front:
+            yield f"cell {cell} comes before a neighbour of it"
+            return
+        if len(drawn) >= budget:
+            yield f"{len(drawn)} triangles were enough"
+        most = max(pixels[other] * light[other] for other in front)
+        if pixels[cell] * light[cell] < most * (1.0 - ROUNDING):
+            yield f"cell {cell} shows at {pixels[cell] * light[cell]} pixels, another at {most}"
+        front.remove(cell)
+        done.add(cell)
+        drawn |= held[cell]
+        stops = solidity_by_hand(scene, bounds[cell], sorted(held[cell]))
+        for other in in_view:
+            axis = common_face(bounds[cell], bounds[other])
+            if axis is not None and other not in done:
+                handed_on = light[cell] * math.exp(-stops[axis])
+                light[other] = max(light.get(other, 0.0), handed_on)
+                front.add(other)
+    if front and len(drawn) < budget:
+        yield f"it stops at {len(drawn)} triangles"
+
+
+def on_open_hull(octree, view, cell) -> bool:
+    """Whether the cell lies along a face of the root beyond which a part of the near plane is."""
+    corners, high = near_corners(view), octree.low + octree.side
+    low_side = (octree.bounds[cell, 0] == octree.low) & (corners < octree.low).any(axis=0)
+    high_side = (octree.bounds[cell, 1] == high) & (corners > high).any(axis=0)
+    return bool((low_side | high_side).any())
+
+
+def rectangle_by_hand(camera, box) -> float:
+    """Pixels of a box's screen rectangle, by the samples' definition."""
+    right, up = camera.right_step, camera.up_step
+    places = []
+    for corner in itertools.product(*box.T):
+        way = np.array(corner) - camera.eye
+        depth = way @ camera.forward if camera.is_perspective else 1.0
+        if depth <= 0.0:
+            return float(camera.samples)
+        a, b = way @ right / (right @ right) / depth, way @ up / (up @ up) / depth
+        places.append(((a - camera.column_a[0] + 1.0) / 2.0, (camera.row_b[0] + 1.0 - b) / 2.0))
+    image = (camera.width, camera.height)
+    low, high = (np.clip(end(places, axis=0), 0.0, image) for end in (np.min, np.max))
+    return max(float((high - low).prod()), 1.0)
+
+
+def solidity_by_hand(scene, box, triangles) -> list[float]:
+    """Half the area of the triangles in a box, projected along each axis, over its face's."""
+    total = np.zeros(3)
+    for triangle in triangles:
+        polygon = list(scene.vertices[scene.triangles[triangle]].astype(float))
+        for axis, (limit, inwards) in itertools.product(range(3), zip(box, (1, -1), strict=True)):
+            kept = []
+            for here, there in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+                a, b = ((p[axis] - limit[axis]) * inwards for p in (here, there))
+                kept += [here] if a >= 0 else []
+                kept += [here + a / (a - b) * (there - here)] if a * b < 0 else []
+            polygon = kept
+        if len(polygon) > 2:
+            fan = np.array(polygon[1:]) - polygon[0]
+            total += np.abs(np.cross(fan[:-1], fan[1:])).sum(axis=0) / 2.0
+    return (total / 2.0 / (box[1, 0] - box[0, 0]) ** 2).tolist()
+
+
+def common_face(a, b) -> int | None:
+    """The axis across the face that two boxes share, if they do."""
+    low, high = np.maximum(a[0], b[0]), np.minimum(a[1], b[1])
+    flat = low == high
+    return int(np.argmax(flat)) if (low <= high).all() and flat.sum() == 1 else None
+
+
+@pytest.mark.parametrize("method", ALL, ids=str)
+def test_sound_method_keeps_every_contract(method):
+    assert watched(method.make(), *case("walk_through_a_city")) == []
+
+
+@pytest.mark.parametrize("mutant", WASTEFUL, ids=str)
+def test_wasteful_mutant_breaks_its_contract_and_misses_nothing(mutant):
+    problems = watched(mutant.make(), *case("walk_through_a_city"))
+    assert mutant.contract in {problem.split(":")[0] for problem in problems}
+    (found,) = check_culler(mutant.make, checks=[CHECKS["walk_through_a_city"]])
+    assert found.status is Status.PASSED, found.problems
+
+
+def test_every_mutant_is_tried_or_has_a_reason():
+    ids = {mutant.id for mutant in MUTANTS} | set(EQUIVALENT) | set(NOT_HERE)
+    assert sorted({*COMMON, *OF_THE_METHOD} - ids) == []
+    assert not {mutant.id for mutant in MUTANTS} & {*EQUIVALENT, *NOT_HERE}

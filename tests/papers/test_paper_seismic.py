@@ -1,0 +1,159 @@
+"""The slides' rows and trends come from the records, and each trend can fail."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from visref.papers import seismic as paper
+from visref.registry import make_culler
+from visref_experiments import three_pass
+
+SAMPLES = paper.SIZE[0] * paper.SIZE[1]
+
+
+def options(spec):
+    values = dict(part.split("=") for part in spec.partition(":")[2].split(",") if part)
+    return {key: int(value) for key, value in values.items() if value.isdigit()}
+
+
+def counts(spec):
+    """Made up as the claims have it: two frames of a culler."""
+    given = options(spec)
+    reduction, scale = given.get("reduction", 0), given.get("scale", 1)
+    approximate = reduction and "conservative" not in spec
+    # Coarser stand-ins, thresholds and images lose more; coarser ones draw more for nothing.
+    lost = (reduction - 1 + 10 * given["threshold"] + scale - 1) if approximate else 0
+    draws = 1000 if spec.startswith("frustum") else 300 + reduction // 2 + scale
+    return {
+        "visible": 200,
+        "confirmed": lost // 10 + scale - 1 if approximate else 0,
+        "missed_pixels": lost,
+        "drawn": draws,
+        "superfluous": 150 if spec == paper.BOXES else 10 + reduction // 10,
+        "triangles_drawn": 10 * draws,
+        "batches": 1,
+        "depth_tests": 100_000 if spec.startswith("frustum") else 250_000 // scale,
+    }
+
+
+class Records:
+    """Every walk, with some counters of some specs changed, and frame times."""
+
+    def __init__(self, changed=None, prediction=None, walks=True):
+        self.changed, self.found, self.walks = changed or {}, prediction, walks
+
+    def run(self, key):
+        if not self.walks:
+            return None
+        (walk,) = (walk for walk in paper.WALKS if walk.key == key)
+        frames, timings = {}, []
+        for spec in walk.cullers:
+            row = counts(spec) | self.changed.get(spec, {})
+            frames[spec] = [{"frame": frame, **row} for frame in (0, 1)]
+            ms = row.get("ms", 60.0 if spec == paper.FRUSTUM else 20.0)
+            timings += [
+                {"culler": spec, "frame": frame, "phase": "frame", "ms": ms} for frame in (0, 1)
+            ]
+        return SimpleNamespace(frames_of=frames, timings=timings)
+
+    def experiment(self, key):
+        return self.found
+
+
+def measured(reduction, spearman):
+    found = {"reduction": reduction, "wrong": 90.0, "missed": 9.0, "frame_outline": [30.0, 15.0]}
+    found |= {"offsets_ms": 30.0, "simplify_ms": 10.0}
+    return found | {
+        name: {"spearman": value} for name, value in zip(paper.MEASURES, spearman, strict=True)
+    }
+
+
+def prediction(outline=0.8):
+    pooled = {name: {"wrong_spearman": 0.9, "missed_spearman": 0.7} for name in paper.MEASURES}
+    reductions = [measured(10, (0.5, 0.6, 0.9)), measured(100, (0.5, 0.6, outline))]
+    return {"frames": 2, "reductions": reductions, "pooled": pooled}
+
+
+def rows(records):
+    return {
+        (table.title, row.quantity): row for table in paper.tables(records) for row in table.rows
+    }
+
+
+def trends(records):
+    return {trend.claim: trend.holds for t in paper.tables(records) for trend in t.trends}
+
+
+SAYS, MISSES = "What the slides say", "Misses against reduction, threshold and image scale"
+
+
+def test_rows_are_sums_and_shares_of_the_records():
+    found = rows(Records(prediction=prediction()))
+    fill = found[SAYS, "worst fill, over drawing what is in the frustum"]
+    assert (fill.published, fill.ours, fill.unit) == (3.0, 2.5, "×")
+    assert found[SAYS, "samples lost at a reduction of 1:100"].ours == 99 / SAMPLES
+    assert found[SAYS, "waits a frame"].ratio == 1.0
+    assert found[SAYS, "frame rate at 1:100 over frustum culling"].ours == 3.0
+    at = "1:10, threshold 5, 1/4 the side"
+    lost = 9 + 50 + 3
+    assert found[MISSES, f"{at}: samples lost"].ours == lost / SAMPLES
+    assert found[MISSES, f"{at}: visible objects missed"].ours == (lost // 10 + 3) / 200
+    drawn = "1:100, threshold 0, full image: drawn, of what is in the frustum"
+    assert found["Conservative mode", drawn].ours == 351 / 1000
+    foretold = "1:10: wrong pixels over those that the outline foretells"
+    assert found["Predicting the error", foretold].ours == 2.0
+
+
+def test_every_trend_holds_of_records_made_so():
+    found = trends(Records(prediction=prediction()))
+    assert len(found) == 11
+    assert set(found.values()) == {True}
+
+
+@pytest.mark.parametrize(
+    ("claim", "changed"),
+    [
+        ("the fill is at most", {f"{paper.published(1)},fragments=true": {"depth_tests": 300_001}}),
+        ("a smaller image needs",
+         {f"{paper.published(100, scale=4)},fragments=true": {"depth_tests": 10**6}}),
+        ("culling pays", {paper.published(100): {"ms": 61.0}}),
+        ("stand-ins are more precise", {paper.published(100): {"superfluous": 300}}),
+        ("the more reduced, the more samples", {paper.published(300): {"missed_pixels": 1}}),
+        ("the higher the threshold", {paper.published(10, 20, 4): {"missed_pixels": 1}}),
+        ("the smaller image misses", {paper.published(10, 0, 4): {"confirmed": 0},
+                                      paper.published(10, 0, 1): {"confirmed": 1}}),
+        ("up to 1:100", {paper.published(30): {"triangles_drawn": 1}}),
+        ("the conservative mode", {paper.conservative(1000, 4): {"confirmed": 1}}),
+        ("the more reduced, the less", {paper.conservative(1000, 4): {"drawn": 1}}),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_each_trend_can_fail_and_no_other_with_it(claim, changed):
+    found = trends(Records(changed, prediction()))
+    assert [c for c, holds in found.items() if not holds and c.startswith(claim)]
+    assert sum(not holds for holds in found.values()) == 1
+
+
+def test_trend_of_the_predictors_can_fail():
+    assert list(trends(Records(prediction=prediction(outline=0.4))).values())[-1] is False
+
+
+def test_without_records_nothing_is_claimed():
+    made = paper.tables(Records(walks=False))
+    assert all(row.ours is None for table in made for row in table.rows)
+    assert all(trend.holds is None for table in made for trend in table.trends)
+    assert all(table.figure is None for table in made)
+
+
+@pytest.mark.gl
+def test_specs_are_cullers_and_the_experiment_is_measured_at_the_walks_reductions():
+    for walk in paper.WALKS:
+        for spec in walk.cullers:
+            made = make_culler(spec)
+            if spec.startswith("three-pass"):
+                assert (made.reduction, made.extra) == (options(spec)["reduction"], paper.EXTRA)
+            made.close()
+    assert set(three_pass.REDUCTIONS) == set(paper.REDUCTIONS) - {1}
+    assert (three_pass.EXTRA, three_pass.MEASURES) == (paper.EXTRA, paper.MEASURES)

@@ -1,0 +1,169 @@
+"""Recorded visible sets: three forms of file, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tests.support.hand_made import camera, scene_of_squares
+from visref.camera_path import CameraPath
+from visref.errors import InputError
+from visref.recordings.visible_sets import Replay, read_visible_sets
+
+SCENE = scene_of_squares(0.0, -1.0, -2.0)
+
+
+def lines(*rows: object) -> str:
+    return "".join(json.dumps(row) + "\n" for row in rows)
+
+
+def write(tmp_path, name, text):
+    file = tmp_path / name
+    file.write_text(text)
+    return file
+
+
+def test_ids_and_names_mean_the_same_objects(tmp_path):
+    text = lines({"frame": 1, "visible": ["square2", 0]}, {"frame": 0, "visible": []})
+    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(2), 2)
+    assert [read.frames[f].tolist() for f in (0, 1)] == [[], [0, 2]]
+
+
+def test_csv_and_parquet_say_the_same_as_json_lines(tmp_path):
+    expected = [[1], [], [0, 2]]
+    json_file = write(
+        tmp_path, "v.jsonl", lines(*({"frame": f, "visible": v} for f, v in enumerate(expected)))
+    )
+    by_id = write(tmp_path, "i.csv", "frame,object_id\n0,1\n1,\n2,2\n2,0\n")
+    by_name = write(tmp_path, "n.csv", "frame,object\n0,square1\n1,\n2,square2\n2,square0\n")
+    pq.write_table(
+        pa.table({"frame": [0, 1, 2, 2], "object_id": [1, None, 2, 0]}), tmp_path / "i.parquet"
+    )
+    pq.write_table(
+        pa.table({"frame": [0, 1, 2, 2], "object": ["square1", None, "square2", "square0"]}),
+        tmp_path / "n.parquet",
+    )
+    for file in (json_file, by_id, by_name, tmp_path / "i.parquet", tmp_path / "n.parquet"):
+        read = read_visible_sets(file, SCENE, range(3), 3)
+        assert [read.frames[f].tolist() for f in range(3)] == expected, file.name
+
+
+def test_stats_come_through(tmp_path):
+    text = lines({"frame": 0, "visible": [0], "stats": {"queries": 7, "ms": {"cull": 1.5}}})
+    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(1), 1)
+    assert read.stats[0].queries == 7
+    assert read.stats[0].ms == {"cull": 1.5}
+
+
+def test_replay_plays_the_frames_that_are_judged_in_path_order(tmp_path):
+    same = camera()
+    path = CameraPath((same, same, same))
+    text = lines(*({"frame": f, "visible": [f]} for f in (2, 0, 1)))
+    file = write(tmp_path, "v.jsonl", text)
+    replay = Replay(read_visible_sets(file, SCENE, range(1, 3), 3), path)
+    assert [replay.cull(same).unit_ids.tolist() for _ in range(2)] == [[1], [2]]
+
+
+BAD = {
+    "unknown name": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": ["square9"]}),
+        "'square9'; did you mean",
+    ),
+    "unknown id": ("v.jsonl", lines({"frame": 0, "visible": [3]}), "object id 3"),
+    "negative id": ("v.jsonl", lines({"frame": 0, "visible": [-1]}), "object id -1"),
+    "missing frame": ("v.jsonl", "", "1 of 1 frames are missing: 0"),
+    "repeated frame": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": []}, {"frame": 0, "visible": []}),
+        "comes twice (first at line 1)",
+    ),
+    "frame off the path": ("v.jsonl", lines({"frame": 5, "visible": []}), "frame 5"),
+    "fractional frame": ("v.jsonl", lines({"frame": 0.5, "visible": []}), "frame is 0.5"),
+    "boolean id": ("v.jsonl", lines({"frame": 0, "visible": [True]}), "not a list of ids"),
+    "not a list": ("v.jsonl", lines({"frame": 0, "visible": "all"}), "not a list of ids"),
+    "no visible": ("v.jsonl", lines({"frame": 0}), "needs 'frame' and 'visible'"),
+    "broken JSON": ("v.jsonl", '{"frame": 0, "visi', "not valid JSON"),
+    "unknown counter": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"quries": 1}}),
+        "'quries'",
+    ),
+    "wrong columns": ("v.csv", "frame,thing\n0,1\n", "columns are frame, thing"),
+    "text id in CSV": ("v.csv", "frame,object_id\n0,one\n", "object_id is 'one'"),
+    "not Parquet": ("v.parquet", "no", "not a Parquet file"),
+    "unknown ending": ("v.txt", "", "rename"),
+    "lists too deep": ("v.jsonl", '{"frame": 0, "visible":' + "[" * 100_000, "lists too deep"),
+    "id too long to read": ("v.jsonl", '{"frame": 0, "visible": [' + "9" * 5000 + "]}", "line 1"),
+    "id too long in CSV": ("v.csv", "frame,object_id\n0," + "9" * 5000 + "\n", "an integer"),
+    "id with underscore": ("v.csv", "frame,object_id\n0,1_0\n", "object_id is '1_0'"),
+    "counter too large": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"queries": 1 << 63}}),
+        "stats has 'queries'",
+    ),
+    "negative counter": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"queries": -1}}),
+        "stats has 'queries': -1",
+    ),
+    "text for a time": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"ms": {"cull": "1"}}}),
+        "milliseconds by phase",
+    ),
+    "NaN for a time": (
+        "v.jsonl",
+        lines({"frame": 0, "visible": [], "stats": {"ms": {"cull": float("nan")}}}),
+        "milliseconds by phase",
+    ),
+    "name with a comma, unquoted": ("v.csv", "frame,object\n0,a,b\n", "quote names"),
+    "row cut short": ("v.csv", "frame,object\n0\n", "not as many fields"),
+    "field without end": ("v.csv", "frame,object\n0," + "a" * 200_000, "not valid CSV"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_recording_is_one_clear_line_naming_the_file(name, tmp_path):
+    file_name, text, expected = BAD[name]
+    file = write(tmp_path, file_name, text)
+    with pytest.raises(InputError) as caught:
+        read_visible_sets(file, SCENE, range(1), 1)
+    message = str(caught.value)
+    assert message.startswith(str(file))
+    assert expected in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("ending", ["jsonl", "csv", "parquet"])
+def test_missing_file_is_a_clear_error(ending, tmp_path):
+    with pytest.raises(InputError, match="cannot read it"):
+        read_visible_sets(tmp_path / f"none.{ending}", SCENE, range(1), 1)
+
+
+@pytest.mark.parametrize("name", ["v.jsonl", "v.csv"])
+def test_byte_order_mark_of_a_text_editor_is_no_part_of_the_recording(name, tmp_path):
+    text = "frame,object\n0,square1\n" if name == "v.csv" else lines({"frame": 0, "visible": [1]})
+    file = tmp_path / name
+    file.write_text(text, encoding="utf-8-sig")
+    assert read_visible_sets(file, SCENE, range(1), 1).frames[0].tolist() == [1]
+
+
+def test_parquet_that_lost_its_middle_is_a_clear_error(tmp_path):
+    pq.write_table(pa.table({"frame": [0], "object_id": [1]}), tmp_path / "v.parquet")
+    content = bytearray((tmp_path / "v.parquet").read_bytes())
+    content[4:40] = b"\xff" * 36
+    (tmp_path / "v.parquet").write_bytes(content)
+    with pytest.raises(InputError, match="not a whole one"):
+        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)
+
+
+def test_parquet_ids_must_be_whole(tmp_path):
+    table = pa.table({"frame": np.array([0]), "object_id": np.array([0.5])})
+    pq.write_table(table, tmp_path / "v.parquet")
+    with pytest.raises(InputError, match=r"object_id is 0\.5"):
+        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)

@@ -1,0 +1,81 @@
+"""A witness carries every triangle that its ray meets, and little else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.hand_made import camera, scene_of_squares
+from visref.camera import Camera, look_at
+from visref.exact import ExactScene
+from visref.run_folder.witnesses import triangles_along
+from visref.scene import Scene
+
+
+def random_scene(seed: int, offset: float = 0.0) -> Scene:
+    rng = np.random.default_rng(seed)
+    corners = rng.integers(-8, 9, (60, 3, 3)).astype(np.float32) + np.float32(offset)
+    return Scene.from_objects([(f"t{i}", c, [[0, 1, 2]]) for i, c in enumerate(corners)])
+
+
+@pytest.mark.parametrize("offset", [0.0, 4096.0, 2.0**20])
+@pytest.mark.parametrize("ortho", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_owner_is_left_out_of_its_samples_witness(seed, ortho, offset):
+    scene = random_scene(seed, offset)
+    target = np.full(3, offset)
+    view = Camera(
+        look_at(target + np.array((3.0, 5.0, 20.0)), target),
+        16,
+        12,
+        near=0.5,
+        **({"ymag": 9.0} if ortho else {"yfov": 0.9}),
+    )
+    samples = np.arange(view.samples)
+    owners = ExactScene(scene).decide(view, samples)
+    along = triangles_along(scene, view, samples.tolist())
+    for sample in samples:
+        low, high = owners.offsets[sample : sample + 2]
+        assert set(owners.triangles[low:high].tolist()) <= set(along[sample].tolist())
+    # It is a witness, not the scene: a ray meets a few of sixty scattered triangles.
+    assert np.mean([len(found) for found in along]) < 30
+
+
+def test_everything_along_the_ray_is_listed_in_front_and_behind():
+    scene = scene_of_squares(0.0, -3.0, -6.0)
+    (found,) = triangles_along(scene, camera(), [0])
+    assert set(scene.object_of_triangle[found].tolist()) == {0, 1, 2}
+
+
+def test_what_lies_behind_the_camera_is_not_listed():
+    scene = scene_of_squares(0.0, 30.0)
+    near = replace(camera(), near=1.0)
+    (found,) = triangles_along(scene, near, [0])
+    assert set(scene.object_of_triangle[found].tolist()) == {0}
+
+
+@pytest.mark.parametrize("offset", [0.0, 2.0**20])
+@pytest.mark.parametrize("ortho", [False, True])
+def test_triangles_passed_by_in_blocks_are_none_that_own_a_sample(ortho, offset):
+    rng = np.random.default_rng(5)
+    # Small triangles in the order of their place, so that whole blocks lie beside a ray.
+    places = np.sort(rng.integers(-64, 65, (1000, 3)), axis=0)
+    corners = (places[:, None] + rng.integers(-9, 10, (1000, 3, 3))) / 8.0 + offset
+    scene = Scene.from_objects([("all", corners.reshape(-1, 3), np.arange(3000).reshape(-1, 3))])
+    target = np.full(3, offset)
+    view = Camera(
+        look_at(target + np.array((3.0, 5.0, 20.0)), target),
+        32,
+        24,
+        near=0.5,
+        **({"ymag": 9.0} if ortho else {"yfov": 0.9}),
+    )
+    samples = np.arange(view.samples)
+    owners = ExactScene(scene).decide(view, samples)
+    assert len(owners.triangles) > 50
+    along = triangles_along(scene, view, samples.tolist())
+    for sample in samples:
+        low, high = owners.offsets[sample : sample + 2]
+        assert set(owners.triangles[low:high].tolist()) <= set(along[sample].tolist())

@@ -1,0 +1,139 @@
+"""The tables' files say what the records say, in every form, and the status with them."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+import pytest
+
+from tests.support import chromium, tables_runs
+from tests.support.tables_runs import ALL, NOTHING, SIZE, STOPPED, TOWN, Steps, paper
+from visref.cli import main as cli
+from visref.judging.status import Exit
+from visref.papers.table import Experiment, Walk
+from visref.tables import measure, recording, write_tables
+
+
+@pytest.fixture(autouse=True)
+def own_experiments(monkeypatch):
+    monkeypatch.setattr(
+        recording, "load_entry", lambda group, name, kind: getattr(tables_runs, name)
+    )
+
+
+@pytest.fixture
+def measured(tmp_path):
+    return measure([paper()], tmp_path, Steps(), frames=2)
+
+
+def texts(folder):
+    return {file.suffix: file.read_text() for file in folder.glob("tables.*")}
+
+
+def test_every_form_has_the_same_numbers(measured):
+    page, status = write_tables(measured)
+    assert status is Exit.NO_VIOLATION
+    found = texts(page.parent)
+    assert sorted(found) == [".csv", ".html", ".md", ".tex"]
+    for suffix in (".html", ".md", ".tex"):
+        flat = re.sub(r"\s+", " ", found[suffix].replace("\\%", "%"))
+        assert "queries a frame" in flat
+        assert "25.0 %" in flat
+        assert "12.5 %" in flat
+        assert "fewer queries than the paper" in flat
+    rows = list(csv.DictReader(found[".csv"].splitlines()))
+    queries = next(row for row in rows if row["quantity"] == "queries a frame")
+    assert (queries["paper"], queries["published"], queries["ours"]) == ("toy", "14", "7")
+    assert queries["ratio"] == "0.5"
+
+
+def test_walks_stand_with_their_verdicts_and_rates(measured):
+    page, _ = write_tables(measured)
+    line = next(x for x in texts(page.parent)[".md"].splitlines() if "tables\\_runs:All" in x)
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[2:4] == ["conservative", "2"]
+    assert cells[5:8] == ["0", "0", "0 %"]
+
+
+def test_the_same_records_give_the_same_bytes(measured):
+    page, _ = write_tables(measured)
+    before = {file.name: file.read_bytes() for file in page.parent.glob("t*.*")}
+    write_tables(measured)
+    assert before == {file.name: file.read_bytes() for file in page.parent.glob("t*.*")}
+    assert len(before) == 5
+
+
+def test_a_violation_is_the_status_and_is_counted_on_the_page(tmp_path):
+    walk = Walk("first", TOWN, (ALL, NOTHING), size=SIZE)
+    measured = measure([paper((walk,), ())], tmp_path, Steps(), frames=2)
+    page, status = write_tables(measured)
+    assert status is Exit.VIOLATION
+    assert "0 violations" not in page.read_text()
+    assert 'data-exit-status="1"' in page.read_text()
+
+
+def test_what_could_not_be_measured_is_said_with_its_reason_and_is_no_pass(tmp_path):
+    walks = (Walk("first", TOWN, (ALL,), size=SIZE),)
+    broken = (Experiment("count", "without_gl"),)
+    measured = measure([paper(walks, broken)], tmp_path, Steps(), frames=1)
+    page, status = write_tables(measured)
+    assert status is Exit.NOTHING_JUDGED
+    for suffix in (".html", ".md"):
+        assert "no OpenGL here" in texts(page.parent)[suffix]
+
+
+def test_claims_are_counted_and_those_not_measured_apart(tmp_path):
+    measured = measure([paper((), ())], tmp_path, Steps(), frames=1)
+    page, _ = write_tables(measured)
+    assert "0 of 0 claims of the papers hold here, 1 not measured" in page.read_text()
+    assert "? not measured" in (tmp_path / "trends.md").read_text()
+
+
+def test_names_of_a_paper_are_text_on_the_page_and_no_markup(measured):
+    page, _ = write_tables(measured)
+    assert "share of &lt;all&gt;" in page.read_text()
+    assert "A Paper &amp; Its Tables" in page.read_text()
+
+
+@pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
+def test_the_page_opens_offline_at_any_width_without_complaint(measured):
+    page_file, _ = write_tables(measured)
+    with chromium.browser() as page:
+        for width in (360, 768, 1280):
+            page.open(page_file, width=width)
+            assert page.run("document.documentElement.scrollWidth") <= width
+        assert page.problems == []
+        assert [url for url in page.requests if not url.startswith(("file:", "data:"))] == []
+
+
+# The command.
+
+
+def test_the_command_measures_writes_and_prints_the_claims(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli, "load_paper", lambda name: paper())
+    out = tmp_path / "out"
+    assert cli.main(["tables", "--paper", "toy", "--frames", "2", "--out", str(out)]) == 0
+    assert "fewer queries than the paper" in capsys.readouterr().out
+    assert (out / "tables.html").is_file()
+
+
+def test_an_interrupted_command_says_that_it_can_go_on(tmp_path, monkeypatch, capsys):
+    first, second = paper().walks
+    stopped = Walk(second.key, TOWN, (STOPPED,), size=SIZE)
+    monkeypatch.setattr(cli, "load_paper", lambda name: paper((first, stopped), ()))
+    out = tmp_path / "out"
+    assert cli.main(["tables", "--paper", "toy", "--frames", "1", "--out", str(out)]) == 130
+    assert "the same command goes on from there" in capsys.readouterr().err
+    assert (out / "records" / "toy" / first.key / "manifest.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [(["--paper", "hey2002"], "known are"), (["--frames", "0"], "--frames is 0")],
+)
+def test_wrong_arguments_are_one_line_and_status_2(tmp_path, capsys, arguments, told):
+    assert cli.main(["tables", *arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1

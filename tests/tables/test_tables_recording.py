@@ -1,0 +1,216 @@
+"""What the papers' tables need is run once, kept, made anew when something else is asked for,
+and goes on after an interrupt."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support import tables_runs
+from tests.support.tables_runs import ALL, BROKEN, NOTHING, SIZE, STOPPED, TOWN, All, Steps, paper
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
+from visref.errors import InputError
+from visref.papers import load_paper, paper_names
+from visref.papers.table import Experiment, Walk
+from visref.tables import recording
+from visref.tables.plan import code_digest, cut_path, sampled, tasks
+from visref.tables.recording import measure
+
+
+@pytest.fixture(autouse=True)
+def own_experiments(monkeypatch):
+    """Experiments of the tests stand where installed ones would, and no culler ran yet."""
+    monkeypatch.setattr(
+        recording, "load_entry", lambda group, name, kind: getattr(tables_runs, name)
+    )
+    All.cameras.clear()
+
+
+def run(out, papers=None, **options):
+    steps = Steps()
+    measured = measure([paper()] if papers is None else papers, out, steps, **options)
+    return measured, steps
+
+
+# The plan.
+
+
+@given(st.integers(1, 60), st.none() | st.integers(1, 70), st.integers(1, 8))
+def test_sampled_frames_are_of_the_path_ascending_and_as_many_as_asked_for(count, wanted, stretch):
+    frames = sampled(count, wanted, stretch)
+    assert frames == sorted(set(frames))
+    assert set(frames) <= set(range(count))
+    if stretch == 1 or wanted is None:
+        assert len(frames) == min(count, count if wanted is None else wanted)
+    assert len(frames) <= (count if wanted is None else wanted)
+
+
+def test_samples_are_spread_over_the_path_and_come_in_stretches():
+    assert sampled(100, 4, 1) == [12, 37, 62, 87]
+    assert sampled(100, 6, 3) == [25, 26, 27, 75, 76, 77]
+
+
+def test_a_stretch_starts_with_a_cut_and_goes_on_without():
+    camera = Camera(look_at((0, 0, 4), (0, 0, 0)), 4, 4, near=1.0, far=9.0, ymag=2.0)
+    path = cut_path(CameraPath((camera,) * 6), [1, 2, 4])
+    assert [camera.cut for camera in path] == [False, True, False, False, True, False]
+
+
+def test_tasks_of_one_scene_come_together_and_large_ones_last():
+    walks = (
+        Walk("big", "c", (), large=True),
+        Walk("a", "x", ()),
+        Walk("b", "y", ()),
+        Walk("c", "x", ()),
+    )
+    ordered = tasks([paper(walks, (Experiment("e", "n", "y"),))], large=True)
+    assert [task.work.key for task in ordered] == ["a", "c", "b", "e", "big"]
+    assert "big" not in [task.work.key for task in tasks([paper(walks, ())], large=False)]
+
+
+def test_code_digest_changes_with_a_source_and_with_nothing_else(tmp_path, monkeypatch):
+    package = tmp_path / "a_package_of_one_module"
+    package.mkdir()
+    (package / "__init__.py").write_text("x = 1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = code_digest([package.name])
+    (package / "notes.txt").write_text("hello")
+    assert code_digest([package.name]) == before
+    (package / "__init__.py").write_text("x = 2\n")
+    assert code_digest([package.name]) != before
+
+
+@pytest.mark.parametrize("name", paper_names())
+def test_every_paper_names_each_of_its_records_once_and_makes_tables_of_none(name):
+    found = load_paper(name)
+    keys = [work.key for work in (*found.walks, *found.experiments)]
+    assert len(set(keys)) == len(keys)
+
+    class Nowhere:
+        def run(self, key):
+            assert key in keys
+            return
+
+        def experiment(self, key):
+            assert key in keys
+            return
+
+    made = found.tables(Nowhere())
+    assert made
+    assert all(table.rows for table in made)
+
+
+def test_an_unknown_paper_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match="hey2001"):
+        load_paper("hey2002")
+
+
+# The records.
+
+
+def test_every_walk_and_experiment_is_recorded_and_read_back(tmp_path):
+    measured, steps = run(tmp_path, frames=3)
+    (toy,) = measured.papers
+    assert not measured.failures
+    assert steps.all > 0
+    assert steps.done == pytest.approx(steps.all)
+    records = measured.records(toy)
+    counted = records.experiment("count")
+    assert (counted["frames"], counted["sizes"]) == (3, [list(SIZE)])
+    first = records.run("first")
+    assert counted["triangles"] == first.manifest["scene"]["triangles"]
+    assert first.frame_numbers == (1, 3, 5)
+    assert first.verdict["status"] == "no_violation_found"
+    assert [camera.cut for camera in All.cameras] == [True] * 6
+
+
+def test_an_experiment_without_a_scene_is_given_none(tmp_path):
+    measured, _ = run(tmp_path, [paper((), (Experiment("alone", "counting"),))])
+    (toy,) = measured.papers
+    assert measured.records(toy).experiment("alone") == {"scene": None, "path": None}
+
+
+def test_the_same_again_runs_nothing_and_other_frames_run_all(tmp_path):
+    run(tmp_path, frames=2)
+    assert len(All.cameras) == 4
+    _, steps = run(tmp_path, frames=2)
+    assert len(All.cameras) == 4
+    assert steps.done == pytest.approx(steps.all)
+    run(tmp_path, frames=3)
+    assert len(All.cameras) == 10
+
+
+def test_other_code_runs_all_again(tmp_path, monkeypatch):
+    run(tmp_path, frames=2)
+    monkeypatch.setattr(recording, "code_digest", lambda packages=None: "edited")
+    run(tmp_path, frames=2)
+    assert len(All.cameras) == 8
+
+
+def test_an_interrupted_run_goes_on_with_what_it_had_not_done(tmp_path):
+    first, second = paper().walks
+    stopped = Walk("second", TOWN, (STOPPED,), size=SIZE)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path, [paper((first, stopped), ())], frames=2)
+    assert len(All.cameras) == 2
+    measured, _ = run(tmp_path, [paper((first, second), ())], frames=2)
+    assert len(All.cameras) == 4
+    assert all(measured.records(measured.papers[0]).run(walk.key) for walk in (first, second))
+
+
+def test_a_failure_is_told_and_the_rest_goes_on(tmp_path):
+    broken = (Experiment("broken", "without_gl"), Experiment("count", "counting", TOWN))
+    unknown = Walk("unknown", "no_such_scene", (ALL,))
+    measured, _ = run(tmp_path, [paper((unknown,), broken)], frames=1)
+    assert measured.failures["toy/broken"] == "no OpenGL here"
+    assert "no_such_scene" in measured.failures["toy/unknown"]
+    records = measured.records(measured.papers[0])
+    assert records.experiment("broken") is None
+    assert records.run("unknown") is None
+    assert records.experiment("count") is not None
+
+
+def test_a_culler_that_breaks_down_leaves_no_record_of_half_a_walk(tmp_path):
+    measured, _ = run(tmp_path, [paper((Walk("first", TOWN, (ALL, BROKEN), size=SIZE),), ())])
+    assert "it fell over" in measured.failures["toy/first"]
+    assert measured.records(measured.papers[0]).run("first") is None
+
+
+def test_what_failed_leaves_no_record_of_an_earlier_time(tmp_path):
+    run(tmp_path, [paper((), (Experiment("one", "counting"),))])
+    measured, _ = run(tmp_path, [paper((), (Experiment("one", "without_gl"),))])
+    assert measured.records(measured.papers[0]).experiment("one") is None
+
+
+def test_a_violation_stands_in_the_records(tmp_path):
+    walk = Walk("first", TOWN, (ALL, NOTHING), size=SIZE)
+    measured, _ = run(tmp_path, [paper((walk,), ())], frames=2)
+    found = measured.records(measured.papers[0]).run("first")
+    assert found.verdict["status"] == "violation"
+    assert found.verdict["cullers"][ALL]["violations"] == 0
+
+
+def test_a_scene_is_generated_once_for_all_runs(tmp_path, monkeypatch):
+    run(tmp_path, frames=1)
+    scenes = sorted((tmp_path / "scenes").rglob("*.glb"))
+    assert len(scenes) == 1
+    written = scenes[0].stat().st_mtime_ns
+    run(tmp_path, frames=2)
+    assert sorted((tmp_path / "scenes").rglob("*.glb")) == scenes
+    assert scenes[0].stat().st_mtime_ns == written
+
+
+def test_records_say_what_they_were_asked_for(tmp_path):
+    measured, _ = run(tmp_path, frames=2)
+    asked = measured.records(measured.papers[0]).run("first").manifest["settings"]["asked"]
+    assert asked["work"] == json.loads(json.dumps(vars(tables_runs.WALKS[0])))
+    assert asked["frames"] == 2
+
+
+def test_no_frames_are_refused(tmp_path):
+    with pytest.raises(InputError, match="--frames is 0"):
+        run(tmp_path, frames=0)

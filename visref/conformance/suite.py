@@ -1,0 +1,314 @@
+"""check_culler(): what a stranger runs on a culler of their own, from pytest.
+
+    import pytest
+    from visref.conformance.suite import assert_conforms, conformance_checks
+    from my_engine import MyCuller
+
+    @pytest.mark.parametrize("check", conformance_checks(), ids=str)
+    def test_my_culler(check):
+        assert_conforms(MyCuller, checks=[check])
+
+Each check is named, seeded and small: most build a scene around one way to go wrong, cast its
+truth with the exact engine (every sample, every tie) and let `visref.judging.referee` judge the
+culler on it; a few look at the contract of `visref.culler.Culler` itself. A check that a culler is
+known to fail is named in `expected_failures` with the reason; if it passes all the same, that is an
+error, so that the list never outlives its reasons.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import StrEnum
+from functools import lru_cache
+
+import numpy as np
+
+from visref.camera_path import CameraPath
+from visref.conformance.layers import LAYERS
+from visref.conformance.revealed import REVEALED
+from visref.conformance.scenes import SCENES as OBJECTS
+from visref.conformance.scenes import Case, SceneMaker
+from visref.culler import Culler, check_drawn
+from visref.engines.exact import ExactEngine
+from visref.engines.recalled import RecalledTruths
+from visref.errors import InputError
+from visref.findings import Severity
+from visref.judging.outcome import CullerRecord
+from visref.judging.referee import Referee
+from visref.scene import Scene
+from visref.visibility import FrameTruth
+
+MakeCuller = Callable[[], Culler]
+
+SCENES = [*OBJECTS, *LAYERS, *REVEALED]
+
+# How many lines a failed check prints of the objects that it lost.
+LINES_PER_CHECK = 4
+
+
+class Status(StrEnum):
+    """How a check ended. Only the first and the third let `assert_conforms` pass."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    EXPECTED_FAILURE = "expected failure"
+    UNEXPECTED_PASS = "unexpected pass"
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """One check's outcome. `problems` are readable lines, empty if it passed; `reason` is the
+    one given for an expected failure; `missed` counts objects left out in full over all
+    frames, whatever the culler promises."""
+
+    check: str
+    status: Status
+    problems: tuple[str, ...] = ()
+    reason: str = ""
+    missed: int = 0
+
+    @property
+    def ok(self) -> bool:
+        return self.status in (Status.PASSED, Status.EXPECTED_FAILURE)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A named check. `claim` is what a sound culler does, `trap` the usual way to fail it."""
+
+    name: str
+    claim: str
+    trap: str
+    run: Callable[[MakeCuller, int], tuple[tuple[str, ...], int]]
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def conformance_checks() -> list[Check]:
+    """The catalogue, for `pytest.mark.parametrize`."""
+    scenes = [Check(made.name, made.claim, made.trap, _judge_on(made)) for made in SCENES]
+    return [*scenes, *_CONTRACT]
+
+
+def check_culler(
+    make_culler: MakeCuller,
+    *,
+    checks: Iterable[Check] | None = None,
+    expected_failures: Mapping[str, str] | None = None,
+    seed: int = 0,
+) -> list[CheckResult]:
+    """Run the catalogue, or some `checks` of it, on cullers that `make_culler` makes.
+
+    `expected_failures` maps names of checks to reasons. Raises InputError where a name is
+    unknown or a reason empty, and NothingToJudge where no culler can be made (no OpenGL).
+    """
+    expected = dict(expected_failures or {})
+    _known(expected)
+    results = []
+    for check in conformance_checks() if checks is None else checks:
+        problems, missed = check.run(make_culler, seed)
+        reason = expected.get(check.name, "")
+        if problems:
+            status = Status.EXPECTED_FAILURE if reason else Status.FAILED
+        else:
+            status = Status.UNEXPECTED_PASS if reason else Status.PASSED
+        results.append(CheckResult(check.name, status, problems, reason, missed))
+    return results
+
+
+def assert_conforms(
+    make_culler: MakeCuller,
+    *,
+    checks: Iterable[Check] | None = None,
+    expected_failures: Mapping[str, str] | None = None,
+    seed: int = 0,
+) -> None:
+    """Raise AssertionError, with a witness for every loss, unless each check ends as it should.
+
+    Takes and raises what `check_culler` does.
+    """
+    results = check_culler(
+        make_culler, checks=checks, expected_failures=expected_failures, seed=seed
+    )
+    bad = [result for result in results if not result.ok]
+    if bad:
+        lines = [f"{len(bad)} of {len(results)} conformance checks failed (seed {seed}):"]
+        raise AssertionError("\n".join([*lines, *(_describe(result, seed) for result in bad)]))
+
+
+def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
+    """The scene and the path of a check, to look at or to load elsewhere."""
+    _known([name])
+    made = {made.name: made for made in SCENES}.get(name)
+    if made is None:
+        raise InputError(f"check '{name}' is about the contract and has no scene of its own")
+    built = _built(made, seed)
+    return built.scene, built.path
+
+
+def _known(names: Iterable[str] | Mapping[str, str]) -> None:
+    catalogue = [check.name for check in conformance_checks()]
+    for name in names:
+        if name not in catalogue:
+            near = get_close_matches(name, catalogue, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(catalogue)}"
+            raise InputError(f"no conformance check is named '{name}'", mend=hint)
+        if isinstance(names, Mapping) and not names[name].strip():
+            raise InputError(f"expected failure '{name}' has no reason", mend="say why")
+
+
+def _describe(result: CheckResult, seed: int) -> str:
+    check = {check.name: check for check in conformance_checks()}[result.check]
+    lines = [f"  {result.status.upper()} {check.name}: {check.claim}"]
+    if result.status is Status.UNEXPECTED_PASS:
+        return f"{lines[0]}\n    expected to fail because: {result.reason}"
+    lines += [f"    {problem}" for problem in result.problems]
+    lines.append(f"    the usual trap: {check.trap}")
+    if check.name in {made.name for made in SCENES}:
+        lines.append(f"    its scene: visref.conformance.case({check.name!r}, seed={seed})")
+    return "\n".join(lines)
+
+
+# Judging on a scene.
+
+
+def _built(made: SceneMaker, seed: int) -> Case:
+    return made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
+
+
+def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
+    """The exact engine's truth of each frame of a case."""
+    engine = ExactEngine(built.scene)
+    truths = tuple(engine.frame(camera).copy() for camera in built.path)
+    engine.close()
+    return truths
+
+
+@lru_cache(maxsize=128)
+def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
+    """A check's scene with its exact truth, cast once for however many cullers."""
+    built = _built(made, seed)
+    return built, exact_truths(built)
+
+
+def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, ...], int]]:
+    def run(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
+        return judge_on(make_culler, *_truths(made, seed))
+
+    return run
+
+
+def judge_on(
+    make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
+) -> tuple[tuple[str, ...], int]:
+    """Judge a culler on a case whose exact truths are known, one a frame: what is wrong, in
+    readable lines, and how many objects were missed in full over all frames."""
+    culler = make_culler()
+    referee = Referee(built.scene, lambda: RecalledTruths(built.scene, built.path, truths))
+    try:
+        outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
+    except InputError as error:
+        # The units were refused.
+        return (str(error),), 0
+    record = outcome.cullers[0]
+    problems = [
+        f"{finding.code}: {finding.message}"
+        for finding in outcome.findings
+        if finding.code == "NO_GL"
+        or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
+    ]
+    if record.promise.convicts:
+        problems += _losses(record, built)
+    return tuple(problems), record.totals.confirmed
+
+
+def _losses(record: CullerRecord, built: Case) -> list[str]:
+    lines = []
+    losses = record.losses()
+    for _, frame, miss in losses[:LINES_PER_CHECK]:
+        view = built.path.frames[frame]
+        x, y = miss.sample % view.width, miss.sample // view.width
+        lines.append(
+            f"MISSED_OBJECT: frame {frame} ({view.width} x {view.height}): "
+            f"'{built.scene.names[miss.object]}' (object {miss.object}) lost {miss.pixels} of "
+            f"its {miss.owned} samples; witness: pixel ({x}, {y}), triangle {miss.triangle} "
+            f"at depth {miss.depth:.6g}"
+        )
+    if len(losses) > LINES_PER_CHECK:
+        lines.append(f"... and {len(losses) - LINES_PER_CHECK} objects more")
+    return lines
+
+
+# The contract itself.
+
+# Scenes on which the contract's checks watch a culler: one with much hidden, one with cuts.
+_WATCHED = ("walk_through_a_city", "jump_cuts")
+
+
+def _answers_repeat(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
+    """Alone, and twice side by side as the referee runs several, the sets are the same."""
+    problems = []
+    for name in _WATCHED:
+        scene, path = case(name, seed=seed)
+        alone = _drawn_sets([make_culler()], scene, path)
+        pair = _drawn_sets([make_culler(), make_culler()], scene, path)
+        problems += [
+            f"{name}, frame {frame}: the drawn sets of three runs differ"
+            for frame in range(len(path))
+            if not alone[0][frame] == pair[0][frame] == pair[1][frame]
+        ]
+    return tuple(problems), 0
+
+
+def _drawn_sets(cullers: list[Culler], scene: Scene, path: CameraPath) -> list[list[set[int]]]:
+    """Per culler and frame the units drawn; the cullers take turns at each frame."""
+    try:
+        units = [culler.prepare(scene) for culler in cullers]
+        drawn: list[list[set[int]]] = [[] for _ in cullers]
+        for frame, camera in enumerate(path):
+            for at, culler in enumerate(cullers):
+                answer = culler.cull(camera)
+                ids = check_drawn(answer, units[at], culler=culler.name, frame=frame)
+                drawn[at].append(set(ids.tolist()))
+    finally:
+        for culler in cullers:
+            culler.close()
+    return drawn
+
+
+def _close_at_any_time(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, ...], int]:
+    """The referee closes every culler once, also one that was never prepared."""
+    problems = []
+    scene, path = case(_WATCHED[0], seed=seed)
+    for prepared in (False, True):
+        culler = make_culler()
+        when = "after a frame" if prepared else "before prepare()"
+        if prepared:
+            culler.prepare(scene)
+            culler.cull(path.frames[0])
+        for time in ("first", "second"):
+            try:
+                culler.close()
+            except Exception as error:  # a plug-in may raise anything
+                problems.append(f"the {time} close() {when}: {type(error).__name__}: {error}")
+    return tuple(problems), 0
+
+
+_CONTRACT = (
+    Check(
+        "answers_repeat",
+        "two runs, alone or side by side, draw the same sets",
+        "state shared between cullers, unseeded chance, answers read too early",
+        _answers_repeat,
+    ),
+    Check(
+        "close_at_any_time",
+        "close() works before prepare(), after it, and twice",
+        "freeing what was never made, or freeing it again",
+        _close_at_any_time,
+    ),
+)

@@ -1,0 +1,264 @@
+"""A glTF file's JSON and bytes: the container, the buffers, and which extensions matter."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import re
+import reprlib
+from pathlib import Path
+from typing import Any, NoReturn
+from urllib.parse import unquote
+
+import numpy as np
+
+from visref.errors import InputError
+from visref.files import Bytes, map_file, parse_json
+
+_GLB_MAGIC = b"glTF"
+_CHUNK_JSON = 0x4E4F534A
+_CHUNK_BIN = 0x004E4942
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+
+# Read here, or without any influence on which triangles stand where.
+_HANDLED = {
+    "KHR_draco_mesh_compression",
+    "EXT_mesh_gpu_instancing",
+    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_materials_pbrSpecularGlossiness",
+    *MESHOPT,
+}
+_HARMLESS = re.compile(
+    r"KHR_(materials|texture|lights|xmp|environment|audio)_?\w*|KHR_animation_pointer"
+    r"|EXT_(texture|lights|materials)_\w+|EXT_(mesh_features|structural_metadata)"
+    r"|EXT_(instance_features|mesh_manifold)|MSFT_(texture_dds|packing_\w+|lod|lighting\w*)"
+    r"|AGI_articulations|AGI_stk_metadata|CESIUM_primitive_outline|FB_geometry_metadata"
+    r"|ADOBE_materials_\w+|GOOGLE_texture_basis"
+)
+
+
+class Json:
+    """A value of the file and its place; a wrong type is an InputError that names the place."""
+
+    __slots__ = ("place", "value")
+
+    def __init__(self, value: Any, place: str) -> None:
+        self.value = value
+        self.place = place
+
+    def fail(self, problem: str, mend: str = "export the file anew") -> NoReturn:
+        raise InputError(problem, place=self.place, mend=mend)
+
+    def get(self, name: str) -> Json | None:
+        """A member of this object, or None where it is absent."""
+        if not isinstance(self.value, dict):
+            self.fail("this is not a JSON object")
+        if name not in self.value:
+            return None
+        return Json(self.value[name], f"{self.place}.{name}" if self.place else name)
+
+    def __getitem__(self, name: str) -> Json:
+        member = self.get(name)
+        if member is None:
+            self.fail(f"'{name}' is missing")
+        return member
+
+    def names(self) -> list[str]:
+        """The names of this object's members."""
+        if not isinstance(self.value, dict):
+            self.fail("this is not a JSON object")
+        return list(self.value)
+
+    def items(self) -> list[Json]:
+        if not isinstance(self.value, list):
+            self.fail("this is not a list")
+        return [Json(value, f"{self.place}[{i}]") for i, value in enumerate(self.value)]
+
+    def integer(self, low: int = 0, high: int = 2**53) -> int:
+        value = self.value
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int):
+            self.fail(f"{reprlib.repr(value)} is not an integer")
+        if not low <= value <= high:
+            self.fail(f"{value} is outside {low}…{high}")
+        return value
+
+    def number(self) -> float:
+        if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
+            self.fail(f"{reprlib.repr(self.value)} is not a number")
+        try:
+            number = float(self.value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            self.fail("the number is too large")
+        return number
+
+    def numbers(self, count: int) -> list[float]:
+        if not isinstance(self.value, list) or len(self.value) != count:
+            self.fail(f"this is not a list of {count} numbers")
+        if all(type(v) in (float, int) and abs(v) < 1e300 for v in self.value):
+            return self.value  # The million-node case: no place is made that nobody will read.
+        return [item.number() for item in self.items()]
+
+    def text(self) -> str:
+        if not isinstance(self.value, str):
+            self.fail(f"{reprlib.repr(self.value)} is not a string")
+        return self.value
+
+    def flag(self) -> bool:
+        if not isinstance(self.value, bool):
+            self.fail(f"{reprlib.repr(self.value)} is not true or false")
+        return self.value
+
+
+class Document:
+    """An open glTF or GLB file. Bytes are mapped, not read: images cost nothing.
+
+    Raises InputError (without the file's name; `visref.formats.loading` adds it).
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        data = map_file(path)
+        self._chunk: Bytes | None = None
+        if data[:4].tobytes() == _GLB_MAGIC:
+            text, self._chunk = _chunks(data)
+        else:
+            text = data
+        self.root = Json(parse_json(text.tobytes()), "")
+        self._buffers: dict[int, Bytes] = {}
+        self._lists: dict[str, list[Json]] = {}
+        self._check_asset()
+        self.unknown_extensions = self._check_extensions()
+
+    def entries(self, kind: str) -> list[Json]:
+        """The file's top-level list `kind` ("nodes", "meshes", …), empty where it is absent."""
+        if kind not in self._lists:
+            found = self.root.get(kind)
+            self._lists[kind] = found.items() if found is not None else []
+        return self._lists[kind]
+
+    def entry(self, kind: str, reference: Json) -> Json:
+        """The entry of `kind` that `reference` names by index."""
+        entries = self.entries(kind)
+        index = reference.integer(0)
+        if index >= len(entries):
+            reference.fail(f"{kind}[{index}] is named, but the file has {len(entries)}")
+        return entries[index]
+
+    def view(self, reference: Json) -> tuple[Bytes, int | None]:
+        """A buffer view's bytes, and its stride if it states one."""
+        view = self.entry("bufferViews", reference)
+        extensions = view.get("extensions")
+        compressed = extensions is not None and any(extensions.get(name) for name in MESHOPT)
+        buffer = self.entry("buffers", view["buffer"])
+        if compressed and buffer.get("uri") is None:
+            # With a uri the buffer is the uncompressed fallback; without one it is empty.
+            view.fail(
+                "its geometry is compressed with meshopt, which visref does not decode",
+                "export it without EXT_meshopt_compression",
+            )
+        data = self._buffer(view["buffer"])
+        offset = _integer(view, "byteOffset", 0)
+        length = view["byteLength"].integer(1)
+        if offset + length > len(data):
+            view.fail(f"it ends at byte {offset + length} of a buffer of {len(data)}")
+        stride = view.get("byteStride")
+        if stride is not None:
+            return data[offset : offset + length], stride.integer(1, 65535)
+        return data[offset : offset + length], None
+
+    def _buffer(self, reference: Json) -> Bytes:
+        index = reference.integer(0)
+        if index in self._buffers:
+            return self._buffers[index]
+        buffer = self.entry("buffers", reference)
+        length = buffer["byteLength"].integer(1)
+        uri = buffer.get("uri")
+        if uri is not None:
+            data = self._uri(uri)
+        elif index == 0 and self._chunk is not None:
+            data = self._chunk
+        else:
+            buffer.fail("the buffer has neither a uri nor bytes in the file")
+        if len(data) < length:
+            buffer.fail(f"it holds {len(data)} of its {length} bytes: the file is truncated")
+        self._buffers[index] = data[:length]
+        return self._buffers[index]
+
+    def _uri(self, uri: Json) -> Bytes:
+        text = uri.text()
+        if text.startswith("data:"):
+            header, _, payload = text.partition(",")
+            if not header.endswith(";base64"):
+                uri.fail("the data URI is not base64")
+            try:
+                return np.frombuffer(base64.b64decode(payload, validate=True), np.uint8)
+            except (binascii.Error, ValueError):
+                uri.fail("the data URI is not valid base64")
+        if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
+            uri.fail(f"'{text[:60]}' is not a file beside this one", "download it first")
+        try:
+            return map_file(self.path.parent / unquote(text))
+        except InputError as error:
+            uri.fail(f"buffer file '{text[:200]}': {error.problem}", "put the file there")
+
+    def _check_asset(self) -> None:
+        version = self.root["asset"]["version"].text()
+        if not version.startswith("2."):
+            self.root["asset"]["version"].fail(
+                f"this is glTF {version}", "convert it: visref reads glTF 2"
+            )
+
+    def _check_extensions(self) -> list[str]:
+        """Refuse what is required and not understood; return what is merely used."""
+        required = self.root.get("extensionsRequired")
+        for name in required.items() if required is not None else []:
+            if not _understood(name.text()):
+                name.fail(
+                    f"the file requires extension {name.text()}, which visref does not know",
+                    "export without it",
+                )
+        used = self.root.get("extensionsUsed")
+        names = [name.text() for name in used.items()] if used is not None else []
+        return [name for name in names if not _understood(name)]
+
+
+def _understood(extension: str) -> bool:
+    return extension in _HANDLED or _HARMLESS.fullmatch(extension) is not None
+
+
+def _integer(owner: Json, name: str, default: int) -> int:
+    member = owner.get(name)
+    return default if member is None else member.integer()
+
+
+def _chunks(data: Bytes) -> tuple[Bytes, Bytes | None]:
+    """The JSON chunk and the binary chunk of a GLB file (section 4.4)."""
+    if len(data) < 12:
+        raise InputError("truncated GLB: the header is cut", mend="export or copy it anew")
+    version, length = (int(v) for v in data[4:12].view("<u4"))
+    if version != 2:
+        raise InputError(f"this is GLB version {version}", mend="convert it: visref reads 2")
+    if length > len(data):
+        raise InputError(
+            f"truncated GLB: it has {len(data)} of its {length} bytes",
+            mend="export or copy it anew",
+        )
+    chunks: dict[int, Bytes] = {}
+    at = 12
+    while at + 8 <= length:
+        size, kind = (int(v) for v in data[at : at + 8].view("<u4"))
+        if at + 8 + size > length:
+            raise InputError(
+                f"truncated GLB: the chunk at byte {at} is cut", mend="export or copy it anew"
+            )
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    if _CHUNK_JSON not in chunks:
+        raise InputError("the GLB has no JSON chunk", mend="export or copy it anew")
+    return chunks[_CHUNK_JSON], chunks.get(_CHUNK_BIN)

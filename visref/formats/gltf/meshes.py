@@ -1,0 +1,236 @@
+"""A glTF file's meshes: primitives (section 3.7) and what their materials hide.
+
+A mesh's primitives become one `Mesh`. Strips and fans become triangles; points and lines have
+none. Morph targets and skins stand in their rest pose: the file's default weights, the joints
+where the nodes put them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.errors import InputError
+from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
+from visref.formats.gltf.document import MESHOPT, Document, Json
+from visref.formats.placed import Mesh
+from visref.scene import Alpha, Float64
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_DRACO = "KHR_draco_mesh_compression"
+_DEFAULT_CUTOFF = 0.5
+
+
+def read_mesh(
+    document: Document,
+    mesh: Json,
+    weights: list[float],
+    skin: Float64 | None,
+    constant: set[int],
+) -> Mesh:
+    """One mesh, all its primitives together.
+
+    `weights` are its morph targets'; `skin`: (j, 4, 4) float64, world_from_mesh by joint, or
+    None where the mesh is rigid. Masked materials that their constant alpha decides are added
+    to `constant`. Raises InputError naming the place.
+    """
+    parts = [_Primitive(document, entry, constant) for entry in mesh["primitives"].items()]
+    return Mesh.joined([part.read(weights, skin) for part in parts])
+
+
+class _Primitive:
+    """One primitive, its attributes compressed or not."""
+
+    def __init__(self, document: Document, primitive: Json, constant: set[int]) -> None:
+        self.document = document
+        self.constant = constant
+        self.json = primitive
+        extensions = primitive.get("extensions")
+        for name in MESHOPT:
+            if extensions is not None and extensions.get(name) is not None:
+                extensions.fail(f"{name} does not belong to a primitive")
+        compressed = extensions.get(_DRACO) if extensions is not None else None
+        self.draco = _Draco(document, compressed) if compressed is not None else None
+
+    def read(self, weights: list[float], skin: Float64 | None) -> Mesh:
+        """The primitive's triangles: none where it is made of points or lines."""
+        mode = self.json.get("mode")
+        kind = _TRIANGLES if mode is None else mode.integer(0, _FAN)
+        if kind < _TRIANGLES:
+            return Mesh.joined([])
+        positions = self.attribute("POSITION", ("VEC3",))
+        if positions is None:
+            return Mesh.joined([])  # Section 3.7.2: without positions there is nothing to draw.
+        triangles = self.triangles(kind, len(positions))
+        positions = self.morphed(positions, weights)
+        if skin is not None:
+            positions = self.skinned(positions, skin)
+        return self.with_material(positions, triangles)
+
+    def attribute(self, name: str, kinds: tuple[str, ...]) -> NDArray[Any] | None:
+        """An attribute's (v, width) values, None where the primitive lacks it."""
+        reference = self.json["attributes"].get(name)
+        if reference is None:
+            return None
+        if self.draco is not None and self.draco.has(name):
+            normalized = self.document.entry("accessors", reference).get("normalized")
+            return decode(
+                self.draco.attribute(name),
+                normalized=normalized is not None and normalized.flag(),
+            )
+        return read_floats(self.document, reference, kinds, integers=True)
+
+    def triangles(self, kind: int, vertex_count: int) -> NDArray[Any]:
+        """(t, 3) vertex ids, each checked against the number of vertices."""
+        indices = self.json.get("indices")
+        if self.draco is not None:
+            corners = self.draco.faces.reshape(-1)
+            kind = _TRIANGLES  # The decoder has taken strips apart.
+        elif indices is not None:
+            corners = read_raw(self.document, indices, ("SCALAR",), UNSIGNED)[:, 0]
+        else:
+            corners = np.arange(vertex_count)
+        if len(corners) and int(corners.max()) >= vertex_count:
+            (indices or self.json).fail(
+                f"a triangle names vertex {corners.max()}, index out of range 0…{vertex_count - 1}",
+                "mend the index buffer",
+            )
+        if kind == _TRIANGLES:
+            # As in OpenGL, one or two vertices left over form no triangle.
+            return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        count = max(0, len(corners) - 2)
+        first, odd = np.arange(count), np.arange(count) % 2
+        if kind == _STRIP:
+            return corners[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
+        return corners[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
+
+    def morphed(self, positions: NDArray[Any], weights: list[float]) -> NDArray[Any]:
+        targets = self.json.get("targets")
+        if targets is None or not any(weights):
+            return positions
+        result = positions.astype(np.float64)
+        for target, weight in zip(targets.items(), weights, strict=False):
+            reference = target.get("POSITION")
+            if reference is None or weight == 0.0:
+                continue
+            moved = read_floats(self.document, reference, ("VEC3",), integers=True)
+            if len(moved) != len(positions):
+                reference.fail(f"{len(moved)} displacements for {len(positions)} vertices")
+            result += weight * moved
+        return result
+
+    def skinned(self, positions: NDArray[Any], skin: Float64) -> Float64:
+        """Linear blend skinning (section 3.7.3.3): (v, 3) float64 in world space."""
+        blended = np.zeros((len(positions), 3, 4))
+        total = np.zeros(len(positions))
+        for number in range(len(self.json["attributes"].names())):
+            joints = self.attribute(f"JOINTS_{number}", ("VEC4",))
+            weights = self.attribute(f"WEIGHTS_{number}", ("VEC4",))
+            if joints is None or weights is None:
+                break
+            if len(joints) != len(positions) or len(weights) != len(positions):
+                self.json.fail(f"JOINTS_{number} or WEIGHTS_{number} is not one a vertex")
+            if not 0 <= joints.min() <= joints.max() < len(skin):
+                self.json.fail(f"JOINTS_{number} names a joint outside 0…{len(skin) - 1}")
+            for column in range(4):
+                weight = weights[:, column].astype(np.float64)
+                joint = joints[:, column].astype(np.int64)
+                blended += weight[:, None, None] * skin[joint, :3]
+                total += weight
+        if not (total > 0.0).all():
+            self.json.fail("a vertex of a skinned mesh has no weight")
+        blended /= total[:, None, None]
+        points = positions.astype(np.float64)
+        result = blended[:, :, 3].copy()
+        for axis in range(3):
+            result += blended[:, :, axis] * points[:, axis, None]
+        return result
+
+    def with_material(self, positions: NDArray[Any], triangles: NDArray[Any]) -> Mesh:
+        """The Mesh, without the triangles that a constant alpha below the cutoff hides."""
+        reference = self.json.get("material")
+        if reference is None:
+            return Mesh.plain(positions, triangles)
+        material = self.document.entry("materials", reference)
+        double = material.get("doubleSided")
+        one_sided = not (double is not None and double.flag())
+        named = material.get("alphaMode")
+        mode = named.text() if named is not None else "OPAQUE"
+        if mode not in Alpha.__members__:
+            material["alphaMode"].fail(f"'{mode}' is not OPAQUE, MASK or BLEND")
+        if mode != "MASK":
+            return Mesh.plain(positions, triangles, one_sided=one_sided, alpha=Alpha[mode])
+        cutoff = material.get("alphaCutoff")
+        level = _DEFAULT_CUTOFF if cutoff is None else cutoff.number()
+        factor, textured = _base_alpha(material)
+        color = self.attribute("COLOR_0", ("VEC3", "VEC4"))
+        corner = np.ones(triangles.shape)
+        if color is not None and color.shape[1] == 4:
+            if len(color) != len(positions):
+                self.json.fail(f"COLOR_0 has {len(color)} values for {len(positions)} vertices")
+            corner = color[:, 3].astype(np.float64)[triangles]
+        # Alpha is interpolated between the corners, and a texture only lowers it.
+        low, high = factor * corner.min(axis=1), factor * corner.max(axis=1)
+        kept = high >= level
+        mesh = Mesh.plain(positions, triangles[kept], one_sided=one_sided, alpha=Alpha.MASK)
+        if not textured:
+            self.constant.add(reference.integer())
+            mesh.alpha[low[kept] >= level] = Alpha.OPAQUE
+        return mesh
+
+
+def _base_alpha(material: Json) -> tuple[float, bool]:
+    """The constant factor of a material's alpha, and whether a texture multiplies it."""
+    extensions = material.get("extensions")
+    specular = (
+        extensions.get("KHR_materials_pbrSpecularGlossiness") if extensions is not None else None
+    )
+    if specular is not None:
+        owner, factor_name, texture_name = specular, "diffuseFactor", "diffuseTexture"
+    else:
+        metallic = material.get("pbrMetallicRoughness")
+        if metallic is None:
+            return 1.0, False
+        owner, factor_name, texture_name = metallic, "baseColorFactor", "baseColorTexture"
+    factor = owner.get(factor_name)
+    alpha = 1.0 if factor is None else factor.numbers(4)[3]
+    return alpha, owner.get(texture_name) is not None
+
+
+class _Draco:
+    """A primitive's attributes and faces, decoded by DracoPy."""
+
+    def __init__(self, document: Document, extension: Json) -> None:
+        try:
+            import DracoPy
+        except ImportError as error:
+            raise InputError(
+                "its geometry is compressed with Draco, and DracoPy is not installed",
+                place=extension.place,
+                mend="run: pip install DracoPy",
+            ) from error
+        data, _ = document.view(extension["bufferView"])
+        try:
+            self.mesh = DracoPy.decode(data.tobytes())
+            self.faces: NDArray[Any] = np.asarray(self.mesh.faces)
+        except Exception as error:  # The decoder's own kinds of failure are its secret.
+            raise InputError(
+                f"the Draco decoder refused the data: {error}",
+                place=extension.place,
+                mend="export the file anew",
+            ) from error
+        attributes = extension["attributes"]
+        self.ids: Mapping[str, Json] = {name: attributes[name] for name in attributes.names()}
+
+    def has(self, name: str) -> bool:
+        return name in self.ids
+
+    def attribute(self, name: str) -> NDArray[Any]:
+        wanted = self.ids[name].integer()
+        found = [a for a in self.mesh.attributes if a["unique_id"] == wanted]
+        if not found:
+            self.ids[name].fail(f"the compressed data has no attribute {wanted}")
+        return np.asarray(found[0]["data"]).reshape(-1, found[0]["num_components"])

@@ -1,0 +1,132 @@
+"""What a run found, as plain values: a row a culler and frame, findings, sums and the worst.
+
+`visref.judging.referee` fills these, `visref.run_folder.write` writes them down, and reports are
+made from the files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+from visref.culler import Promise, QueryStats
+from visref.findings import Finding
+from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.status import CullerOutcome, Exit, decide, status_of
+from visref.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRecord:
+    """One culler's frame: the verdict, the cost, and whether the picture held
+    (`image_pixels_differ`: pixels, None if it was not asked)."""
+
+    frame: int
+    verdict: FrameVerdict
+    stats: QueryStats
+    triangles_drawn: int
+    corrections: int = 0
+    image_pixels_differ: int | None = None
+
+
+@dataclass
+class CullerRecord:
+    """One culler's run. `spec` is its name with options, unique within a run."""
+
+    spec: str
+    promise: Promise
+    unit_kind: str = "object"
+    unit_count: int = 0
+    frames: list[FrameRecord] = field(default_factory=list)
+    failed: bool = False
+
+    @property
+    def totals(self) -> Counts:
+        return sum((record.verdict.counts for record in self.frames), Counts())
+
+    @property
+    def exit(self) -> Exit:
+        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed))
+
+    def losses(self) -> list[tuple[int, int, Miss]]:
+        """Confirmed misses by object: (samples lost over all frames, frame, worst miss),
+        the most lost first."""
+        total: dict[int, int] = defaultdict(int)
+        worst: dict[int, tuple[int, Miss]] = {}
+        for record in self.frames:
+            for miss in record.verdict.misses:
+                if miss.kind is not MissKind.CONFIRMED:
+                    continue
+                total[miss.object] += miss.pixels
+                if miss.object not in worst or miss.pixels > worst[miss.object][1].pixels:
+                    worst[miss.object] = (record.frame, miss)
+        order = sorted(total, key=lambda obj: (-total[obj], obj))
+        return [(total[obj], *worst[obj]) for obj in order]
+
+
+@dataclass
+class RunOutcome:
+    """A whole run."""
+
+    cullers: list[CullerRecord]
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def exit(self) -> Exit:
+        return decide(culler.exit for culler in self.cullers)
+
+
+def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, object]:
+    """A miss's witness as it stands in `verdict.json`, the objects table and reports."""
+    return {
+        "frame": frame,
+        "x": miss.sample % width,
+        "y": miss.sample // width,
+        "object": miss.object,
+        "object_name": scene.names[miss.object],
+        "triangle": miss.triangle,
+        "depth": miss.depth,
+        "kind": miss.kind.value,
+        "pixels": miss.pixels,
+        "owned": miss.owned,
+        "margin_px": _finite(miss.margin_px),
+        "margin_depth": _finite(miss.margin_depth),
+    }
+
+
+def _finite(margin: float | None) -> float | None:
+    """JSON has no infinity: a margin that nothing limits is null, like one not computed."""
+    return margin if margin is not None and math.isfinite(margin) else None
+
+
+def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> dict[str, object]:
+    """The content of `verdict.json`; `widths` gives each frame's image width."""
+    cullers: dict[str, object] = {}
+    for record in outcome.cullers:
+        losses = record.losses()
+        worst = witness_json(scene, widths[losses[0][1]], *losses[0][1:]) if losses else None
+        cullers[record.spec] = {
+            "promise": record.promise.value,
+            "frames": len(record.frames),
+            "unit_kind": record.unit_kind,
+            **vars(record.totals),
+            "status": record.exit.status,
+            "worst": worst,
+        }
+    return {
+        "status": outcome.exit.status,
+        "exit_status": int(outcome.exit),
+        "cullers": cullers,
+        "findings": [
+            {
+                "code": finding.code,
+                "severity": finding.rule.severity.value,
+                "message": finding.message,
+                "culler": finding.culler,
+                "frame": finding.frame,
+                "object": finding.object,
+            }
+            for finding in outcome.findings
+        ],
+    }

@@ -1,0 +1,353 @@
+"""Scene × path × cullers: the order of work, progress, and the isolation of failures.
+
+Each frame's truth is cast once and judged against every culler. A culler that breaks down
+stops alone. With a recorded truth, a frame is cast again only if a culler left something
+visible out of it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.camera_path import CameraPath
+from visref.culler import (
+    Culler,
+    CullerError,
+    DrawnSet,
+    Promise,
+    check_asked,
+    check_drawn,
+    check_stats,
+)
+from visref.engines.base import TruthEngine
+from visref.errors import InputError, NothingToJudge
+from visref.exact import ExactScene
+from visref.findings import Finding
+from visref.judging.disputes import Rulings, corrected, find_disputes, settle
+from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
+from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.recordings.truth_file import FrameRows, RecordedTruth
+from visref.scene import OBJECT, Int32, Scene, Units, unique_names
+from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
+
+
+class ImageCheck(Protocol):
+    """An engine that can redraw a drawn set and compare it with the unculled picture."""
+
+    def pixels_differ(self, camera: Camera, drawn: NDArray[np.bool_]) -> int:
+        """Pixels in which the drawn triangles' picture differs from the whole scene's."""
+        ...
+
+
+class Listener(Protocol):
+    """Told of everything a run does, in order; it keeps records, progress and pictures."""
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        """A frame's truth was cast (not called for frames taken from a truth file)."""
+        ...
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        """A culler's frame was judged."""
+        ...
+
+    def on_frame_done(self, frame: int) -> None:
+        """All cullers are through with this frame."""
+        ...
+
+
+@dataclass(eq=False)
+class Job:
+    """A culler under judgement, and its record."""
+
+    spec: str
+    culler: Culler
+    record: CullerRecord
+    units: Units
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFrame:
+    """What a listener may want to keep of one culler's frame. `truth` is the corrected truth,
+    None where a recorded truth was enough."""
+
+    record: FrameRecord
+    truth: FrameTruth | None
+    drawn_set: DrawnSet
+    drawn: NDArray[np.bool_]
+
+    @property
+    def drawn_units(self) -> Int32:
+        return self.drawn_set.unit_ids
+
+
+@dataclass(eq=False)
+class Referee:
+    """Casts truths and judges cullers on one scene.
+
+    `engine` makes the truth engine on first use, so that a recorded truth with nothing to
+    dispute never builds one. It must be the engine that cast a recorded truth: another may not
+    see what that truth says was missed.
+    """
+
+    scene: Scene
+    engine: Callable[[], TruthEngine]
+    threads: int | None = None
+    recorded: RecordedTruth | None = None
+    image_check: ImageCheck | None = None
+
+    def __post_init__(self) -> None:
+        self._engine: TruthEngine | None = None
+        self._exact: ExactScene | None = None
+
+    def run(
+        self,
+        path: CameraPath,
+        frames: Iterable[int],
+        cullers: Sequence[tuple[str, Culler]],
+        listeners: Sequence[Listener] = (),
+    ) -> RunOutcome:
+        """Judge every culler on these frames of the path, in order."""
+        names = unique_names([spec for spec, _ in cullers])
+        cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
+        outcome = RunOutcome([])
+        try:
+            jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
+            for frame in frames:
+                self._frame(path.frames[frame], frame, jobs, outcome, listeners)
+                for listener in listeners:
+                    listener.on_frame_done(frame)
+        finally:
+            for spec, culler in cullers:
+                self._close(spec, culler, outcome)
+            if self._engine is not None:
+                self._engine.close()
+        self._summarise(outcome)
+        return outcome
+
+    def _prepare(self, spec: str, culler: Culler, outcome: RunOutcome) -> Job | None:
+        record = CullerRecord(spec, _promise(spec, culler))
+        outcome.cullers.append(record)
+        try:
+            units = culler.prepare(self.scene)
+            units.check(self.scene, source=spec)
+            if units.kind == OBJECT and not units.are_objects(self.scene):
+                units = replace(units, kind="unit")
+        except NothingToJudge as error:
+            record.failed = True
+            outcome.findings.append(Finding("NO_GL", str(error), culler=spec))
+            return None
+        except InputError:
+            raise
+        except Exception as error:  # a plug-in may raise anything; the others go on
+            self._fail(record, outcome, None, error)
+            return None
+        # `prepare` may have settled what the options promise.
+        record.promise = _promise(spec, culler)
+        record.unit_kind, record.unit_count = units.kind, units.count
+        return Job(spec, culler, record, units)
+
+    def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
+        try:
+            culler.close()
+        except Exception as error:  # a plug-in may raise anything; the others are closed too
+            record = next((r for r in outcome.cullers if r.spec == spec), None)
+            if record is not None:
+                self._fail(record, outcome, None, error)
+
+    def _fail(
+        self, record: CullerRecord, outcome: RunOutcome, frame: int | None, error: Exception
+    ) -> None:
+        record.failed = True
+        text = str(error) if isinstance(error, CullerError) else f"{type(error).__name__}: {error}"
+        outcome.findings.append(Finding("CULLER_FAILED", text, culler=record.spec, frame=frame))
+
+    def _frame(
+        self,
+        camera: Camera,
+        frame: int,
+        jobs: Sequence[Job],
+        outcome: RunOutcome,
+        listeners: Sequence[Listener],
+    ) -> None:
+        cast: tuple[FrameTruth, ObjectVisibility] | None = None
+        if self.recorded is None:
+            cast = self._cast(camera, frame, listeners)
+        for job in jobs:
+            if job.record.failed:
+                continue
+            try:
+                drawn_set = self._cull(job, camera, frame)
+            except InputError:
+                raise
+            except Exception as error:  # a plug-in may raise anything; the others go on
+                self._fail(job.record, outcome, frame, error)
+                continue
+            drawn_units = drawn_set.unit_ids
+            drawn = job.units.mask(drawn_units, self.scene.triangle_count)
+            rows = self.recorded.frames[frame] if self.recorded else None
+            verdict = _clean_verdict(self.scene, rows, job, drawn_units) if rows else None
+            truth, rulings = None, Rulings()
+            if verdict is None:
+                cast = cast or self._cast(camera, frame, ())
+                try:
+                    truth, rulings = self._settle(cast[0], drawn, job.culler)
+                except CullerError as error:  # its rasteriser's picture is the plug-in's too
+                    self._fail(job.record, outcome, frame, error)
+                    continue
+                verdict = judge(
+                    self.scene, truth, job.units, drawn_units, job.record.promise, rulings
+                )
+                truth = corrected(truth, rulings)
+            differ = None
+            if self.image_check is not None:
+                differ = self.image_check.pixels_differ(camera, drawn)
+            record = FrameRecord(
+                frame,
+                verdict,
+                drawn_set.stats,
+                int(np.count_nonzero(drawn)),
+                rulings.corrections,
+                differ,
+            )
+            job.record.frames.append(record)
+            judged = JudgedFrame(record, truth, drawn_set, drawn)
+            for listener in listeners:
+                listener.on_verdict(job, judged)
+
+    def _cast(
+        self, camera: Camera, frame: int, listeners: Sequence[Listener]
+    ) -> tuple[FrameTruth, ObjectVisibility]:
+        if self._engine is None:
+            self._engine = self.engine()
+        start = time.perf_counter()
+        truth = self._engine.frame(camera)
+        seen = objects_seen(truth, self.scene)
+        ms = (time.perf_counter() - start) * 1e3
+        for listener in listeners:
+            listener.on_truth(frame, truth, seen, ms)
+        return truth, seen
+
+    def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
+        start = time.perf_counter()
+        drawn_set = job.culler.cull(camera)
+        elapsed_ms = (time.perf_counter() - start) * 1e3
+        if not isinstance(drawn_set, DrawnSet):
+            raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
+        ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
+        asked_at = check_asked(drawn_set.asked_at, len(ids), culler=job.spec, frame=frame)
+        stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
+        return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
+
+    def _settle(
+        self, truth: FrameTruth, drawn: NDArray[np.bool_], culler: Culler
+    ) -> tuple[FrameTruth, Rulings]:
+        disputes = find_disputes(truth, self.scene, drawn)
+        if not disputes:
+            return truth, Rulings()
+        if self._exact is None:
+            self._exact = ExactScene(self.scene, threads=self.threads)
+        return truth, settle(self._exact, truth, disputes, drawn, culler.raster)
+
+    def _summarise(self, outcome: RunOutcome) -> None:
+        for record in outcome.cullers:
+            outcome.findings.extend(_culler_findings(record, self.scene))
+        engine = self._engine
+        if self.recorded is not None:
+            caster = "" if self.recorded.ties_complete else self.recorded.engine
+        else:
+            caster = "" if engine is None or engine.name == "exact" else engine.name
+        if caster:
+            outcome.findings.append(
+                Finding("ENGINE_BLIND_SPOTS", f"the truth was cast by '{caster}'")
+            )
+        if engine is not None and not getattr(engine, "rebase_exact", True):
+            outcome.findings.append(Finding("REBASE_INEXACT", "the scene spans too far"))
+
+
+def _promise(spec: str, culler: Culler) -> Promise:
+    try:
+        return Promise(culler.promise)
+    except ValueError as error:
+        raise InputError(
+            f"'{spec}' promises {culler.promise!r}",
+            mend=f"a promise is one of {', '.join(Promise)}",
+        ) from error
+
+
+def _clean_verdict(
+    scene: Scene, rows: FrameRows, job: Job, drawn_units: Int32
+) -> FrameVerdict | None:
+    """The verdict from a recorded truth, or None if the frame must be looked at by sample.
+
+    Enough where units are objects and every visible object was drawn whole.
+    """
+    if scene.has_mask or job.units.kind != OBJECT:
+        return None
+    if not np.isin(rows.objects, drawn_units).all():
+        return None
+    superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
+    counts = Counts(visible=len(rows.objects), drawn=len(drawn_units), superfluous=len(superfluous))
+    return FrameVerdict(counts, (), superfluous, owned=rows.owned)
+
+
+_CODES = {
+    MissKind.TIE: "MISSED_TIE",
+    MissKind.WITHIN_RASTER: "MISSED_WITHIN_RASTER",
+}
+
+
+def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
+    """One finding an object and kind, and what else a reader of the numbers should know."""
+    found: list[Finding] = []
+    confirmed = "MISSED_OBJECT" if record.promise.convicts else "MISSED_DECLARED"
+    frames_of: dict[int, int] = {}
+    for row in record.frames:
+        for miss in row.verdict.misses:
+            if miss.kind is MissKind.CONFIRMED:
+                frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
+    for pixels, frame, miss in record.losses():
+        lost, seen = _count(pixels, "sample"), _count(frames_of[miss.object], "frame")
+        text = f"{lost} lost over {seen}, worst in frame {frame}"
+        name = scene.names[miss.object]
+        found.append(Finding(confirmed, text, record.spec, frame, name))
+    for kind, code in _CODES.items():
+        first: dict[int, int] = {}
+        for row in record.frames:
+            for miss in row.verdict.misses:
+                if miss.kind is kind:
+                    first.setdefault(miss.object, row.frame)
+        found += [
+            Finding(code, f"first in frame {frame}", record.spec, frame, scene.names[obj])
+            for obj, frame in sorted(first.items())
+        ]
+    undecided: dict[int, int] = {}
+    for row in record.frames:
+        for obj in row.verdict.undecided_objects:
+            undecided.setdefault(int(obj), row.frame)
+    found += [
+        Finding("UNDECIDED_OBJECT", f"first in frame {frame}", record.spec, frame, scene.names[obj])
+        for obj, frame in sorted(undecided.items())
+    ]
+    corrections = sum(row.corrections for row in record.frames)
+    if corrections:
+        found.append(Finding("ENGINE_CORRECTED", _count(corrections, "sample"), record.spec))
+    differ = [row for row in record.frames if row.image_pixels_differ]
+    if differ:
+        pixels = sum(row.image_pixels_differ or 0 for row in differ)
+        text = f"{_count(pixels, 'pixel')} over {_count(len(differ), 'frame')}"
+        found.append(Finding("IMAGE_DIFFERS", text, record.spec, differ[0].frame))
+    if not record.failed and not record.totals.visible:
+        text = "no frame was judged" if not record.frames else "no object is visible in any frame"
+        found.append(Finding("NOTHING_JUDGED", text, record.spec))
+    return found
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

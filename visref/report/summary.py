@@ -1,0 +1,176 @@
+"""Each culler's measures over a run, and its error rates, defined once: here."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from visref.run_folder.read import LostObject, Row, RunRecord
+
+SAFE = "no_violation_found"
+
+
+@dataclass(frozen=True)
+class Rate:
+    """An error rate: its key in `Rates`, its name in tables, and what is divided by what, each
+    summed over the judged frames."""
+
+    key: str
+    name: str
+    meaning: str
+
+
+RATES = (
+    Rate("fnr", "FNR", "false-negative rate by object, missed / visible"),
+    Rate(
+        "fpr",
+        "FPR",
+        "false-positive rate by object, superfluous / not visible; where a culler decides about "
+        "objects",
+    ),
+    Rate(
+        "fnr_px",
+        "FNR px",
+        "false-negative rate by pixel, samples lost / samples that anything owns",
+    ),
+    Rate("per", "PER", "pixel error rate, samples lost / all samples"),
+)
+# A false positive has no pixel: what is superfluous changes no sample of the finished image.
+NO_FPR_PX = (
+    "There is no FPR by pixel: what is superfluous changes no sample. Its price in pixels is "
+    "fragments."
+)
+
+
+def definitions() -> str:
+    """`RATES` in a line of prose."""
+    said = "; ".join(f"{rate.name}: {rate.meaning}" for rate in RATES)
+    return f"{said}. {NO_FPR_PX}"
+
+
+@dataclass(frozen=True)
+class Rates:
+    """One culler's shares of 1 by `RATES`; None stands for what cannot be said."""
+
+    fnr: float | None
+    fpr: float | None
+    fnr_px: float | None
+    per: float | None
+
+    def named(self) -> list[tuple[Rate, float | None]]:
+        return [(rate, getattr(self, rate.key)) for rate in RATES]
+
+
+def rates(run: RunRecord, culler: str) -> Rates:
+    """The culler's error rates over the frames that it was judged on."""
+    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+    rows = run.frames_of[culler]
+    hidden = None
+    if verdict["unit_kind"] == "object":
+        hidden = int(run.manifest["cullers"][culler]["units"]) * len(rows) - verdict["visible"]
+    owned: list[Any] = [row.get("owned") for row in rows]
+    return Rates(
+        fnr=_ratio(verdict["missed"], verdict["visible"]),
+        fpr=_ratio(verdict["superfluous"], hidden),
+        fnr_px=_ratio(verdict["missed_pixels"], None if None in owned else sum(owned)),
+        per=_ratio(verdict["missed_pixels"], sum(run.samples_of(row["frame"]) for row in rows)),
+    )
+
+
+@dataclass(frozen=True)
+class Measures:
+    """One culler's row. Counts are `verdict.json`'s sums over frames; means are over frames;
+    None stands for what was not measured."""
+
+    culler: str
+    status: str
+    promise: str
+    unit_kind: str
+    units: int
+    frames: int
+    counts: dict[str, int]
+    lost: tuple[LostObject, ...]
+    frames_with_miss: int
+    rates: Rates
+    superfluous_share: float | None
+    causes: dict[str, int]
+    queries: float | None
+    batches: float | None
+    query_fragments: float | None
+    triangle_share: float | None
+    ms_median: float | None
+
+    @property
+    def convicts(self) -> bool:
+        """Whether its misses are violations."""
+        return self.promise in ("exact", "conservative")
+
+    @property
+    def safe(self) -> bool:
+        """No violation, and nothing visible left out: such rows alone compete for the best."""
+        return self.status == SAFE and not self.counts["confirmed"]
+
+
+def measure(run: RunRecord, culler: str) -> Measures:
+    """The culler's measures from the run's records."""
+    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+    rows = run.frames_of[culler]
+    counts = {
+        name: value
+        for name, value in verdict.items()
+        if isinstance(value, int) and name != "frames"
+    }
+    triangles = run.manifest["scene"]["triangles"]
+    drawn_triangles = _mean(rows, "triangles_drawn")
+    times = list(run.cull_ms.get(culler, {}).values())
+    return Measures(
+        culler=culler,
+        status=verdict["status"],
+        promise=verdict["promise"],
+        unit_kind=verdict["unit_kind"],
+        units=int(run.manifest["cullers"][culler]["units"]),
+        frames=verdict["frames"],
+        counts=counts,
+        lost=tuple(run.lost_objects(culler)),
+        frames_with_miss=sum(1 for row in rows if row["confirmed"]),
+        rates=rates(run, culler),
+        superfluous_share=_ratio(counts["superfluous"], counts["drawn"]),
+        causes=run.superfluous_causes(culler),
+        queries=_mean(rows, "queries"),
+        batches=_mean(rows, "batches"),
+        query_fragments=_mean(rows, "query_fragments"),
+        triangle_share=(
+            drawn_triangles / triangles if drawn_triangles is not None and triangles else None
+        ),
+        ms_median=statistics.median(times) if times else None,
+    )
+
+
+def _ratio(part: int, whole: int | None) -> float | None:
+    return part / whole if whole else None
+
+
+def _mean(rows: Sequence[Row], name: str) -> float | None:
+    values = [row[name] for row in rows if row.get(name) is not None]
+    return statistics.fmean(values) if values else None
+
+
+def best(
+    rows: Sequence[Measures], value: Callable[[Measures], float | None], *, by_unit: bool = False
+) -> set[str]:
+    """The safe cullers with the least value, if at least two safe ones were measured and they
+    differ. `by_unit`: compare only within cullers whose units are of one kind."""
+    groups: dict[str, list[tuple[float, str]]] = {}
+    for row in rows:
+        measured = value(row)
+        if row.safe and measured is not None:
+            key = row.unit_kind if by_unit else ""
+            groups.setdefault(key, []).append((measured, row.culler))
+    winners: set[str] = set()
+    for group in groups.values():
+        low, high = min(group)[0], max(group)[0]
+        if low < high:
+            winners |= {culler for measured, culler in group if measured == low}
+    return winners

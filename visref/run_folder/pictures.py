@@ -1,0 +1,382 @@
+"""Pictures of a judged frame: the shaded scene, who was drawn for what, and what is missing.
+
+They are made from the visibility buffer alone, so they show what the verdict rests on and
+need no GL. Colours are Okabe and Ito's (2008), told apart by readers of every colour vision
+(https://jfly.uni-koeln.de/color/); hatching and rings say the same a second time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from visref import kernels
+from visref.camera import Camera
+from visref.judging.disputes import find_disputes
+from visref.judging.judge import FrameVerdict, MissKind
+from visref.run_folder.silhouettes import silhouettes
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref.visibility import FrameTruth
+
+# Wide enough for half a laptop's screen; wider costs a page that carries dozens of these.
+PAGE_WIDTH_PX = 960
+
+VISIBLE_RGB = (0x00, 0x72, 0xB2)
+SUPERFLUOUS_RGB = (0xE6, 0x9F, 0x00)
+MISSED_RGB = (0xD5, 0x5E, 0x00)
+
+# A missed patch smaller than this (page pixels) gets a ring, or nobody would find it.
+RING_BELOW_PX = 40
+MAX_RINGS = 60
+# How far a ring's white halo reaches from its line, in page pixels.
+_RING_HALO = 3.4
+
+_SKY_TOP = np.array([0.73, 0.82, 0.91], np.float32)
+_SKY_FOOT = np.array([0.95, 0.96, 0.97], np.float32)
+# Right, up, back in camera space: over the viewer's left shoulder.
+_LIGHT = np.array([-0.42, 0.72, 0.55]) / math.sqrt(0.42**2 + 0.72**2 + 0.55**2)
+_JPEG = {"quality": 84, "optimize": True}
+
+
+@dataclass(frozen=True)
+class PictureSet:
+    """The files of one frame, relative to the run folder, by what they show.
+
+    `picture`: the shaded scene; `drawn`: who was drawn, and for what; `ids`: a colour an
+    object; `errors`: the missed samples, where there are any. The first and the third are the
+    same for every culler of a frame, and one file.
+    """
+
+    culler: str
+    frame: int
+    files: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _Ring:
+    """A marker around a missed patch, in page pixels."""
+
+    x: float
+    y: float
+    radius: float
+
+    def around(self, shape: tuple[int, int]) -> tuple[tuple[slice, slice], Float64]:
+        """The part of an image of `shape` that the ring may touch, and there the distance of each
+        pixel's centre from its line, in pixels."""
+        reach = self.radius + _RING_HALO
+        rows = slice(max(int(self.y - reach), 0), min(int(self.y + reach) + 1, shape[0]))
+        columns = slice(max(int(self.x - reach), 0), min(int(self.x + reach) + 1, shape[1]))
+        y, x = np.mgrid[rows, columns]
+        return (rows, columns), np.abs(np.hypot(x + 0.5 - self.x, y + 0.5 - self.y) - self.radius)
+
+
+def draw_pictures(
+    folder: Path,
+    stem: str,
+    scene: Scene,
+    truth: FrameTruth,
+    units: Units,
+    drawn_units: Int32,
+    verdict: FrameVerdict,
+    *,
+    culler: str,
+    frame: int,
+) -> PictureSet:
+    """Draw one culler's frame into `folder`, which stands in the run folder.
+
+    `stem` is the culler's part of the file names. Superfluous units show as silhouettes
+    through the scene, missed samples as they are, with rings around small patches.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    camera = truth.camera
+    shape = page_shape(camera)
+    shaded = _shade(scene, truth)
+    files = {}
+
+    def save(what: str, name: str, image: Image.Image) -> None:
+        options = {**_JPEG, "subsampling": 2 if what == "picture" else 0}
+        image.save(folder / name, **(options if name.endswith(".jpg") else {"optimize": True}))
+        files[what] = f"{folder.name}/{name}"
+
+    save("picture", f"frame-{frame:05d}.jpg", _resized(shaded, shape))
+    superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
+    drawn = units.mask(drawn_units, scene.triangle_count)
+    missed = find_disputes(truth, scene, drawn).samples
+    missed_px = _shrunk(missed, camera, shape)
+    rings = _rings(scene, truth, verdict, missed, shape)
+    overlay = _overlay(shaded, truth, superfluous, missed_px, rings, shape)
+    save("drawn", f"{stem}-{frame:05d}-drawn.jpg", overlay)
+    save("ids", f"frame-{frame:05d}-ids.png", _id_picture(scene, truth, shape))
+    if len(missed) or rings:
+        save("errors", f"{stem}-{frame:05d}-errors.png", _errors(truth, missed_px, rings, shape))
+    return PictureSet(culler, frame, files)
+
+
+def page_shape(camera: Camera) -> tuple[int, int]:
+    """(height, width) of a frame's pictures: the frame's own, or as wide as a page takes."""
+    if camera.width <= PAGE_WIDTH_PX:
+        return camera.height, camera.width
+    return max(1, round(camera.height * PAGE_WIDTH_PX / camera.width)), PAGE_WIDTH_PX
+
+
+def _stride(camera: Camera) -> int:
+    """Every how many-th sample the shaded picture takes: two a page pixel are plenty."""
+    return max(1, camera.width // (2 * PAGE_WIDTH_PX))
+
+
+def _shade(scene: Scene, truth: FrameTruth) -> Float32:
+    """The shaded scene, (h, w, 3) float32 in 0…1, with a colour an object, light from over
+    the shoulder, darkened creases, outlines and haze."""
+    camera = truth.camera
+    stride = _stride(camera)
+    triangle = truth.buffer.triangle[::stride, ::stride]
+    depth = truth.buffer.depth[::stride, ::stride]
+    hit = triangle >= 0
+    height, width = triangle.shape
+    sky = _SKY_TOP + np.linspace(0.0, 1.0, height, dtype=np.float32)[:, None] * (
+        _SKY_FOOT - _SKY_TOP
+    )
+    image = np.broadcast_to(sky[:, None], (height, width, 3)).copy()
+    if not hit.any():
+        return image
+    owns = np.zeros(scene.triangle_count, np.bool_)
+    flat = np.ascontiguousarray(triangle).reshape(-1)
+    kernels.owned_triangles(flat, np.ones(flat.size, np.bool_), owns)
+    owners = np.flatnonzero(owns)
+    slot = np.zeros(scene.triangle_count, np.int32)
+    slot[owners] = np.arange(len(owners), dtype=np.int32)
+    colour = _lit_colours(scene, camera, owners)[slot[triangle[hit]]]
+
+    far = _nearness_scale(camera, depth, hit)
+    around = _blurred(far, max(2, width // 60))
+    crease = np.clip(0.9 * (far - around)[hit], -0.12, 0.4)
+    haze = 0.38 * far[hit] ** 2
+    colour *= (1.0 - crease)[:, None] * _outline(scene, triangle)[hit][:, None]
+    colour += haze[:, None] * (image[hit] - colour)
+    image[hit] = np.clip(colour, 0.0, 1.0)
+    return image
+
+
+def _lit_colours(scene: Scene, camera: Camera, triangles: Int64) -> Float32:
+    """(k, 3) float32 sRGB: the objects' colours under the light, two-sided."""
+    corners = scene.vertices[scene.triangles[triangles]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.where(length > 0.0, length, 1.0)[:, None]
+    towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
+    normal *= np.where((normal * towards).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    in_camera = normal @ camera.world_from_camera[:3, :3]
+    light = 0.34 + 0.62 * np.maximum(in_camera @ _LIGHT, 0.0) + 0.08 * in_camera[:, 1]
+    base = _pastel(scene.object_count)[scene.object_of_triangle[triangles]]
+    return _srgb(base * light[:, None]).astype(np.float32)
+
+
+def _nearness_scale(camera: Camera, depth: NDArray[np.float64], hit: NDArray[np.bool_]) -> Float32:
+    """(h, w) float32: 0 at the nearest sample, 1 at (nearly) the farthest and in the sky.
+
+    By the logarithm of depth in perspective, as the eye takes it.
+    """
+    values = np.log(depth[hit]) if camera.is_perspective else depth[hit]
+    low = float(values.min())
+    # One sliver at the horizon must not flatten everything else.
+    high = float(np.quantile(values, 0.98, method="lower"))
+    result = np.ones(depth.shape, np.float32)
+    result[hit] = np.clip((values - low) / max(high - low, 1e-9), 0.0, 1.0)
+    return result
+
+
+def _blurred(image: Float32, radius: int) -> Float32:
+    """Two passes of a (2 * radius + 1)-pixel box in each direction."""
+    for _ in range(2):
+        for axis in (0, 1):
+            pad = [(0, 0), (0, 0)]
+            pad[axis] = (radius + 1, radius)
+            total = np.cumsum(np.pad(image, pad, mode="edge"), axis=axis, dtype=np.float64)
+            span = 2 * radius + 1
+            if axis == 0:
+                image = ((total[span:] - total[:-span]) / span).astype(np.float32)
+            else:
+                image = ((total[:, span:] - total[:, :-span]) / span).astype(np.float32)
+    return image
+
+
+def _owner_objects(scene: Scene, triangle: Int32) -> Int32:
+    """Objects in place of triangles, -1 for the background."""
+    return np.where(triangle >= 0, scene.object_of_triangle[triangle], -1).astype(np.int32)
+
+
+def _outline(scene: Scene, triangle: Int32) -> Float32:
+    """(h, w) float32 factors: less than 1 where one object ends and another begins."""
+    result = np.ones(triangle.shape, np.float32)
+    result[_borders(_owner_objects(scene, triangle))] = 0.72
+    return result
+
+
+def _borders(ids: Int32) -> NDArray[np.bool_]:
+    """True where the pixel to the right or below belongs to something else."""
+    result = np.zeros(ids.shape, np.bool_)
+    result[:, :-1] |= ids[:, :-1] != ids[:, 1:]
+    result[:-1] |= ids[:-1] != ids[1:]
+    return result
+
+
+def _resized(image: Float32, shape: tuple[int, int]) -> Image.Image:
+    picture = Image.fromarray(np.round(image * 255.0).astype(np.uint8))
+    return picture.resize((shape[1], shape[0]), Image.Resampling.LANCZOS)
+
+
+def _shrunk(samples: Int64, camera: Camera, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(h, w) bool, True where any of these samples falls into the page pixel."""
+    result = np.zeros(shape, np.bool_)
+    y, x = np.divmod(samples, camera.width)
+    result[y * shape[0] // camera.height, x * shape[1] // camera.width] = True
+    return result
+
+
+def _nearest(buffer: Int32, shape: tuple[int, int]) -> Int32:
+    """The buffer at the page's pixels, one sample each."""
+    height, width = buffer.shape
+    y = (2 * np.arange(shape[0]) + 1) * height // (2 * shape[0])
+    x = (2 * np.arange(shape[1]) + 1) * width // (2 * shape[1])
+    picked: Int32 = buffer[y[:, None], x[None, :]]
+    return picked
+
+
+def _rings(
+    scene: Scene, truth: FrameTruth, verdict: FrameVerdict, missed: Int64, shape: tuple[int, int]
+) -> list[_Ring]:
+    """Rings around the missed objects whose lost samples span only a small patch."""
+    camera = truth.camera
+    scale = shape[1] / camera.width
+    owner = _owner_objects(scene, truth.buffer.triangle.reshape(-1)[missed])
+    rings = []
+    for miss in verdict.misses:
+        if miss.kind is MissKind.TIE:
+            continue
+        samples = missed[owner == miss.object]
+        if not len(samples):
+            samples = np.array([miss.sample])
+        y, x = np.divmod(samples, camera.width)
+        span = max(np.ptp(x), np.ptp(y)) + 1
+        if span * scale < RING_BELOW_PX:
+            centre_x = (x.min() + x.max() + 1) / 2 * scale
+            centre_y = (y.min() + y.max() + 1) / 2 * scale
+            rings.append(_Ring(float(centre_x), float(centre_y), float(span * scale / 2 + 9.0)))
+    return rings[:MAX_RINGS]
+
+
+def _overlay(
+    shaded: Float32,
+    truth: FrameTruth,
+    superfluous: Int32,
+    missed: NDArray[np.bool_],
+    rings: list[_Ring],
+    shape: tuple[int, int],
+) -> Image.Image:
+    """Visible in blue, superfluous hatched in orange through it, missed in vermilion."""
+    grey = np.asarray(_resized(shaded, shape).convert("L"), np.float32) / 255.0
+    hit = _nearest(truth.buffer.triangle, shape) >= 0
+    dark, light = np.array([0.05, 0.17, 0.29]), np.array([0.74, 0.88, 0.98])
+    image = (dark + (light - dark) * grey[..., None]).astype(np.float32)
+    image[~hit] = (0.955, 0.96, 0.965)
+
+    inside = superfluous >= 0
+    edge = _borders(superfluous)
+    y, x = np.indices(shape)
+    line = (x + y) % 8 < 3
+    strength = np.where(edge, 0.95, np.where(line & inside, 0.8, np.where(inside, 0.16, 0.0)))
+    _blend(image, strength.astype(np.float32), SUPERFLUOUS_RGB)
+    _blend(image, missed.astype(np.float32), MISSED_RGB)
+    for ring in rings:
+        part, distance = ring.around(shape)
+        halo = np.clip(_RING_HALO - distance, 0.0, 1.0).astype(np.float32)
+        _blend(image[part], halo, (255, 255, 255))
+        _blend(image[part], np.clip(2.0 - distance, 0.0, 1.0).astype(np.float32), MISSED_RGB)
+    return Image.fromarray(np.round(image * 255.0).astype(np.uint8))
+
+
+def _blend(image: Float32, strength: Float32, rgb: tuple[int, int, int]) -> None:
+    """Lay a colour over the image in place, as strongly as `strength` (h, w) says."""
+    image += strength[..., None] * (np.array(rgb, np.float32) / 255.0 - image)
+
+
+def _id_picture(scene: Scene, truth: FrameTruth, shape: tuple[int, int]) -> Image.Image:
+    colours = np.concatenate([_vivid(scene.object_count), np.zeros((1, 3), np.uint8)])
+    return Image.fromarray(colours[_owner_objects(scene, _nearest(truth.buffer.triangle, shape))])
+
+
+def _errors(
+    truth: FrameTruth, missed: NDArray[np.bool_], rings: list[_Ring], shape: tuple[int, int]
+) -> Image.Image:
+    """The missed samples alone, over the silhouette of the scene."""
+    index = np.where(_nearest(truth.buffer.triangle, shape) >= 0, 1, 0).astype(np.uint8)
+    for ring in rings:
+        part, distance = ring.around(shape)
+        index[part][distance < 1.2] = 3
+    index[missed] = 2
+    picture = Image.fromarray(index)
+    picture.putpalette([14, 18, 23, 52, 62, 74, *MISSED_RGB, 255, 255, 255])
+    return picture
+
+
+def _spread(count: int, ratio: float) -> NDArray[np.float64]:
+    """(count,) in 0…1: neighbours far apart, the same for an id in every scene."""
+    return np.mod(np.arange(count, dtype=np.float64) * ratio, 1.0)
+
+
+def _pastel(count: int) -> NDArray[np.float64]:
+    """(count, 3) linear RGB, a calm colour an object: hue by the golden ratio, lightness and
+    chroma by Roberts's R2 sequence."""
+    return _linear_from_oklch(
+        0.80 + 0.12 * _spread(count, 0.7548776662466927),
+        0.025 + 0.05 * _spread(count, 0.5698402909980532),
+        _spread(count, 0.6180339887498949),
+    )
+
+
+def _vivid(count: int) -> NDArray[np.uint8]:
+    """(count, 3) sRGB bytes, colours that tell neighbouring ids apart."""
+    linear = _linear_from_oklch(
+        0.52 + 0.36 * _spread(count, 0.7548776662466927),
+        0.07 + 0.08 * _spread(count, 0.5698402909980532),
+        _spread(count, 0.6180339887498949),
+    )
+    return np.round(_srgb(linear) * 255.0).astype(np.uint8)
+
+
+def _linear_from_oklch(
+    lightness: NDArray[np.float64], chroma: NDArray[np.float64], turn: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Linear sRGB from OKLCh (Ottosson 2020), hue in turns; clipped to the gamut."""
+    a, b = chroma * np.cos(2 * np.pi * turn), chroma * np.sin(2 * np.pi * turn)
+    cone = np.stack(
+        [
+            lightness + 0.3963377774 * a + 0.2158037573 * b,
+            lightness - 0.1055613458 * a - 0.0638541728 * b,
+            lightness - 0.0894841775 * a - 1.2914855480 * b,
+        ],
+        axis=1,
+    )
+    rgb_from_cone = np.array(
+        [
+            [4.0767416621, -3.3077115913, 0.2309699292],
+            [-1.2684380046, 2.6097574011, -0.3413193965],
+            [-0.0041960863, -0.7034186147, 1.7076147010],
+        ]
+    )
+    linear: NDArray[np.float64] = np.clip(cone**3 @ rgb_from_cone.T, 0.0, 1.0)
+    return linear
+
+
+def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sRGB transfer curve, 0…1."""
+    linear = np.clip(linear, 0.0, 1.0)
+    curve: NDArray[np.float64] = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
+    )
+    return curve

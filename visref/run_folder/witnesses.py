@@ -1,0 +1,213 @@
+"""Witness files: a claim's ray and the triangles along it, so that it replays by itself."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.camera_path import CameraPath
+from visref.judging.judge import Miss
+from visref.judging.outcome import CullerRecord, witness_json
+from visref.scene import Int32, Int64, Scene
+
+# A culler that draws nothing misses thousands of objects. Its worst misses, by samples lost,
+# get all the triangles along their rays; every miss has a row in objects.parquet.
+WITNESSES_PER_CULLER = 200
+
+UNIT_ROUNDOFF = 2.0**-53
+# d . (w_i x w_j) in float64, with w = v - o and d, o each a sum of three terms. Roundings on
+# the longest way to a term: w 1, product 1, difference 1, d 4, product 1, sums 2: 10 in all,
+# and (1 + u)^10 - 1 < 16 u. There are six terms, each at most |d| |w_i| |w_j|.
+_EDGE_ERROR = 16.0 * 6.0 * UNIT_ROUNDOFF
+# F . w: three terms, w 1, product 1, sums 2.
+_DEPTH_ERROR = 8.0 * 3.0 * UNIT_ROUNDOFF
+# An orthographic origin e + a R + b U has 4 roundings of its own.
+_ORIGIN_ERROR = 4.0 * UNIT_ROUNDOFF
+
+# Triangles that share a ball, which a ray tests first: neighbours in a mesh are near each other.
+_BLOCK = 64
+# The ball test takes some 20 roundings (2^-53) on the sizes of its terms, and |d| |w| is at most
+# three times the sums of components: far outward, since a ball too large only costs time.
+_BALL_ERROR = 2.0**-40
+
+
+@numba.njit(cache=True, nogil=True)
+def _along(
+    corners: NDArray[Any],
+    origin: NDArray[Any],
+    origin_error: float,
+    direction: NDArray[Any],
+    direction_size: float,
+    forward: NDArray[Any],
+    near: float,
+    balls: NDArray[Any],
+) -> NDArray[np.int64]:
+    """Triangles that the ray may meet at or behind `near`. Outward: none that it meets is
+    left out. `balls`: centre and radius about each `_BLOCK` of the corners."""
+    found = np.empty(64, np.int64)
+    count = 0
+    w = np.empty((3, 3))
+    size = np.empty(3)
+    side = np.empty(3)
+    passed = False
+    for t in range(len(corners)):
+        if t % _BLOCK == 0:
+            # How far the ray's line passes the ball's centre: |d x w| / |d|.
+            d0, d1, d2 = direction
+            ball = balls[t // _BLOCK]
+            w0, w1, w2 = ball[0] - origin[0], ball[1] - origin[1], ball[2] - origin[2]
+            cross = (d1 * w2 - d2 * w1) ** 2 + (d2 * w0 - d0 * w2) ** 2 + (d0 * w1 - d1 * w0) ** 2
+            length = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+            reach = ball[3] + 8.0 * origin_error
+            reach += _BALL_ERROR * (abs(w0) + abs(w1) + abs(w2) + ball[3])
+            passed = math.sqrt(cross) > reach * length
+        if passed:
+            continue
+        deepest = -np.inf
+        for i in range(3):
+            size[i] = 0.0
+            depth = 0.0
+            for k in range(3):
+                w[i, k] = np.float64(corners[t, i, k]) - origin[k]
+                size[i] = max(size[i], abs(w[i, k]))
+                depth += forward[k] * w[i, k]
+            size[i] += origin_error
+            deepest = max(deepest, depth + _DEPTH_ERROR * size[i] + 3.0 * origin_error)
+        # Outward: a camera's axes are orthonormal only to 1e-6, so F . w is not quite t.
+        if deepest < near - 0.5 * abs(near):
+            continue
+        positive = False
+        negative = False
+        for i in range(3):
+            j = (i + 1) % 3
+            side[i] = (
+                direction[0] * (w[i, 1] * w[j, 2] - w[i, 2] * w[j, 1])
+                + direction[1] * (w[i, 2] * w[j, 0] - w[i, 0] * w[j, 2])
+                + direction[2] * (w[i, 0] * w[j, 1] - w[i, 1] * w[j, 0])
+            )
+            bound = direction_size * (
+                _EDGE_ERROR * size[i] * size[j] + 12.0 * origin_error * (size[i] + size[j])
+            )
+            positive = positive or side[i] > bound
+            negative = negative or side[i] < -bound
+        if positive and negative:
+            continue
+        if count == len(found):
+            grown = np.empty(2 * count, np.int64)
+            grown[:count] = found
+            found = grown
+        found[count] = t
+        count += 1
+    return found[:count].copy()
+
+
+def _balls(corners: NDArray[Any]) -> NDArray[np.float64]:
+    """(blocks, 4) float64: a ball about the box of each `_BLOCK` triangles."""
+    starts = np.arange(0, len(corners), _BLOCK)
+    if not len(starts):
+        return np.zeros((0, 4))
+    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0).astype(np.float64)
+    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0).astype(np.float64)
+    # Half the diagonal; _BALL_ERROR covers the roundings of centre and radius.
+    centre, radius = (low + high) / 2.0, np.linalg.norm(high - low, axis=1) / 2.0
+    size = np.abs(centre).sum(axis=1) + radius
+    return np.column_stack([centre, radius + _BALL_ERROR * size])
+
+
+def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> list[Int64]:
+    """For each sample (flat index) the triangles that its ray may meet, ascending ids.
+
+    Outward: a triangle that the ray meets in the camera's range is never left out, one that
+    it passes closely may be listed too.
+    """
+    corners = scene.vertices[scene.triangles]
+    return _triangles_along(corners, _balls(corners), camera, samples)
+
+
+def _triangles_along(
+    corners: NDArray[Any], balls: NDArray[np.float64], camera: Camera, samples: Sequence[int]
+) -> list[Int64]:
+    forward = camera.forward
+    result = []
+    for sample in samples:
+        x, y = sample % camera.width, sample // camera.width
+        origin, direction = camera.ray(x, y)
+        a, b = abs(camera.column_a[x]), abs(camera.row_b[y])
+        spread = np.abs(camera.right_step).max() * a + np.abs(camera.up_step).max() * b
+        if camera.is_perspective:
+            origin_error = 0.0
+            direction_size = float(np.abs(forward).max() + spread)
+        else:
+            origin_error = float(_ORIGIN_ERROR * (np.abs(camera.eye).max() + spread))
+            direction_size = float(np.abs(forward).max())
+        result.append(
+            _along(
+                corners,
+                origin,
+                origin_error,
+                direction,
+                direction_size,
+                forward,
+                camera.near,
+                balls,
+            )
+        )
+    return result
+
+
+def write_witnesses(
+    file: Path,
+    scene: Scene,
+    path: CameraPath,
+    record: CullerRecord,
+    drawn: Callable[[int], NDArray[np.bool_]],
+) -> None:
+    """A JSON line for each of the culler's worst misses, by frame and object.
+
+    `drawn` gives a frame's drawn triangles, (t,) bool.
+    """
+    misses = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
+    misses.sort(key=lambda pair: (-pair[1].pixels, pair[0], pair[1].object))
+    by_frame: dict[int, list[Miss]] = defaultdict(list)
+    for frame, miss in misses[:WITNESSES_PER_CULLER]:
+        by_frame[frame].append(miss)
+    # Once for all frames: on a large scene these take longer than the rays.
+    corners = scene.vertices[scene.triangles]
+    balls = _balls(corners)
+    with file.open("w", encoding="utf-8") as lines:
+        for frame in sorted(by_frame):
+            camera = path.frames[frame]
+            chosen = sorted(by_frame[frame], key=lambda miss: miss.object)
+            shown = drawn(frame)
+            along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
+            for miss, triangles in zip(chosen, along, strict=True):
+                witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
+                witness["culler"] = record.spec
+                witness["samples"] = camera.definition()
+                witness["triangles"] = [
+                    _triangle_json(scene, int(t), drawn=bool(shown[t])) for t in triangles
+                ]
+                lines.write(json.dumps(witness, sort_keys=True) + "\n")
+
+
+def _triangle_json(scene: Scene, triangle: int, *, drawn: bool) -> dict[str, Any]:
+    owner = int(scene.object_of_triangle[triangle])
+    corners: Int32 = scene.triangles[triangle]
+    return {
+        "triangle": triangle,
+        "object": owner,
+        "object_name": scene.names[owner],
+        "drawn": drawn,
+        "one_sided": bool(scene.one_sided[triangle]),
+        "alpha": int(scene.alpha[triangle]),
+        "vertices": [[float(value).hex() for value in scene.vertices[v]] for v in corners],
+    }
