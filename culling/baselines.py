@@ -67,7 +67,7 @@ class SingleQueryCulling(GLCuller):
     ) -> None:
         super().__init__(depth=depth, fragments=fragments)
         if size < 1:
-            raise InputError(f"size is {size}", place="size", mend="ask 1 box or more together")
+            raise InputError(f"size is {size}", place="size", fix="ask 1 box or more together")
         self.way = query
         self.query_back_faces = backfaces
         self.size = 1 if query == "sync" else size

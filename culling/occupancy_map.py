@@ -98,11 +98,11 @@ class OccupancyMapCulling(GLCuller):
         super().__init__(depth=depth, fragments=fragments)
         if min_pixels < 0:
             raise InputError(
-                f"min_pixels is {min_pixels}", place="min_pixels", mend="give 0 or more pixels"
+                f"min_pixels is {min_pixels}", place="min_pixels", fix="give 0 or more pixels"
             )
         if not 1 <= parts <= MOST_CELLS:
             raise InputError(
-                f"parts is {parts}", place="parts", mend=f"give 1 to {MOST_CELLS} cells a side"
+                f"parts is {parts}", place="parts", fix=f"give 1 to {MOST_CELLS} cells a side"
             )
         self.cells = parts
         self.way = {1: "sync", 5: "batch"}[maps] if query == "auto" else query

@@ -30,13 +30,13 @@ def main(arguments: list[str] | None = None) -> int:
         if given.name not in known:
             raise InputError(
                 f"no data set is called '{given.name}'",
-                mend=f"choose from {', '.join(sorted(known))}",
+                fix=f"choose from {', '.join(sorted(known))}",
             )
         if given.seed < 0:
-            raise InputError(f"the seed is {given.seed}", place="--seed", mend="give 0 or more")
+            raise InputError(f"the seed is {given.seed}", place="--seed", fix="give 0 or more")
         if (given.width is None) != (given.height is None):
             raise InputError(
-                "a width and a height belong together", mend="give --width and --height"
+                "a width and a height belong together", fix="give --width and --height"
             )
         settings = {"seed": given.seed, "scale": given.scale}
         if given.frames is not None:
@@ -55,7 +55,7 @@ def _write(dataset: Dataset, out: Path, width: int | None, height: int | None) -
         if dataset.expected is not None:
             raise InputError(
                 f"'{dataset.name}' has a verdict for its own image size",
-                mend="leave out --width and --height",
+                fix="leave out --width and --height",
             )
         dataset = replace(dataset, path=dataset.path.resized(width, height))
     for file in dataset.write(out):

@@ -49,7 +49,7 @@ def angio(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     """
     count = round(TRIANGLES_AT_SCALE_1 * scale) if 0.0 < scale <= 10.0 else 0
     if count < 1000:
-        raise InputError(f"the vessels' scale is {scale}", place="scale", mend="give 0.0025 to 10")
+        raise InputError(f"the vessels' scale is {scale}", place="scale", fix="give 0.0025 to 10")
     rng = np.random.Generator(np.random.PCG64(seed))
     points, parent = _grow(rng, round(ENDS_AT_SCALE_1 * min(max(scale, 0.05), 1.0)))
     vertices, triangles = _surface(points, parent, _radii(parent), count)

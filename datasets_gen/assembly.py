@@ -149,7 +149,7 @@ def exactly(make: Callable[[float], Assembly], triangles: int) -> Assembly:
         raise InputError(
             f"{triangles} triangles are no tessellation of this assembly",
             place="scale",
-            mend="give a scale nearer to 1",
+            fix="give a scale nearer to 1",
         )
     _spread(best, triangles - best.triangles)
     return best

@@ -62,7 +62,7 @@ def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     assembly's tessellation. The path is `orbit`'s. Raises InputError for a scale that is none
     of its tessellations, or a path without frames."""
     if not 0.0 < scale <= 10.0:
-        raise InputError(f"the scale is {scale}", place="scale", mend="give 0.3 to 10")
+        raise InputError(f"the scale is {scale}", place="scale", fix="give 0.3 to 10")
     made = exactly(partial(_assembly, seed), round(TRIANGLES_AT_SCALE_1 * scale))
     nodes = made.nodes()
     return Dataset("boombox", nodes, orbit(frames, nodes, SPEAKER_MM, nearest=0.42))

@@ -37,7 +37,7 @@ def city(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     round another. Raises InputError for a scale or a number of frames that makes no city."""
     if not 0.0 < scale <= 1000.0:
         raise InputError(
-            f"the city's scale is {scale}", place="scale", mend="give more than 0, at most 1000"
+            f"the city's scale is {scale}", place="scale", fix="give more than 0, at most 1000"
         )
     count = max(1, round(BLOCKS_AT_SCALE_1 * scale))
     columns = math.ceil(math.sqrt(count))

@@ -69,7 +69,7 @@ def city_cars(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset
     maker.build()
     maker.plant()
     if not maker.built:
-        raise InputError(f"the scale is {scale}", place="scale", mend="give a greater scale")
+        raise InputError(f"the scale is {scale}", place="scale", fix="give a greater scale")
     path = walk(columns, rows, PITCH_M, STREET_M, frames)
     nodes = (*maker.nodes, *_cars(columns, rows, parts))
     width, height = SIZE_PX

@@ -46,7 +46,7 @@ def city_large(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
     """
     if not 0.0 < scale <= 4.0:
         raise InputError(
-            f"the city's scale is {scale}", place="scale", mend="give more than 0, at most 4"
+            f"the city's scale is {scale}", place="scale", fix="give more than 0, at most 4"
         )
     total = round(TRIANGLES_AT_SCALE_1 * scale)
     plots = max(1, -(-total // LEAST_A_BLOCK))
@@ -68,7 +68,7 @@ def city_large(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
         raise InputError(
             f"{total} triangles are not enough for a block",
             place="scale",
-            mend="give a greater scale",
+            fix="give a greater scale",
         )
     if left:
         i, j = built % columns, built // columns

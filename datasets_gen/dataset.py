@@ -50,7 +50,7 @@ class Dataset:
             raise InputError(
                 f"cannot write: {error.strerror}",
                 source=str(error.filename or directory),
-                mend="give a directory that can be written",
+                fix="give a directory that can be written",
             ) from error
         return scene_file, path_file
 

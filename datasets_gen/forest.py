@@ -44,10 +44,10 @@ def forest(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     """
     if not 0.0 < scale <= 20.0:
         raise InputError(
-            f"the forest's scale is {scale}", place="scale", mend="give more than 0, at most 20"
+            f"the forest's scale is {scale}", place="scale", fix="give more than 0, at most 20"
         )
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     total = round(TRIANGLES_AT_SCALE_1 * scale)
     rng = np.random.Generator(np.random.PCG64(seed))
     height = partial(_height, rng.uniform(0.0, 2.0 * np.pi, 6))
@@ -63,7 +63,7 @@ def forest(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
         raise InputError(
             f"{total} triangles are not enough for a tree",
             place="scale",
-            mend="give a greater scale",
+            fix="give a greater scale",
         )
     side = tiles * TILE_M
     nodes = _ground(tiles, height)

@@ -83,7 +83,7 @@ def formula_one(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Datas
 def car(seed: int, scale: float) -> Assembly:
     """The car's parts. Raises InputError for a scale that is none of its tessellations."""
     if not 0.0 < scale <= 10.0:
-        raise InputError(f"the scale is {scale}", place="scale", mend="give 0.1 to 10")
+        raise InputError(f"the scale is {scale}", place="scale", fix="give 0.1 to 10")
     return exactly(partial(_assembly, seed), round(TRIANGLES_AT_SCALE_1 * scale))
 
 

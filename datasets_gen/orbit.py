@@ -29,7 +29,7 @@ def orbit(frames: int, nodes: tuple[Node, ...], detail: Place, *, nearest: float
     without frames.
     """
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     centre, radius = _sphere(nodes)
     away = radius / math.sin(YFOV / 2)
     turning = frames - frames // 3

@@ -126,10 +126,10 @@ def seismic(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     """
     if not 0.0 < scale <= 20.0:
         raise InputError(
-            f"the survey's scale is {scale}", place="scale", mend="give more than 0, at most 20"
+            f"the survey's scale is {scale}", place="scale", fix="give more than 0, at most 20"
         )
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     layers = _layers(np.random.Generator(np.random.PCG64(seed)))
     quads = max(LEAST_QUADS, round(QUADS_AT_SCALE_1 * math.sqrt(scale)))
     nodes = [node for number in range(HORIZONS) for node in _horizon(layers, number, quads)]

@@ -34,9 +34,9 @@ def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
     through the doors along one side of a middle floor, looking across the tower. Raises
     InputError for a scale or a number of frames that makes no tower."""
     if not 0.0 < scale <= 100.0:
-        raise InputError(f"the tower's scale is {scale}", place="scale", mend="give up to 100")
+        raise InputError(f"the tower's scale is {scale}", place="scale", fix="give up to 100")
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     floors = max(1, round(FLOORS_AT_SCALE_1 * scale))
     pieces = _module(np.random.Generator(np.random.PCG64(seed)))
     modules = []

@@ -44,9 +44,9 @@ def soda_hall(*, seed: int = 0, scale: float = 1.0, frames: int = 500) -> Datase
     every copy. Raises InputError for a scale or a number of frames that makes no floor.
     """
     if not 0.0 < scale <= 100.0:
-        raise InputError(f"the floor's scale is {scale}", place="scale", mend="give up to 100")
+        raise InputError(f"the floor's scale is {scale}", place="scale", fix="give up to 100")
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     offices = max(2, round(OFFICES_AT_SCALE_1 * scale))
     length = offices * OFFICE_M[0]
     stock = _stock(np.random.Generator(np.random.PCG64(seed)))

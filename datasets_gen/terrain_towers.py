@@ -42,10 +42,10 @@ def terrain_towers(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Da
     or a number of frames that makes none."""
     if not 0.0 < scale <= 100.0:
         raise InputError(
-            f"the terrain's scale is {scale}", place="scale", mend="give more than 0, at most 100"
+            f"the terrain's scale is {scale}", place="scale", fix="give more than 0, at most 100"
         )
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     rng = np.random.Generator(np.random.PCG64(seed))
     height = partial(_height, rng.uniform(0.0, 2.0 * np.pi, 4))
     tiles = max(3, round(SIDE_AT_SCALE_1_M * math.sqrt(scale) / TILE_M))

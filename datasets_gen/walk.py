@@ -22,7 +22,7 @@ def walk(
 ) -> CameraPath:
     """A path of `frames` cameras along the middle of the streets near the city's centre."""
     if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", mend="give 1 or more")
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     extent = math.hypot(columns * pitch_m[0], rows * pitch_m[1])
     first = frames - frames // 3
     cameras = []

@@ -76,28 +76,28 @@ class Camera:
                 raise InputError(
                     f"the image's {name} is {side}",
                     place=name,
-                    mend=f"give 1 to {MAX_IMAGE_SIDE} pixels",
+                    fix=f"give 1 to {MAX_IMAGE_SIDE} pixels",
                 )
         if self.samples > MAX_SAMPLES:
             raise InputError(
                 f"the image has {self.width} x {self.height} pixels",
                 place="width",
-                mend=f"give at most {MAX_SAMPLES} in all",
+                fix=f"give at most {MAX_SAMPLES} in all",
             )
         if (self.yfov is None) == (self.ymag is None):
             raise InputError(
-                "a camera is perspective or orthographic", mend="give either 'yfov' or 'ymag'"
+                "a camera is perspective or orthographic", fix="give either 'yfov' or 'ymag'"
             )
         if self.yfov is not None and not 0.0 < self.yfov < math.pi:
             raise InputError(
-                f"yfov is {self.yfov}", place="yfov", mend="give radians between 0 and pi"
+                f"yfov is {self.yfov}", place="yfov", fix="give radians between 0 and pi"
             )
         if self.ymag is not None and not (0.0 < self.ymag < math.inf):
-            raise InputError(f"ymag is {self.ymag}", place="ymag", mend="give a positive length")
+            raise InputError(f"ymag is {self.ymag}", place="ymag", fix="give a positive length")
         self._check_range()
         for name in ("shift_x_px", "shift_y_px"):
             if not math.isfinite(getattr(self, name)):
-                raise InputError(f"{name} is not finite", place=name, mend="give pixels")
+                raise InputError(f"{name} is not finite", place=name, fix="give pixels")
 
     def _check_range(self) -> None:
         lowest = 0.0 if self.is_perspective else -math.inf
@@ -105,13 +105,13 @@ class Camera:
             raise InputError(
                 f"near is {self.near}",
                 place="near",
-                mend="give a positive distance" if self.is_perspective else "give a finite one",
+                fix="give a positive distance" if self.is_perspective else "give a finite one",
             )
         if math.isnan(self.far) or self.far <= self.near:
             raise InputError(
                 f"near ({self.near}) is not less than far ({self.far})",
                 place="far",
-                mend="give near < far; far may be null for an infinite range",
+                fix="give near < far; far may be null for an infinite range",
             )
 
     @property
@@ -203,7 +203,7 @@ class Camera:
             raise InputError(
                 "an orthographic depth buffer needs a finite far plane",
                 place="far",
-                mend="give the path a finite far",
+                fix="give the path a finite far",
             )
         result[0, 3], result[1, 3] = -shift[0], -shift[1]
         result[2, 2] = -2.0 / (far - self.near)
@@ -256,15 +256,15 @@ def _check_pose(matrix: Float64) -> None:
     place = "world_from_camera"
     if matrix.shape != (4, 4):
         raise InputError(
-            f"the matrix has shape {matrix.shape}", place=place, mend="give four rows of four"
+            f"the matrix has shape {matrix.shape}", place=place, fix="give four rows of four"
         )
     if not np.isfinite(matrix).all():
-        raise InputError("the matrix is not finite", place=place, mend="give finite numbers")
+        raise InputError("the matrix is not finite", place=place, fix="give finite numbers")
     if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
         raise InputError(
             "the matrix's last row is not 0 0 0 1",
             place=place,
-            mend="write row-major rows, translation in the last column",
+            fix="write row-major rows, translation in the last column",
         )
     rotation = matrix[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -272,16 +272,16 @@ def _check_pose(matrix: Float64) -> None:
         determinant = float(np.linalg.det(rotation / np.where(lengths > 0.0, lengths, 1.0)))
         error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if abs(determinant) < ORTHONORMAL_TOLERANCE:
-        raise InputError("the matrix is singular", place=place, mend="give a rigid transform")
+        raise InputError("the matrix is singular", place=place, fix="give a rigid transform")
     if not error <= ORTHONORMAL_TOLERANCE:  # also where huge entries overflowed to NaN
         raise InputError(
             f"the camera's axes are not orthonormal (off by {error:.3g})",
             place=place,
-            mend="remove scale and shear from the matrix",
+            fix="remove scale and shear from the matrix",
         )
     if determinant < 0.0:
         raise InputError(
-            "the camera's matrix is mirrored", place=place, mend="give a right-handed rotation"
+            "the camera's matrix is mirrored", place=place, fix="give a right-handed rotation"
         )
 
 
@@ -298,7 +298,7 @@ def look_at(
     back = position - np.asarray(target, dtype=np.float64)
     length = float(np.linalg.norm(back))
     if length == 0.0:
-        raise InputError("a camera cannot look at its own position", mend="move eye or target")
+        raise InputError("a camera cannot look at its own position", fix="move eye or target")
     back = back / length
     right = np.cross(np.asarray(up, dtype=np.float64), back)
     # Below this sine the cross product has lost its direction to rounding.

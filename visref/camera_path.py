@@ -36,7 +36,7 @@ class CameraPath:
                 "the path has no frames",
                 source=self.source,
                 place="frames",
-                mend="give at least one camera",
+                fix="give at least one camera",
             )
 
     def __len__(self) -> int:
@@ -62,19 +62,19 @@ class CameraPath:
             raise InputError(
                 f"this is not a camera path (format is {reprlib.repr(top.get('format'))})",
                 place="format",
-                mend=f'write "format": "{PATH_FORMAT}"',
+                fix=f'write "format": "{PATH_FORMAT}"',
             )
         version = top.get("version")
         if version != PATH_VERSION or isinstance(version, bool):
             raise InputError(
                 f"version {reprlib.repr(version)} is not known",
                 place="version",
-                mend=f"this visref reads version {PATH_VERSION}",
+                fix=f"this visref reads version {PATH_VERSION}",
             )
         _known(top, ("format", "version", "frames", *_SHARED_FIELDS), "")
         frames = top.get("frames")
         if not isinstance(frames, list):
-            raise InputError("frames is not a list", place="frames", mend="give a list of frames")
+            raise InputError("frames is not a list", place="frames", fix="give a list of frames")
         shared = {name: top[name] for name in _SHARED_FIELDS if name in top}
         cameras = []
         for index, entry in enumerate(frames):
@@ -139,13 +139,13 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
 
 def _camera(values: Mapping[str, Any]) -> Camera:
     if "world_from_camera" not in values:
-        raise InputError("world_from_camera is missing", mend="give a 4 by 4 matrix")
+        raise InputError("world_from_camera is missing", fix="give a 4 by 4 matrix")
     for name in ("width", "height", "near"):
         if name not in values:
-            raise InputError(f"{name} is missing", mend="give it at the top or in the frame")
+            raise InputError(f"{name} is missing", fix="give it at the top or in the frame")
     cut = values.get("cut", False)
     if not isinstance(cut, bool):
-        raise InputError("cut is not true or false", place="cut", mend="write true or false")
+        raise InputError("cut is not true or false", place="cut", fix="write true or false")
     far = values.get("far")
     return Camera(
         world_from_camera=_matrix(values["world_from_camera"]),
@@ -163,7 +163,7 @@ def _camera(values: Mapping[str, Any]) -> Camera:
 
 def _mapping(value: Any, place: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise InputError("this is not a JSON object", place=place, mend="write { ... }")
+        raise InputError("this is not a JSON object", place=place, fix="write { ... }")
     return value
 
 
@@ -173,7 +173,7 @@ def _known(value: Mapping[str, Any], names: tuple[str, ...], place: str) -> None
             raise InputError(
                 f"unknown field {reprlib.repr(key)}",
                 place=place,
-                mend=f"known are {', '.join(names)}",
+                fix=f"known are {', '.join(names)}",
             )
 
 
@@ -183,21 +183,19 @@ def _number(values: Mapping[str, Any], name: str) -> float:
 
 def _float(value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(
-            f"{reprlib.repr(value)} is not a number", place=place, mend="give a number"
-        )
+        raise InputError(f"{reprlib.repr(value)} is not a number", place=place, fix="give a number")
     try:
         return float(value)
     except OverflowError as error:
         raise InputError(
-            "the number is too large", place=place, mend="give a float64 number"
+            "the number is too large", place=place, fix="give a float64 number"
         ) from error
 
 
 def _integer(values: Mapping[str, Any], name: str) -> int:
     value = values[name]
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, mend="give pixels")
+        raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, fix="give pixels")
     return value
 
 
@@ -205,7 +203,7 @@ def _matrix(value: Any) -> Float64:
     place = "world_from_camera"
     rows_ok = isinstance(value, list) and len(value) == 4
     if not rows_ok or not all(isinstance(row, list) and len(row) == 4 for row in value):
-        raise InputError("not a 4 by 4 matrix", place=place, mend="give four rows of four")
+        raise InputError("not a 4 by 4 matrix", place=place, fix="give four rows of four")
     return np.array(
         [
             [_float(entry, f"{place}[{i}][{j}]") for j, entry in enumerate(row)]

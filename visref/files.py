@@ -23,8 +23,8 @@ Bytes = NDArray[np.uint8]
 _PREFIX = ".visref-unfinished-"
 
 
-def _refuse(path: Path, reason: str, mend: str) -> InputError:
-    return InputError(f"cannot write here: {reason}", source=str(path), mend=mend)
+def _refuse(path: Path, reason: str, fix: str) -> InputError:
+    return InputError(f"cannot write here: {reason}", source=str(path), fix=mend)
 
 
 @contextmanager
@@ -105,13 +105,13 @@ def map_file(path: Path) -> Bytes:
     """
     try:
         if path.is_dir():
-            raise InputError("this is a folder, not a file", mend="give the file itself")
+            raise InputError("this is a folder, not a file", fix="give the file itself")
         if path.stat().st_size == 0:
-            raise InputError("the file is empty", mend="give a complete file")
+            raise InputError("the file is empty", fix="give a complete file")
         return np.memmap(path, np.uint8, mode="r")
     except OSError as error:
         raise InputError(
-            f"cannot read the file: {error.strerror}", mend="check its name and permissions"
+            f"cannot read the file: {error.strerror}", fix="check its name and permissions"
         ) from error
 
 
@@ -125,12 +125,10 @@ def parse_json(data: bytes) -> Any:
     try:
         return json.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise InputError(
-            "this is not UTF-8 text", mend="check that it is the right file"
-        ) from error
+        raise InputError("this is not UTF-8 text", fix="check that it is the right file") from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
-        raise InputError(f"not valid JSON: {error.msg}", place=place, mend=mend) from error
+        raise InputError(f"not valid JSON: {error.msg}", place=place, fix=mend) from error
     except (RecursionError, ValueError) as error:
         problem = "not valid JSON: lists too deep, or a number too long"
-        raise InputError(problem, mend=mend) from error
+        raise InputError(problem, fix=mend) from error

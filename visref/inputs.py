@@ -54,7 +54,7 @@ def open_inputs(
 ) -> Inputs:
     """Read what a command works on. Raises InputError for anything wrong with it."""
     if threads is not None and threads < 1:
-        raise InputError(f"--threads is {threads}", mend="give 1 or more")
+        raise InputError(f"--threads is {threads}", fix="give 1 or more")
     # An unknown engine is said before a large scene is read.
     check_engine(engine)
     loaded, own_path, notes = open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
@@ -65,7 +65,7 @@ def open_inputs(
     elif Path(scene).suffix.lower() in (".glb", ".gltf"):
         cameras = load_path(scene)
     else:
-        raise InputError("the scene has no camera path", source=scene, mend="give --path")
+        raise InputError("the scene has no camera path", source=scene, fix="give --path")
     settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
     if generated := generated_with(scene):
         settings["generated"] = generated
@@ -134,7 +134,7 @@ def _write(generator: Any, values: dict[str, int | float], folder: Path) -> tupl
         names = [one.name for one in generated]
         raise InputError(
             f"this is a set of {len(names)} scenes ({names[0]}, …), not one",
-            mend="write them with `python -m datasets_gen NAME --out DIR` and name one",
+            fix="write them with `python -m datasets_gen NAME --out DIR` and name one",
         )
     return cast(_Generated, generated).write(folder)
 
@@ -150,12 +150,12 @@ def _generator_options(spec: str, text: str) -> dict[str, int | float]:
         name, _, value = part.partition("=")
         if name not in kinds:
             raise InputError(
-                f"'{spec}' has no option '{name}'", mend=f"known are {', '.join(kinds)}"
+                f"'{spec}' has no option '{name}'", fix=f"known are {', '.join(kinds)}"
             )
         try:
             values[name] = kinds[name](value)
         except ValueError as error:
-            raise InputError(f"'{part}' in '{spec}' is not a number", mend="give one") from error
+            raise InputError(f"'{part}' in '{spec}' is not a number", fix="give one") from error
     return values
 
 
@@ -173,9 +173,9 @@ def picked_frames(text: str | None, count: int) -> range:
         else:
             raise ValueError
     except ValueError as error:
-        raise InputError(f"--frames {text} is no slice", mend="write A:B or A:B:STEP") from error
+        raise InputError(f"--frames {text} is no slice", fix="write A:B or A:B:STEP") from error
     if not picked or picked.step < 0:
         raise InputError(
-            f"--frames {text} picks none of the path's {count} frames", mend="give frames in order"
+            f"--frames {text} picks none of the path's {count} frames", fix="give frames in order"
         )
     return picked

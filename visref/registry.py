@@ -31,7 +31,7 @@ def load_entry(group: str, name: str, *, kind: str) -> object:
     if name not in points:
         near = get_close_matches(name, points, n=1)
         hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(points) or 'none'}"
-        raise InputError(f"no {kind} is named '{name}'", mend=hint)
+        raise InputError(f"no {kind} is named '{name}'", fix=hint)
     return points[name].load()
 
 
@@ -49,7 +49,7 @@ def make_culler(spec: str) -> Culler:
     else:
         found = load_entry(CULLERS, name, kind="culler")
     if not (isinstance(found, type) and issubclass(found, Culler)):
-        raise InputError(f"'{spec}' is not a subclass of visref.culler.Culler", mend="derive it")
+        raise InputError(f"'{spec}' is not a subclass of visref.culler.Culler", fix="derive it")
     return found(**read_options(spec, found.options, rest))
 
 
@@ -63,13 +63,11 @@ def _import(module: str, attribute: str) -> object:
         if error.name is not None and module.startswith(error.name):
             known = ", ".join(available(CULLERS))
             raise InputError(
-                f"no culler and no module is named '{module}'", mend=f"known cullers are {known}"
+                f"no culler and no module is named '{module}'", fix=f"known cullers are {known}"
             ) from error
         raise InputError(f"module '{module}' does not import: {error}") from error
     except AttributeError as error:
-        raise InputError(
-            f"module '{module}' has no '{attribute}'", mend="check the name"
-        ) from error
+        raise InputError(f"module '{module}' has no '{attribute}'", fix="check the name") from error
 
 
 def read_options(
@@ -83,14 +81,14 @@ def read_options(
     for part in filter(None, text.split(",")):
         name, equals, value = part.partition("=")
         if not equals:
-            raise InputError(f"'{part}' in '{spec}' is not option=value", mend="write option=value")
+            raise InputError(f"'{part}' in '{spec}' is not option=value", fix="write option=value")
         if name not in known:
             raise InputError(
                 f"'{spec}' has no option '{name}'",
-                mend=f"known are {', '.join(known) or 'none'}",
+                fix=f"known are {', '.join(known) or 'none'}",
             )
         if name in values:
-            raise InputError(f"option '{name}' comes twice in '{spec}'", mend="keep one")
+            raise InputError(f"option '{name}' comes twice in '{spec}'", fix="keep one")
         values[name] = _value(spec, name, value, known[name])
     return values
 
@@ -106,9 +104,9 @@ def _value(spec: str, name: str, text: str, option: Option) -> bool | int | floa
     except (KeyError, ValueError) as error:
         raise InputError(
             f"'{name}={text}' in '{spec}' is not a {kind.__name__}",
-            mend=f"the default is {option.default}",
+            fix=f"the default is {option.default}",
         ) from error
     if option.choices and value not in option.choices:
         allowed = ", ".join(map(str, option.choices))
-        raise InputError(f"'{name}={text}' in '{spec}' is not a choice", mend=f"give {allowed}")
+        raise InputError(f"'{name}={text}' in '{spec}' is not a choice", fix=f"give {allowed}")
     return value

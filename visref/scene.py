@@ -83,7 +83,7 @@ class Scene:
         if len(self.one_sided) != count or len(self.alpha) != count:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
         if len(set(self.names)) != len(self.names):
-            raise InputError("object names repeat", source=self.source, mend="use unique_names")
+            raise InputError("object names repeat", source=self.source, fix="use unique_names")
         if count and (self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices)):
             low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
             bad = int(np.argmax((low < 0) | (high >= len(self.vertices))))
@@ -91,7 +91,7 @@ class Scene:
                 f"triangle {bad} names a vertex outside 0…{len(self.vertices) - 1}",
                 source=self.source,
                 place=f"object '{self.names[self._object_at(bad)]}'",
-                mend="mend the index buffer",
+                fix="mend the index buffer",
             )
         if not np.isfinite(self.vertices).all():
             finite: NDArray[np.bool_] = np.all(np.isfinite(self.vertices), axis=1)
@@ -105,7 +105,7 @@ class Scene:
                 "a vertex is NaN or infinite",
                 source=self.source,
                 place=place,
-                mend="mend the mesh, or drop such triangles with --lenient",
+                fix="mend the mesh, or drop such triangles with --lenient",
             )
 
     def _object_at(self, triangle: int) -> int:
@@ -132,7 +132,7 @@ class Scene:
                     f"a triangle names a vertex outside 0…{len(points) - 1}",
                     source=source,
                     place=f"object '{name}'",
-                    mend="mend the index buffer",
+                    fix="mend the index buffer",
                 )
             vertices.append(points)
             triangles.append((faces + base).astype(np.int32))

@@ -210,7 +210,7 @@ class Device:
             raise InputError(
                 f"an image of {width} by {height} pixels is more than this OpenGL can draw",
                 place="width" if width >= height else "height",
-                mend=f"give at most {self.max_side} pixels on a side",
+                fix=f"give at most {self.max_side} pixels on a side",
             )
         while len(self._targets) >= MAX_TARGETS:
             _, (_, parts) = self._targets.popitem(last=False)

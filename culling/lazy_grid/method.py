@@ -410,4 +410,4 @@ def _cells(found: Int64) -> list[Cell]:
 def _within(name: str, value: float, least: float, most: float | None) -> None:
     if value < least or (most is not None and value > most):
         until = "or more" if most is None else f"to {most}"
-        raise InputError(f"{name} is {value}", place=name, mend=f"give {least} {until}")
+        raise InputError(f"{name} is {value}", place=name, fix=f"give {least} {until}")

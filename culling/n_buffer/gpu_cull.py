@@ -65,7 +65,7 @@ class GpuCull:
         if largest > device.max_block_bytes:
             raise InputError(
                 f"{self.units:,} units are more than this OpenGL's storage blocks hold",
-                mend="use where=cpu",
+                fix="use where=cpu",
             )
         buffer = device.context.buffer
         nothing = bytes(4 * max(1, self.units))

@@ -76,9 +76,9 @@ class NBufferCulling(GLCuller):
     ) -> None:
         super().__init__(depth=depth, fragments=fragments)
         if where == "gpu" and (hierarchy or test == "query"):
-            raise InputError("the GPU looks up every box alone", mend="leave where=cpu")
+            raise InputError("the GPU looks up every box alone", fix="leave where=cpu")
         if test == "query" and squares != FOUR:
-            raise InputError("an occlusion query covers no squares", mend="leave squares out")
+            raise InputError("an occlusion query covers no squares", fix="leave squares out")
         self.on_gpu, self.hierarchy, self.squares = where == "gpu", hierarchy, squares
         self.looks_up = test == "n-buffer"
         self.gpu: GpuCull | None = None

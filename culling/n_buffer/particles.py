@@ -81,7 +81,7 @@ class Particles:
         their depth tests, beside the frame. Raises InputError for an endless orthographic view,
         whose depth buffer ends behind the scene and not behind the sprites."""
         if not camera.is_perspective and math.isinf(camera.far):
-            raise InputError("an orthographic view of sprites has no end", mend="give it a far")
+            raise InputError("an orthographic view of sprites has no end", fix="give it a far")
         view = View.of(camera, self.scene, self.device.subpixel_bits)
         target = self.sums.begin(view)
         self.build(target)

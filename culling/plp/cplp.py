@@ -109,7 +109,7 @@ class ConservativePLPCulling(PLPCulling):
             raise InputError(
                 "image=restore has no ids to put over the picture",
                 place="image",
-                mend="give query=item-buffer or query=histogram, and order=plp",
+                fix="give query=item-buffer or query=histogram, and order=plp",
             )
         # Cells found after the estimate are asked about over others drawn to depth alone.
         self.notes_asked = not self.restores

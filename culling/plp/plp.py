@@ -67,9 +67,9 @@ class PLPCulling(GLCuller):
     ) -> None:
         super().__init__(depth=depth, fragments=fragments)
         if budget < 0:
-            raise InputError(f"budget is {budget}", place="budget", mend="give 0 or more triangles")
+            raise InputError(f"budget is {budget}", place="budget", fix="give 0 or more triangles")
         if leaf < 2:
-            raise InputError(f"leaf is {leaf}", place="leaf", mend="give 2 or more triangles")
+            raise InputError(f"leaf is {leaf}", place="leaf", fix="give 2 or more triangles")
         self.budget, self.leaf = budget, leaf
 
     def prepare(self, scene: Scene) -> Units:

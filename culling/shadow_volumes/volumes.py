@@ -124,7 +124,7 @@ class ShadowVolumes:
 
     def view_of(self, camera: Camera) -> View:
         if not camera.is_perspective:
-            raise InputError("shadow volumes of an orthographic camera", mend="give one with yfov")
+            raise InputError("shadow volumes of an orthographic camera", fix="give one with yfov")
         return View.of(endless(camera), self.scene, self.device.subpixel_bits)
 
     def make_litmaps(self) -> Litmaps:

@@ -105,15 +105,15 @@ class ThreePassCulling(GLCuller):
         if self.conservative:
             self.promise = Promise.CONSERVATIVE
         if reduction < 1:
-            raise InputError(f"reduction is {reduction}", place="reduction", mend="give 1 or more")
+            raise InputError(f"reduction is {reduction}", place="reduction", fix="give 1 or more")
         for name, value in (("threshold", threshold), ("extra", extra)):
             if value < 0:
-                raise InputError(f"{name} is {value}", place=name, mend="give 0 or more")
+                raise InputError(f"{name} is {value}", place=name, fix="give 0 or more")
         if threshold and self.conservative:
             raise InputError(
                 f"threshold is {threshold} and the mode conservative",
                 place="threshold",
-                mend="give 0: an object of one sample is visible",
+                fix="give 0: an object of one sample is visible",
             )
         self.reduction, self.threshold = reduction, threshold
         self.scale, self.extra = scale, extra

@@ -48,5 +48,5 @@ def hard(*, seed: int = 0, scale: float = 1.0, frames: int | None = None) -> lis
     case is made of is what makes it hard."""
     for name, given in (("scale", scale != 1.0), ("frames", frames is not None)):
         if given:
-            raise InputError(f"the hard cases have no {name}", place=name, mend="leave it out")
+            raise InputError(f"the hard cases have no {name}", place=name, fix="leave it out")
     return [case.dataset for case in hard_cases(seed)]

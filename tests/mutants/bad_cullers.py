@@ -11,13 +11,13 @@ makes a mutant of each method in `QUERIES` by putting the class before the metho
 oracle catches it:
 
 - `caught_by` names a check of `visref.conformance`: the verdict convicts it there (unsafe, U).
-- `contract` names a checker of `tests/mutants/contracts.py`: the picture stays right and the promised
-  saving is lost (wasteful, W).
+- `contract` names a checker of `tests/mutants/contracts.py`: the picture stays right and the
+  promised saving is lost (wasteful, W).
 - an entry of `EQUIVALENT` says why a mutant changes nothing that can be observed, one of
   `NOT_HERE` why a method has no such step.
 
-`tests/mutants/test_mutants.py` holds that each is caught, that the sound method passes the same, and
-that every mutant of the lists below is accounted for, for every method.
+`tests/mutants/test_mutants.py` holds that each is caught, that the sound method passes the same,
+and that every mutant of the lists below is accounted for, for every method.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The occupancy map's traversal a step at a time, in plain Python.
 
 The shipped traversal is one compiled loop. This is its reference, which decides the same
-(`tests/culling/test_occupancy_map.py`), tells an observer of each lookup and mark, and whose every step
-a test can break:
+(`tests/culling/test_occupancy_map.py`), tells an observer of each lookup and mark, and whose every
+step a test can break:
 
 | step | what it decides |
 |---|---|

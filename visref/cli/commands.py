@@ -53,7 +53,7 @@ def cast_truth(
     """`visref truth`: cast the frames and write the file, and with `geometric` who shows between
     the samples to another; returns a line for the reader."""
     if geometric is not None and geometric.resolve() == out.resolve():
-        raise InputError("--geometric and --out are the same file", mend="name two")
+        raise InputError("--geometric and --out are the same file", fix="name two")
     table = TruthTable(inputs.scene)
     ties_complete = False
     owners = np.zeros(inputs.scene.object_count, np.bool_)
@@ -137,7 +137,7 @@ def _raster(text: str) -> RasterTolerance:
     except ValueError as error:
         raise InputError(
             f"--raster {text} is not understood",
-            mend="write snap=0.004,depth=24 (pixels below 1; 8 to 32 bits, or float)",
+            fix="write snap=0.004,depth=24 (pixels below 1; 8 to 32 bits, or float)",
         ) from error
     return RasterTolerance(snap_px, depth_bits)
 
@@ -154,7 +154,7 @@ def run(
 ) -> RunOutcome:
     """`visref run` and `visref check`: judge the cullers and write the run folder."""
     if pictures < 0:
-        raise InputError(f"--pictures is {pictures}", mend="give 0 or more")
+        raise InputError(f"--pictures is {pictures}", fix="give 0 or more")
     scene, frames = inputs.scene, inputs.frames
     recorded = None
     if truth is not None:
@@ -202,7 +202,7 @@ def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
         raise InputError(
             f"it was cast by '{engine}', not '{inputs.engine}'",
             source=str(truth),
-            mend="leave --engine out, or cast the truth again",
+            fix="leave --engine out, or cast the truth again",
         )
     try:
         check_engine(engine)

@@ -156,9 +156,9 @@ def _known(names: Iterable[str] | Mapping[str, str]) -> None:
         if name not in catalogue:
             near = get_close_matches(name, catalogue, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(catalogue)}"
-            raise InputError(f"no conformance check is named '{name}'", mend=hint)
+            raise InputError(f"no conformance check is named '{name}'", fix=hint)
         if isinstance(names, Mapping) and not names[name].strip():
-            raise InputError(f"expected failure '{name}' has no reason", mend="say why")
+            raise InputError(f"expected failure '{name}' has no reason", fix="say why")
 
 
 def _describe(result: CheckResult, seed: int) -> str:

@@ -44,10 +44,10 @@ class Sprites:
     def __post_init__(self) -> None:
         if self.side_px < 2 or self.side_px % 2:
             raise InputError(
-                f"sprites of {self.side_px} pixels", place="side_px", mend="give an even number"
+                f"sprites of {self.side_px} pixels", place="side_px", fix="give an even number"
             )
         if self.centres.dtype != np.float32 or not np.isfinite(self.centres).all():
-            raise InputError("a sprite's centre is no finite float32", mend="mend the centres")
+            raise InputError("a sprite's centre is no finite float32", fix="mend the centres")
 
     def corners(self, camera: Camera, off_px: float = 0.0) -> tuple[Int64, Float64]:
         """Each sprite's top-left pixel, (n, 2) int64 x and y, and view depth, (n,) float64.

@@ -27,7 +27,7 @@ def make_engine(spec: str, scene: Scene, *, threads: int | None = None) -> Truth
     and where the engine's library is not installed.
     """
     if threads is not None and threads < 1:
-        raise InputError(f"threads is {threads}", place="threads", mend="give 1 or more")
+        raise InputError(f"threads is {threads}", place="threads", fix="give 1 or more")
     found, options = _read_spec(spec)
     return found(scene, threads=threads, **options)
 
@@ -43,6 +43,6 @@ def _read_spec(spec: str) -> tuple[Callable[..., TruthEngine], dict[str, Any]]:
     if not (isinstance(found, type) and issubclass(found, TruthEngine)):
         raise InputError(
             f"engine '{name}' is not a subclass of visref.engines.base.TruthEngine",
-            mend="derive it",
+            fix="derive it",
         )
     return found, read_options(spec, found.options, rest)

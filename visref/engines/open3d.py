@@ -27,7 +27,7 @@ class Open3DEngine(RayEngine):
         except ImportError as error:
             raise InputError(
                 "the engine 'open3d' needs Open3D, which does not import here",
-                mend="pip install 'visref[open3d]', or use the engine 'embree'",
+                fix="pip install 'visref[open3d]', or use the engine 'embree'",
             ) from error
         self._open3d = open3d
         super().__init__(scene, threads=threads)

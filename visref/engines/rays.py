@@ -74,7 +74,7 @@ class RayEngine(TruthEngine):
             raise InputError(
                 f"a coordinate is beyond {GREATEST_COORDINATE:g}",
                 source=scene.source,
-                mend="scale the scene down, or use the engine 'exact'",
+                fix="scale the scene down, or use the engine 'exact'",
             )
         self._triangle: Int32 = np.empty(0, np.int32)
         self._depth: Float64 = np.empty(0)

@@ -158,14 +158,14 @@ def view_of(camera: Samples) -> View:
         raise InputError(
             f"the camera stands at {e.tolist()}",
             place="world_from_camera",
-            mend="bring it within 2^300 units of the origin",
+            fix="bring it within 2^300 units of the origin",
         )
     step = min(float(np.abs(r).max()), float(np.abs(u).max()))
     if not 1.0 / GREATEST_STEP < step < GREATEST_STEP:
         raise InputError(
             f"half a pixel is {step:.3g} of a unit",
             place="yfov" if camera.is_perspective else "ymag",
-            mend="give a view between 2^-300 and 2^300",
+            fix="give a view between 2^-300 and 2^300",
         )
     a, b = camera.column_a, camera.row_b
     a_size, b_size = float(np.abs(a).max()), float(np.abs(b).max())
@@ -221,7 +221,7 @@ def _dual_basis(r: Float64, u: Float64, f: Float64) -> Float64:
     rows = [cross(columns[i - 2], columns[i - 1]) for i in range(3)]
     determinant = sum((x * y for x, y in zip(columns[0], rows[0], strict=True)), Fraction(0))
     if determinant == 0:
-        raise InputError("F, R and U lie in one plane", place="samples", mend="record them anew")
+        raise InputError("F, R and U lie in one plane", place="samples", fix="record them anew")
     return np.array([[float(x / determinant) for x in row] for row in rows])
 
 

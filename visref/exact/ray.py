@@ -55,24 +55,24 @@ class Ray:
 
         def number(value: Any, place: str) -> float:
             if not isinstance(value, str):
-                raise InputError("it is no hexadecimal float", place=place, mend="record it anew")
+                raise InputError("it is no hexadecimal float", place=place, fix="record it anew")
             try:
                 return float.fromhex(value)
             except (ValueError, OverflowError) as error:
                 raise InputError(
-                    f"'{value}' is no hexadecimal float", place=place, mend="record it anew"
+                    f"'{value}' is no hexadecimal float", place=place, fix="record it anew"
                 ) from error
 
         def entry(name: str) -> Any:
             if name not in definition:
-                raise InputError(f"'{name}' is missing", place="samples", mend="record it anew")
+                raise InputError(f"'{name}' is missing", place="samples", fix="record it anew")
             return definition[name]
 
         def vector(name: str) -> Float64:
             values = entry(name)
             if not isinstance(values, list) or len(values) != 3:
                 raise InputError(
-                    "it is no list of three", place=f"samples.{name}", mend="record it anew"
+                    "it is no list of three", place=f"samples.{name}", fix="record it anew"
                 )
             return np.array([number(value, f"samples.{name}") for value in values])
 
@@ -81,7 +81,7 @@ class Ray:
 
         def whole(name: str) -> int:
             if not isinstance(entry(name), int):
-                raise InputError("it is no integer", place=f"samples.{name}", mend="record it anew")
+                raise InputError("it is no integer", place=f"samples.{name}", fix="record it anew")
             return int(entry(name))
 
         # In the order of operations of Camera.column_a and row_b.

@@ -35,7 +35,7 @@ def read_collada(path: Path) -> Placed:
         from collada.common import DaeBrokenRefError, DaeUnsupportedError
     except ImportError as error:
         raise InputError(
-            "reading COLLADA needs pycollada", mend="run: pip install 'visref[collada]'"
+            "reading COLLADA needs pycollada", fix="run: pip install 'visref[collada]'"
         ) from error
     try:
         document = collada.Collada(
@@ -45,7 +45,7 @@ def read_collada(path: Path) -> Placed:
         raise
     except Exception as error:  # pycollada and its XML parser fail in their own many ways.
         raise InputError(
-            f"this is not valid COLLADA: {error}", mend="export the file anew"
+            f"this is not valid COLLADA: {error}", fix="export the file anew"
         ) from error
     return _Reader(collada, document).placed
 
@@ -57,10 +57,10 @@ def _text(path: Path) -> bytes:
         with zipfile.ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".dae")]
             if not names:
-                raise InputError("the archive has no .dae file", mend="give a .dae file")
+                raise InputError("the archive has no .dae file", fix="give a .dae file")
             return archive.read(names[0])
     except zipfile.BadZipFile as error:
-        raise InputError(f"not a zip archive: {error}", mend="give a .dae file") from error
+        raise InputError(f"not a zip archive: {error}", fix="give a .dae file") from error
 
 
 class _Reader:
@@ -72,12 +72,12 @@ class _Reader:
         self.known: dict[tuple[Any, ...], int] = {}
         self.skinned = self.see_through = 0
         if document.scene is None:
-            raise InputError("the file has no scene", mend="export the file anew")
+            raise InputError("the file has no scene", fix="export the file anew")
         for node in document.scene.nodes:
             self.walk(node, "", _world_from_file(document.assetInfo))
         for error in map(str, document.errors):
             if "eometry" in error:  # pycollada: "Unknown geometry tag", "Geometry … not found"
-                raise InputError(f"a geometry is lost: {error}", mend="export triangles")
+                raise InputError(f"a geometry is lost: {error}", fix="export triangles")
         notes = self.placed.notes
         if document.errors:
             notes.append(("PARTLY_READ", f"pycollada skipped a part: {document.errors[0]}"))
@@ -137,7 +137,7 @@ class _Reader:
                 raise InputError(
                     f"a triangle names a vertex: index out of range 0…{len(positions) - 1}",
                     place=f"geometry '{geometry.id}'",
-                    mend="mend the index buffer",
+                    fix="mend the index buffer",
                 )
             effect = effects.get(primitive.material)
             one_sided = not (effect is not None and effect.double_sided)
@@ -162,7 +162,7 @@ def _world_from_file(asset: Any) -> Float64:
     metres = 1.0 if asset.unitmeter is None else float(asset.unitmeter)
     if not 0.0 < metres < np.inf:
         raise InputError(
-            f"the unit is {metres} metres", place="asset.unit", mend="give a positive length"
+            f"the unit is {metres} metres", place="asset.unit", fix="give a positive length"
         )
     result = np.eye(4)
     result[:3, :3] = metres * np.array(_Y_UP[asset.upaxis or "Y_UP"], np.float64)

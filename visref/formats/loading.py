@@ -50,17 +50,17 @@ def load_scene(path: Path | str, *, cull_backfaces: bool = False, lenient: bool 
         scene = flatten(placed, source=str(file), cull_backfaces=cull_backfaces, lenient=lenient)
         if not scene.triangle_count and file.suffix.lower() not in _GLTF:
             # glTF's scene graph may mean its objects to be empty; elsewhere this is no mesh.
-            raise InputError("there is no triangle in it", mend="give a file with a mesh")
+            raise InputError("there is no triangle in it", fix="give a file with a mesh")
         return scene
     except InputError as error:
         raise error.at(source=str(file)) from error
     except RecursionError as error:
         raise InputError(
-            "its nodes are nested too deep", source=str(file), mend="export the file anew"
+            "its nodes are nested too deep", source=str(file), fix="export the file anew"
         ) from error
     except MemoryError as error:
         raise InputError(
-            "it needs more memory than there is", source=str(file), mend="give a smaller scene"
+            "it needs more memory than there is", source=str(file), fix="give a smaller scene"
         ) from error
 
 
@@ -105,18 +105,18 @@ def scene_from_trimesh(
 
 def _check_file(file: Path) -> None:
     if not file.exists():
-        raise InputError("there is no such file", mend="check the name")
+        raise InputError("there is no such file", fix="check the name")
     if not file.is_file():
-        raise InputError("this is not a file", mend="give the file itself")
+        raise InputError("this is not a file", fix="give the file itself")
     try:
         with file.open("rb") as stream:
             empty = not stream.read(1)
     except OSError as error:
         raise InputError(
-            f"cannot read the file: {error.strerror}", mend="check its permissions"
+            f"cannot read the file: {error.strerror}", fix="check its permissions"
         ) from error
     if empty:
-        raise InputError("the file is empty", mend="give a complete file")
+        raise InputError("the file is empty", fix="give a complete file")
 
 
 def _read(file: Path) -> Placed:
@@ -129,10 +129,10 @@ def _read(file: Path) -> Placed:
         return read_obj(file)
     known = sorted(trimesh.available_formats())
     if suffix in _ARCHIVES:
-        raise InputError("this is an archive", mend="unpack it and give the mesh itself")
+        raise InputError("this is an archive", fix="unpack it and give the mesh itself")
     if suffix[1:] not in known and suffix[1:] not in trimesh.exchange.load.mesh_loaders:
         raise InputError(
-            f"files ending in '{suffix}' are not known", mend=f"known are {', '.join(known)}"
+            f"files ending in '{suffix}' are not known", fix=f"known are {', '.join(known)}"
         )
     said = _Said(logging.WARNING)
     logger = logging.getLogger("trimesh")
@@ -141,13 +141,13 @@ def _read(file: Path) -> Placed:
         loaded = trimesh.load_scene(str(file.absolute()), process=False)
     except ImportError as error:
         raise InputError(
-            f"reading '{suffix}' files needs a package: {error}", mend="install it with pip"
+            f"reading '{suffix}' files needs a package: {error}", fix="install it with pip"
         ) from error
     except Exception as error:  # trimesh's readers fail in as many ways as there are formats.
         kind = type(error).__name__
         raise InputError(
             f"this is not a readable '{suffix}' file ({kind}: {str(error)[:120]})",
-            mend="export the file anew",
+            fix="export the file anew",
         ) from error
     finally:
         logger.removeHandler(said)
@@ -200,7 +200,7 @@ def _mesh(geometry: trimesh.Trimesh, name: str) -> Mesh:
         raise InputError(
             f"a triangle names a vertex: index out of range 0…{len(positions) - 1}",
             place=f"object '{name}'",
-            mend="mend the index buffer",
+            fix="mend the index buffer",
         )
     material: Any = getattr(geometry.visual, "material", None)
     one_sided = not getattr(material, "doubleSided", None)

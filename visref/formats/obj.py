@@ -58,7 +58,7 @@ def read_obj(path: Path) -> Placed:
             while end and chunk[:end].rstrip(b"\r\n").endswith(b"\\"):
                 end = chunk.rfind(b"\n", 0, end - 1) + 1
             if not end:
-                raise InputError("a line of more than 8 MB", mend="check that it is an OBJ file")
+                raise InputError("a line of more than 8 MB", fix="check that it is an OBJ file")
             chunk = chunk[:end]
         at += len(chunk)
         _read_chunk(reading, chunk)
@@ -105,7 +105,7 @@ def _read_chunk(reading: _Reading, chunk: bytes) -> None:
     if (counts[rows] < 3).any():
         bad = line_of[rows[np.argmax(counts[rows] < 3)]]
         raise InputError(
-            "a vertex has fewer than 3 coordinates", place=f"line {bad}", mend="mend the line"
+            "a vertex has fewer than 3 coordinates", place=f"line {bad}", fix="mend the line"
         )
     tokens = (first[rows, None] + np.arange(1, 4)).reshape(-1)
     values = _numbers(raw, starts[tokens], ends[tokens], np.float64, line_of, first, tokens)
@@ -121,7 +121,7 @@ def _read_chunk(reading: _Reading, chunk: bytes) -> None:
     if (corners == 0).any():
         bad = corner_line[np.argmax(corners == 0)]
         raise InputError(
-            "vertex index 0, and OBJ counts from 1", place=f"line {bad}", mend="mend the line"
+            "vertex index 0, and OBJ counts from 1", place=f"line {bad}", fix="mend the line"
         )
     corners = np.where(corners < 0, corners + np.repeat(before, counts[rows]), corners - 1)
     fans = np.maximum(counts[rows] - 2, 0)
@@ -181,7 +181,7 @@ def _numbers(
         row = int(np.searchsorted(first, tokens[bad], side="right")) - 1
         word = raw[starts[bad] : ends[bad]].tobytes().decode("utf-8", "replace")
         raise InputError(
-            f"'{word[:40]}' is not a number", place=f"line {line_of[row]}", mend="mend the line"
+            f"'{word[:40]}' is not a number", place=f"line {line_of[row]}", fix="mend the line"
         )
     return values
 
@@ -203,7 +203,7 @@ def _check_indices(reading: _Reading, triangles: Int64) -> None:
             f"a face names a vertex that the file lacks (it has {reading.vertex_count}):"
             " index out of range",
             place=f"line {line}",
-            mend="mend the face",
+            fix="mend the face",
         )
 
 
@@ -267,5 +267,5 @@ def _value(words: list[str]) -> float:
         return float(words[-1])
     except ValueError as error:
         raise InputError(
-            f"'{words[-1][:40]}' is not a number", place="the material file", mend="mend the line"
+            f"'{words[-1][:40]}' is not a number", place="the material file", fix="mend the line"
         ) from error

@@ -115,7 +115,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     Raises InputError where there is no object, or a vertex is NaN or infinite.
     """
     if not placed.names:
-        raise InputError("there is no mesh in it", source=source, mend="give a file with a mesh")
+        raise InputError("there is no mesh in it", source=source, fix="give a file with a mesh")
     mesh_of_object = np.array(placed.mesh_of_object, np.int64)
     worlds = np.concatenate(placed.world_from_object)
     vertex_starts = _starts([len(mesh.positions) for mesh in placed.meshes], mesh_of_object)
@@ -124,7 +124,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         raise InputError(
             f"the scene has {starts[-1]} triangles with {vertex_starts[-1]} vertices",
             source=source,
-            mend=f"at most {_MAX_INT32} of each can be held",
+            fix=f"at most {_MAX_INT32} of each can be held",
         )
     vertices = np.empty((int(vertex_starts[-1]), 3), np.float32)
     triangles = np.empty((int(starts[-1]), 3), np.int32)
@@ -222,7 +222,7 @@ def _refuse_not_finite(
         f"a vertex is NaN or infinite ({where})",
         source=source,
         place=f"object '{names[owner]}'",
-        mend="mend the mesh, or drop such triangles with --lenient",
+        fix="mend the mesh, or drop such triangles with --lenient",
     )
 
 

@@ -277,7 +277,7 @@ def _promise(spec: str, culler: Culler) -> Promise:
     except ValueError as error:
         raise InputError(
             f"'{spec}' promises {culler.promise!r}",
-            mend=f"a promise is one of {', '.join(Promise)}",
+            fix=f"a promise is one of {', '.join(Promise)}",
         ) from error
 
 

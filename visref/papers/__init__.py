@@ -37,7 +37,7 @@ def load_paper(name: str) -> Paper:
     """A paper by its module's name. Raises InputError naming the known ones."""
     known = paper_names()
     if name not in known:
-        raise InputError(f"no paper is named '{name}'", mend=f"known are {', '.join(known)}")
+        raise InputError(f"no paper is named '{name}'", fix=f"known are {', '.join(known)}")
     module = importlib.import_module(f"{__name__}.{name}")
     paper = Paper(name, module.TITLE, module.WALKS, module.EXPERIMENTS, module.tables)
     return replace(paper, tables_of_run=getattr(module, "tables_of_run", paper.tables_of_run))

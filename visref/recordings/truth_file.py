@@ -125,10 +125,10 @@ def read_truth(
     for what, now in (("scene", scene.digest), ("path", path_digest(path))):
         if facts[what] != now:
             raise InputError(
-                f"it was cast for another {what}", source=source, mend="cast the truth again"
+                f"it was cast for another {what}", source=source, fix="cast the truth again"
             )
     if not set(frames) <= set(facts["frames"]):
-        raise InputError("it lacks frames of this run", source=source, mend="cast them all")
+        raise InputError("it lacks frames of this run", source=source, fix="cast them all")
     frame = table["frame"].to_numpy()
     objects = table["object"].to_numpy().astype(np.int64)
     if len(objects) and not 0 <= objects.min() <= objects.max() < scene.object_count:
@@ -136,7 +136,7 @@ def read_truth(
             "a row names an object that the scene lacks",
             source=source,
             place="object",
-            mend="cast the truth again",
+            fix="cast the truth again",
         )
     pixels = table["pixels"].to_numpy()
     order = np.argsort(frame, kind="stable")
@@ -155,22 +155,22 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
     """The table, and what its metadata says, both of the form that `TruthTable` writes."""
     mend = "write one with `visref truth`"
     if not file.is_file():
-        raise InputError("there is no such truth file", source=source, mend=mend)
+        raise InputError("there is no such truth file", source=source, fix=mend)
     try:
         table = pq.read_table(file)
     except (OSError, pa.ArrowException) as error:
-        raise InputError("cannot read it as a truth file", source=source, mend=mend) from error
+        raise InputError("cannot read it as a truth file", source=source, fix=mend) from error
     try:
         facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
     except ValueError:
         facts = None
     if not isinstance(facts, dict) or facts.get("format") != _FORMAT:
-        raise InputError("this is not a truth file", source=source, mend=mend)
+        raise InputError("this is not a truth file", source=source, fix=mend)
     if facts.get("version") != _VERSION:
         raise InputError(
             f"its version is {facts.get('version')!r}, and this visref reads {_VERSION}",
             source=source,
-            mend="cast the truth again",
+            fix="cast the truth again",
         )
     kinds = {"engine": str, "scene": str, "path": str, "ties_complete": bool, "frames": list}
     odd = [name for name, kind in kinds.items() if not isinstance(facts.get(name), kind)]
@@ -179,6 +179,6 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
         raise InputError(
             f"its {where} are not those of a truth file",
             source=source,
-            mend="cast the truth again",
+            fix="cast the truth again",
         )
     return table, facts

@@ -100,7 +100,7 @@ def read_visible_sets(
     reader = readers.get(Path(path).suffix.lower())
     if reader is None:
         raise InputError(
-            "recorded visible sets are .jsonl, .csv or .parquet", source=source, mend="rename it"
+            "recorded visible sets are .jsonl, .csv or .parquet", source=source, fix="rename it"
         )
     try:
         rows = list(reader(Path(path)))
@@ -108,10 +108,10 @@ def read_visible_sets(
         raise error.at(source=source) from error
     except OSError as error:
         raise InputError(
-            f"cannot read it: {error.strerror}", source=source, mend="check its name"
+            f"cannot read it: {error.strerror}", source=source, fix="check its name"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError("it is not UTF-8 text", source=source, mend="write it anew") from error
+        raise InputError("it is not UTF-8 text", source=source, fix="write it anew") from error
     return _gather(rows, scene, frames, path_length, source)
 
 
@@ -133,14 +133,14 @@ def _gather(
                 f"frame {row.frame} is not on the path (0…{path_length - 1})",
                 source=source,
                 place=row.place,
-                mend="record the frames of this path",
+                fix="record the frames of this path",
             )
         if row.frame in by_frame:
             raise InputError(
                 f"frame {row.frame} comes twice (first at {by_frame[row.frame].place})",
                 source=source,
                 place=row.place,
-                mend="keep one",
+                fix="keep one",
             )
         by_frame[row.frame] = row
     missing = sorted(set(frames) - set(by_frame))
@@ -150,7 +150,7 @@ def _gather(
             f"{len(missing)} of {len(frames)} frames are missing: {shown}",
             source=source,
             place="frame",
-            mend='write a line for each frame, "visible": [] where nothing was drawn',
+            fix='write a line for each frame, "visible": [] where nothing was drawn',
         )
     drawn = {}
     for frame in frames:
@@ -169,14 +169,14 @@ def _object_id(entry: int | str, scene: Scene, source: str, place: str) -> int:
             f"the scene has no object named {entry!r}",
             source=source,
             place=place,
-            mend=f"did you mean {near[0]!r}?" if near else "use the names of `visref objects`",
+            fix=f"did you mean {near[0]!r}?" if near else "use the names of `visref objects`",
         )
     if not 0 <= entry < scene.object_count:
         raise InputError(
             f"object id {entry} is not in the scene (0…{scene.object_count - 1})",
             source=source,
             place=place,
-            mend="ids are dense, in the scene graph's depth-first order",
+            fix="ids are dense, in the scene graph's depth-first order",
         )
     return entry
 
@@ -191,29 +191,29 @@ def _json_lines(path: Path) -> Iterator[_Row]:
                 row = parse_json(line)
             except InputError as error:
                 raise InputError(
-                    error.problem, place=place, mend="write an object a line"
+                    error.problem, place=place, fix="write an object a line"
                 ) from error
             if not isinstance(row, dict) or "frame" not in row or "visible" not in row:
                 raise InputError(
                     "a line needs 'frame' and 'visible'",
                     place=place,
-                    mend='write {"frame": 0, "visible": [3, "name"]}',
+                    fix='write {"frame": 0, "visible": [3, "name"]}',
                 )
             if isinstance(row["frame"], bool) or not isinstance(row["frame"], int):
-                raise InputError(f"frame is {row['frame']!r}", place=place, mend="give an integer")
+                raise InputError(f"frame is {row['frame']!r}", place=place, fix="give an integer")
             visible = row["visible"]
             if not isinstance(visible, list) or not all(
                 isinstance(entry, (int, str)) and not isinstance(entry, bool) for entry in visible
             ):
                 raise InputError(
-                    "visible is not a list of ids and names", place=place, mend="write [3, 'name']"
+                    "visible is not a list of ids and names", place=place, fix="write [3, 'name']"
                 )
             yield _Row(place, row["frame"], visible, _stats(row.get("stats", {}), place))
 
 
 def _stats(values: Any, place: str) -> QueryStats:
     if not isinstance(values, dict):
-        raise InputError("stats is not an object", place=place, mend="write {…}")
+        raise InputError("stats is not an object", place=place, fix="write {…}")
     stats = QueryStats()
     for name, value in values.items():
         if name == "ms" and isinstance(value, dict) and all(map(is_duration, value.values())):
@@ -224,7 +224,7 @@ def _stats(values: Any, place: str) -> QueryStats:
             raise InputError(
                 f"stats has {name!r}: {value!r}",
                 place=place,
-                mend='"ms" holds milliseconds by phase; known counters, whole numbers, are '
+                fix='"ms" holds milliseconds by phase; known counters, whole numbers, are '
                 + ", ".join(sorted(_COUNTERS)),
             )
     return stats
@@ -242,7 +242,7 @@ def _csv(path: Path) -> Iterator[_Row]:
                 raise InputError(
                     "the row has not as many fields as the header",
                     place=place,
-                    mend="quote names that hold commas",
+                    fix="quote names that hold commas",
                 )
             frame = _whole(row["frame"], "frame", place)
             objects = frames.setdefault(frame, (place, []))[1]
@@ -260,20 +260,20 @@ def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
         return next(reader, None)
     except csv.Error as error:
         raise InputError(
-            f"not valid CSV: {error}", place=f"line {reader.line_num}", mend="write it anew"
+            f"not valid CSV: {error}", place=f"line {reader.line_num}", fix="write it anew"
         ) from error
 
 
 def _parquet(path: Path) -> Iterator[_Row]:
     if path.is_dir():
-        raise InputError("this is a folder, not a file", mend="give the file itself")
+        raise InputError("this is a folder, not a file", fix="give the file itself")
     if not path.exists():
-        raise InputError("cannot read it: no such file", mend="check its name")
+        raise InputError("cannot read it: no such file", fix="check its name")
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise InputError(
-            "it is not a Parquet file, or not a whole one", mend="write it anew"
+            "it is not a Parquet file, or not a whole one", fix="write it anew"
         ) from error
     column = _object_column(table.column_names)
     frames: dict[int, list[int | str]] = {}
@@ -285,7 +285,7 @@ def _parquet(path: Path) -> Iterator[_Row]:
         if value is not None:
             if column == "object" and not isinstance(value, str):
                 raise InputError(
-                    f"object is {value!r}", place=place, mend="write names as text, or object_id"
+                    f"object is {value!r}", place=place, fix="write names as text, or object_id"
                 )
             objects.append(_whole(value, column, place) if column == "object_id" else value)
     for frame, objects in frames.items():
@@ -300,7 +300,7 @@ def _object_column(columns: list[str]) -> str:
     raise InputError(
         f"columns are {', '.join(columns) or 'missing'}",
         place="header",
-        mend="give 'frame' and 'object_id' or 'object'",
+        fix="give 'frame' and 'object_id' or 'object'",
     )
 
 
@@ -312,4 +312,4 @@ def _whole(value: Any, column: str, place: str) -> int:
             return int(value)
     except ValueError:  # longer than Python reads
         pass
-    raise InputError(f"{column} is {reprlib.repr(value)}", place=place, mend="give an integer")
+    raise InputError(f"{column} is {reprlib.repr(value)}", place=place, fix="give an integer")

@@ -30,7 +30,7 @@ def write_report(folders: Sequence[Path], out: Path) -> Path:
     benches = [read_bench(folder) for folder in map(Path, folders) if is_bench(folder)]
     runs = [read_run(folder) for folder in map(Path, folders) if not is_bench(folder)]
     if not runs:
-        raise InputError("no run folder was given", mend="name one that `visref run` wrote")
+        raise InputError("no run folder was given", fix="name one that `visref run` wrote")
     page = out / "report.html"
     for file, text in (
         (page, page_html(runs, benches, out)),

@@ -38,11 +38,11 @@ def read_bench(folder: Path) -> BenchRecord:
         record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
         svg = (folder / PLOT).read_bytes()
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=source, mend=mend) from error
+        raise InputError(f"cannot read it: {error}", source=source, fix=mend) from error
     known = isinstance(record, dict) and record.get("format") == "visref-bench"
     if not known or record.get("version") != 1:
         raise InputError("this is no bench (format visref-bench, version 1)", source=source,
-                         mend=mend)  # fmt: skip
+                         fix=mend)  # fmt: skip
     scene = Path(record["scene"]["source"]).name
     frames = len(record["path"]["frames"])
     return BenchRecord(folder, tuple(record["says"]), scene, frames, record["machine"], svg)

@@ -380,7 +380,7 @@ def _data_uri(file: Path) -> str:
         raise InputError(
             "a picture that the manifest lists is missing",
             source=str(file),
-            mend="copy the run folder whole",
+            fix="copy the run folder whole",
         ) from error
     kind = _MIME.get(file.suffix, "application/octet-stream")
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"

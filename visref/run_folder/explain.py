@@ -54,7 +54,7 @@ def explain(run: Path, frame: int, target: str, culler: str | None = None) -> li
     such witness.
     """
     if not (run / MANIFEST).is_file():
-        raise InputError("this is no run folder", source=str(run), mend="give visref run's --out")
+        raise InputError("this is no run folder", source=str(run), fix="give visref run's --out")
     found = []
     for witness in _witnesses(run):
         same = target in (str(witness["object"]), witness["object_name"])
@@ -64,7 +64,7 @@ def explain(run: Path, frame: int, target: str, culler: str | None = None) -> li
         raise InputError(
             f"no witness of object '{target}' in frame {frame}",
             source=str(run / "witnesses"),
-            mend="objects.parquet lists what was missed; the worst misses have witnesses",
+            fix="objects.parquet lists what was missed; the worst misses have witnesses",
         )
     return found
 
@@ -79,7 +79,7 @@ def _witnesses(run: Path) -> Iterator[Mapping[str, Any]]:
                     f"not valid JSON: {error.msg}",
                     source=str(file),
                     place=f"line {number}",
-                    mend="run again",
+                    fix="run again",
                 ) from error
 
 
@@ -94,7 +94,7 @@ def _replay(witness: Mapping[str, Any]) -> Explanation:
         sides = np.array([t["one_sided"] for t in triangles], np.bool_)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"a witness is damaged ({error})", place="witnesses", mend="run again"
+            f"a witness is damaged ({error})", place="witnesses", fix="run again"
         ) from error
     hits = tuple(along_ray(ray, corners, sides))
     return Explanation(witness, hits, _holds(witness, hits), tuple(_tell(witness, ray, hits)))

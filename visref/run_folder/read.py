@@ -18,7 +18,7 @@ from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.run_folder.write import MANIFEST, VERDICT
 
-_MEND = "give a folder that `visref run` or `visref check` wrote"
+_FIX = "give a folder that `visref run` or `visref check` wrote"
 
 # The wall time of a culler's one call a frame; other phases are parts of it.
 CULL_PHASE = "cull"
@@ -158,14 +158,14 @@ def read_run(folder: Path, *, objects: bool = True) -> RunRecord:
     is empty. Raises InputError if it is none, or a file of it is spoilt."""
     if not (folder / MANIFEST).is_file():
         raise InputError(
-            f"this is no run folder: it has no {MANIFEST}", source=str(folder), mend=_MEND
+            f"this is no run folder: it has no {MANIFEST}", source=str(folder), fix=_FIX
         )
     manifest = _read_json(folder / MANIFEST)
     if manifest.get("format") != "visref-run" or manifest.get("version") != 1:
         raise InputError(
             "this manifest is not a run's (format visref-run, version 1)",
             source=str(folder / MANIFEST),
-            mend=_MEND,
+            fix=_FIX,
         )
     return RunRecord(
         folder,
@@ -183,9 +183,9 @@ def _read_json(file: Path) -> dict[str, Any]:
     try:
         value = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=str(file), mend=_MEND) from error
+        raise InputError(f"cannot read it: {error}", source=str(file), fix=_FIX) from error
     if not isinstance(value, dict):
-        raise InputError("it holds no JSON object", source=str(file), mend=_MEND)
+        raise InputError("it holds no JSON object", source=str(file), fix=_FIX)
     return value
 
 
@@ -194,4 +194,4 @@ def _read_table(file: Path, *repeated: str) -> pa.Table:
     try:
         return pq.read_table(file, read_dictionary=list(repeated))
     except (OSError, pa.ArrowInvalid) as error:
-        raise InputError("cannot read this table", source=str(file), mend=_MEND) from error
+        raise InputError("cannot read this table", source=str(file), fix=_FIX) from error

@@ -105,7 +105,7 @@ def measure(
     on. Raises InputError for a number of frames that is none.
     """
     if frames is not None and frames < 1:
-        raise InputError(f"--frames is {frames}", mend="give 1 or more")
+        raise InputError(f"--frames is {frames}", fix="give 1 or more")
     measured = Measured(tuple(papers), out, frames)
     todo = tasks(measured.papers, large=large)
     progress.begin(sum(_steps(task, frames) for task in todo))

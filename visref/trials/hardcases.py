@@ -213,7 +213,7 @@ def read_cases(folder: Path, only: Sequence[str] | None = None) -> tuple[HardCas
         if name not in names:
             near = get_close_matches(name, names, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(names)}"
-            raise InputError(f"no hard case is named '{name}'", mend=hint)
+            raise InputError(f"no hard case is named '{name}'", fix=hint)
     cases = []
     for dataset in made:
         if only is None or dataset.name in only:

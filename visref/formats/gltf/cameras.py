@@ -43,7 +43,7 @@ def read_cameras(document: Document, *, width: int, height: int, fps: float | No
     frames a second of animation; None takes the keyframes' times.
     """
     if fps is not None and not 0.0 < fps < math.inf:
-        raise InputError(f"fps is {fps}", place="fps", mend="give frames a second above 0")
+        raise InputError(f"fps is {fps}", place="fps", fix="give frames a second above 0")
     nodes = read_nodes(document)
     world_from_node = nodes.world_from_node()
     frames: list[Camera] = []
@@ -63,7 +63,7 @@ def read_cameras(document: Document, *, width: int, height: int, fps: float | No
         raise InputError(
             "no node of the file's scene has a camera",
             place="nodes",
-            mend="give a path file, or export the scene with its camera",
+            fix="give a path file, or export the scene with its camera",
         )
     return CameraPath(tuple(frames))
 

@@ -48,8 +48,8 @@ class Json:
         self.value = value
         self.place = place
 
-    def fail(self, problem: str, mend: str = "export the file anew") -> NoReturn:
-        raise InputError(problem, place=self.place, mend=mend)
+    def fail(self, problem: str, fix: str = "export the file anew") -> NoReturn:
+        raise InputError(problem, place=self.place, fix=mend)
 
     def get(self, name: str) -> Json | None:
         """A member of this object, or None where it is absent."""
@@ -240,14 +240,14 @@ def _integer(owner: Json, name: str, default: int) -> int:
 def _chunks(data: Bytes) -> tuple[Bytes, Bytes | None]:
     """The JSON chunk and the binary chunk of a GLB file (section 4.4)."""
     if len(data) < 12:
-        raise InputError("truncated GLB: the header is cut", mend="export or copy it anew")
+        raise InputError("truncated GLB: the header is cut", fix="export or copy it anew")
     version, length = (int(v) for v in data[4:12].view("<u4"))
     if version != 2:
-        raise InputError(f"this is GLB version {version}", mend="convert it: visref reads 2")
+        raise InputError(f"this is GLB version {version}", fix="convert it: visref reads 2")
     if length > len(data):
         raise InputError(
             f"truncated GLB: it has {len(data)} of its {length} bytes",
-            mend="export or copy it anew",
+            fix="export or copy it anew",
         )
     chunks: dict[int, Bytes] = {}
     at = 12
@@ -255,10 +255,10 @@ def _chunks(data: Bytes) -> tuple[Bytes, Bytes | None]:
         size, kind = (int(v) for v in data[at : at + 8].view("<u4"))
         if at + 8 + size > length:
             raise InputError(
-                f"truncated GLB: the chunk at byte {at} is cut", mend="export or copy it anew"
+                f"truncated GLB: the chunk at byte {at} is cut", fix="export or copy it anew"
             )
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
     if _CHUNK_JSON not in chunks:
-        raise InputError("the GLB has no JSON chunk", mend="export or copy it anew")
+        raise InputError("the GLB has no JSON chunk", fix="export or copy it anew")
     return chunks[_CHUNK_JSON], chunks.get(_CHUNK_BIN)

@@ -210,7 +210,7 @@ class _Draco:
             raise InputError(
                 "its geometry is compressed with Draco, and DracoPy is not installed",
                 place=extension.place,
-                mend="run: pip install DracoPy",
+                fix="run: pip install DracoPy",
             ) from error
         data, _ = document.view(extension["bufferView"])
         try:
@@ -220,7 +220,7 @@ class _Draco:
             raise InputError(
                 f"the Draco decoder refused the data: {error}",
                 place=extension.place,
-                mend="export the file anew",
+                fix="export the file anew",
             ) from error
         attributes = extension["attributes"]
         self.ids: Mapping[str, Json] = {name: attributes[name] for name in attributes.names()}

@@ -99,7 +99,7 @@ def read_nodes(document: Document) -> Nodes:
         if parent[root] >= 0:
             nodes[root].fail("it is a root of the scene and another node's child")
     if len(set(waiting)) != len(waiting):
-        raise InputError("a root is listed twice", place="scenes", mend="list each node once")
+        raise InputError("a root is listed twice", place="scenes", fix="list each node once")
     hidden = set()
     while waiting:
         node = waiting.pop()
