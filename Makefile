@@ -7,8 +7,8 @@ SYSTEM_READY := $(VENV)/.system-ready
 
 # EGL and Mesa's software renderer for the GL methods; libusb and libgomp for Open3D.
 SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libgomp1
-# Only the tests: a real model that nobody here wrote.
-TEST_PACKAGES := assimp-testmodels
+# Only the tests: real models that nobody here wrote, and a browser for the pages.
+TEST_PACKAGES := assimp-testmodels chromium
 
 .PHONY: demo test lint bench tables setup clean
 .DELETE_ON_ERROR:

@@ -24,7 +24,7 @@ _PREFIX = ".visref-unfinished-"
 
 
 def _refuse(path: Path, reason: str, fix: str) -> InputError:
-    return InputError(f"cannot write here: {reason}", source=str(path), fix=mend)
+    return InputError(f"cannot write here: {reason}", source=str(path), fix=fix)
 
 
 @contextmanager
@@ -121,14 +121,14 @@ def parse_json(data: bytes) -> Any:
     NaN and infinities pass, as Python's parser lets them: whoever reads the number knows its
     place and refuses it there.
     """
-    mend = "mend the syntax there, or write the file anew"
+    fix = "mend the syntax there, or write the file anew"
     try:
         return json.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError("this is not UTF-8 text", fix="check that it is the right file") from error
     except json.JSONDecodeError as error:
         place = f"line {error.lineno} column {error.colno}"
-        raise InputError(f"not valid JSON: {error.msg}", place=place, fix=mend) from error
+        raise InputError(f"not valid JSON: {error.msg}", place=place, fix=fix) from error
     except (RecursionError, ValueError) as error:
         problem = "not valid JSON: lists too deep, or a number too long"
-        raise InputError(problem, fix=mend) from error
+        raise InputError(problem, fix=fix) from error

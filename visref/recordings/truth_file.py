@@ -153,19 +153,19 @@ def read_truth(
 
 def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]:
     """The table, and what its metadata says, both of the form that `TruthTable` writes."""
-    mend = "write one with `visref truth`"
+    fix = "write one with `visref truth`"
     if not file.is_file():
-        raise InputError("there is no such truth file", source=source, fix=mend)
+        raise InputError("there is no such truth file", source=source, fix=fix)
     try:
         table = pq.read_table(file)
     except (OSError, pa.ArrowException) as error:
-        raise InputError("cannot read it as a truth file", source=source, fix=mend) from error
+        raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     try:
         facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
     except ValueError:
         facts = None
     if not isinstance(facts, dict) or facts.get("format") != _FORMAT:
-        raise InputError("this is not a truth file", source=source, fix=mend)
+        raise InputError("this is not a truth file", source=source, fix=fix)
     if facts.get("version") != _VERSION:
         raise InputError(
             f"its version is {facts.get('version')!r}, and this visref reads {_VERSION}",

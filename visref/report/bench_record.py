@@ -33,16 +33,16 @@ def is_bench(folder: Path) -> bool:
 def read_bench(folder: Path) -> BenchRecord:
     """Read a bench folder. Raises InputError if a file of it is missing or spoilt."""
     source = str(folder / MARKER)
-    mend = "give a folder that `visref bench` wrote"
+    fix = "give a folder that `visref bench` wrote"
     try:
         record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
         svg = (folder / PLOT).read_bytes()
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=source, fix=mend) from error
+        raise InputError(f"cannot read it: {error}", source=source, fix=fix) from error
     known = isinstance(record, dict) and record.get("format") == "visref-bench"
     if not known or record.get("version") != 1:
         raise InputError("this is no bench (format visref-bench, version 1)", source=source,
-                         fix=mend)  # fmt: skip
+                         fix=fix)  # fmt: skip
     scene = Path(record["scene"]["source"]).name
     frames = len(record["path"]["frames"])
     return BenchRecord(folder, tuple(record["says"]), scene, frames, record["machine"], svg)

@@ -95,15 +95,15 @@ def _rigid(world_from_node: Float64, node: Json) -> Float64:
         node.fail("the camera's matrix is not finite", "mend its node, its parents, their keys")
     linear = world_from_node[:3, :3]
     lengths = np.linalg.norm(linear, axis=0)
-    mend = "remove it from the camera's node and its parents"
+    fix = "remove it from the camera's node and its parents"
     if not lengths.all():
-        node.fail("the camera's matrix is singular", mend)
+        node.fail("the camera's matrix is singular", fix)
     axes = linear / lengths
     if np.linalg.det(axes) < 0.0:
-        node.fail("the camera's matrix is mirrored", mend)
+        node.fail("the camera's matrix is mirrored", fix)
     error = float(np.abs(axes.T @ axes - np.eye(3)).max())
     if error > SHEAR_TOLERANCE:
-        node.fail(f"the camera's matrix is sheared (by {error:.3g})", mend)
+        node.fail(f"the camera's matrix is sheared (by {error:.3g})", fix)
     left, _, right = np.linalg.svd(axes)
     pose = np.eye(4)
     pose[:3, :3] = left @ right

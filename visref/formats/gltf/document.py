@@ -49,7 +49,7 @@ class Json:
         self.place = place
 
     def fail(self, problem: str, fix: str = "export the file anew") -> NoReturn:
-        raise InputError(problem, place=self.place, fix=mend)
+        raise InputError(problem, place=self.place, fix=fix)
 
     def get(self, name: str) -> Json | None:
         """A member of this object, or None where it is absent."""
