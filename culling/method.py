@@ -113,8 +113,8 @@ class GLCuller(Culler):
         self._release()
         self.scene = scene
         self.units = self.units_of(scene)
-        self.bounds = self.unit_bounds(scene, self.units)
-        self.tree = BoxTree(self.bounds)
+        self.unit_boxes = self.unit_bounds(scene, self.units)
+        self.tree = BoxTree(self.unit_boxes)
         self.geometry = self.geometry_of(scene)
         self.raster: GLRaster | None = self.raster_of(scene)
         return self.units
@@ -136,6 +136,9 @@ class GLCuller(Culler):
     @abstractmethod
     def decide(self, frame: Frame) -> None:
         """Draw what may be visible, each unit at most once."""
+
+    def bounds(self) -> Float64:
+        return self.unit_boxes
 
     def close(self) -> None:
         self._release()
@@ -205,7 +208,7 @@ class GLCuller(Culler):
         view = frame.view
         with phase(frame.stats, "sort"):
             ids = self.in_frustum(view)
-            boxes = view.inflated(self.bounds[ids])
+            boxes = view.inflated(self.unit_boxes[ids])
             nearest = view.nearest_depth(boxes)
             order = self.order(ids, nearest)
             frame.ids, frame.boxes, frame.nearest = ids[order], boxes[order], nearest[order]

@@ -139,7 +139,7 @@ def _asked_after_estimate(culler: PLPCulling, camera: Camera) -> Float32:
     """The boxes that the front's first question is about."""
     culler.cull(camera)
     view = View.of(camera, culler.scene, culler.device.subpixel_bits)
-    boxes = view.inflated(culler.bounds[culler.walk.front()])
+    boxes = view.inflated(culler.unit_boxes[culler.walk.front()])
     return round_outward(boxes[~view.needs_no_query(boxes)])
 
 

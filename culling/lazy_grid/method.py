@@ -136,7 +136,7 @@ class LazyGridCulling(GLCuller):
         _within("whole", whole, 0, 1)
         _within("large", large, 0, None)
         self.occlusion_buffer = buffer == "occlusion"
-        self.update, self.query_way, self.cell = update, query, cell
+        self.updates, self.query_way, self.cell = update, query, cell
         self.leaf = leaf if boxes == "triangles" else None
         self.probability, self.whole, self.large = probability, whole, large
         self.areas: AreaQueries | None = None
@@ -257,7 +257,7 @@ class LazyGridCulling(GLCuller):
             walk = self.walk(frame)
         frame.ids = np.arange(self.units.count)
         self.observe("grid", grid=walk.grid)
-        if self.update == "none":
+        if self.updates == "none":
             self.draw(frame, walk.nodes.unit[walk.nodes.unit != INNER])
             return
         if len(walk.unit):
@@ -355,7 +355,7 @@ class LazyGridCulling(GLCuller):
         self.observe("mark", area=walk.area[node], unit=unit)
         if self.probability > 0.0:
             add_coverage(walk.grid, walk.frame.view, self.scene, self.units, self.opaque, unit)
-        if self.update == "busy":
+        if self.updates == "busy":
             self.update_all(walk, node)
 
     def update_all(self, walk: Walk, node: int) -> None:

@@ -92,7 +92,7 @@ class NBufferCulling(GLCuller):
         self.seen = np.zeros(units.count, np.bool_)
         if self.on_gpu:
             self.gpu = self.gpu_cull(
-                self.device, self.geometry, self.bounds, self.can_occlude, self.squares
+                self.device, self.geometry, self.unit_boxes, self.can_occlude, self.squares
             )
         return units
 

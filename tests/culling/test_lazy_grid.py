@@ -476,7 +476,7 @@ def test_depth_of_a_box_is_never_behind_what_the_rasteriser_stores():
             camera = random_camera(rng, 32, 24)
             view, target, stats = culler.view_of(camera), culler.target_for(camera), QueryStats()
             culler.areas.begin(view, target, stats)
-            boxes = view.inflated(culler.bounds)
+            boxes = view.inflated(culler.unit_boxes)
             for unit in np.flatnonzero(~view.needs_no_query(boxes)):
                 culler.clear(target, stats)
                 culler.geometry.draw(view, target, np.array([unit]), stats)
