@@ -599,8 +599,8 @@ def test_an_engine_is_exact_by_its_own_word_whatever_its_name():
         name = "rays"
         exact = False
 
-    scene = known_scene()
-    path = CameraPath((CAMERA,))
+    scene = random_soup(1)
+    path = CameraPath((Camera(look_at((0, 0, 9), (0, 0, 0)), 8, 6, near=0.1, yfov=1.0),))
     for engine, blind in ((Mine, False), (Rays, True), (ExactEngine, False)):
         outcome = Referee(scene, lambda made=engine: made(scene)).run(path, [0], [])
         codes = {finding.code for finding in outcome.findings}
