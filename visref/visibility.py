@@ -41,18 +41,59 @@ class Ties:
 
 
 @dataclass(frozen=True, eq=False)
-class BlendVisibility:
-    """BLEND objects seen before the nearest opaque hit: (k,) arrays, sorted by object.
+class Doubt:
+    """Samples whose owner hangs on an alpha mask that is neither solid nor a hole there.
 
-    `object` int32, `pixels` int64 (decided samples at which it is seen and owns nothing
-    anyway), and its nearest witness: `sample` int64, `triangle` int32, `depth` float64.
+    `sample`: (k,) int64 flat indices, ascending. Before the sample's owner in the visibility
+    buffer, which is its first certain hit (or the background), or level with it lie the
+    triangles `triangle[offsets[i]:offsets[i + 1]]`, int32, at least one and front to back: any
+    of them may be the one that is seen. `offsets`: (k + 1,) int64.
+    """
+
+    sample: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
+    offsets: Int64 = field(default_factory=lambda: np.zeros(1, np.int64))
+    triangle: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
+
+    @classmethod
+    def of(cls, sample: Int64, triangle: Int32) -> Doubt:
+        """From hits, (h,) arrays sorted by sample, front to back within one."""
+        samples, first = np.unique(sample, return_index=True)
+        offsets = np.append(first, len(sample)).astype(np.int64)
+        return cls(samples.astype(np.int64), offsets, triangle.astype(np.int32))
+
+    def at(self) -> Int64:
+        """(h,) int64, the sample of each of `triangle`."""
+        return np.repeat(self.sample, np.diff(self.offsets))
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+
+@dataclass(frozen=True, eq=False)
+class BlendVisibility:
+    """Where BLEND triangles are seen before the nearest opaque hit, at decided samples.
+
+    (h,) arrays, a hit each, sorted by object, sample, depth, then triangle: `object` int32,
+    `sample` int64 (flat index), `triangle` int32, `depth` float64 (view depth).
     """
 
     object: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
-    pixels: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     sample: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     triangle: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     depth: Float64 = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def of(cls, scene: Scene, sample: Int64, triangle: Int32, depth: Float64) -> BlendVisibility:
+        """From hits in any order."""
+        objects = scene.object_of_triangle[triangle]
+        order = np.lexsort((triangle, depth, sample, objects))
+        return cls(objects[order], sample[order], triangle[order], depth[order])
+
+    def where(self, kept: NDArray[np.bool_]) -> BlendVisibility:
+        """Some of the hits, `kept` (h,) bool."""
+        return BlendVisibility(
+            self.object[kept], self.sample[kept], self.triangle[kept], self.depth[kept]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +124,7 @@ class FrameTruth:
     """Who owns which samples of one frame, as one engine sees it.
 
     `ties_complete` says that `ties` lists every tie (an exact engine's promise; a ray
-    engine lists none). `undecided`: (k,) int64, sorted flat indices of samples where an
-    alpha-masked triangle lies at or before the owner; they neither clear nor convict.
-    `masked`: int32, ascending, the objects whose masked triangles those are.
+    engine lists none). `doubt`: the samples that hang on an alpha mask.
     The arrays may belong to the engine and change with its next frame; `copy` them to keep.
     """
 
@@ -94,14 +133,18 @@ class FrameTruth:
     buffer: VisibilityBuffer
     ties: Ties = field(default_factory=Ties)
     ties_complete: bool = False
-    undecided: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
-    masked: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    doubt: Doubt = field(default_factory=Doubt)
     blend: BlendVisibility = field(default_factory=BlendVisibility)
 
     def copy(self) -> FrameTruth:
         """A truth that owns its arrays."""
         buffer = VisibilityBuffer(self.buffer.triangle.copy(), self.buffer.depth.copy())
         return replace(self, buffer=buffer)
+
+    @property
+    def undecided(self) -> Int64:
+        """(k,) int64, ascending flat indices of the samples that hang on an alpha mask."""
+        return self.doubt.sample
 
     @cached_property
     def decided(self) -> NDArray[np.bool_]:
@@ -133,7 +176,7 @@ class Witness:
 
 def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     """Gather a frame by object. Undecided samples are left out; BLEND objects are counted
-    in `pixels` too, by `truth.blend`, since they never own a sample."""
+    in `pixels` too, by `truth.blend`, at samples that they do not own besides."""
     from visref import kernels
 
     count = scene.object_count
@@ -159,13 +202,46 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     seen = sample >= 0
     at = np.full(count, np.inf)
     at[seen] = depth[sample[seen]]
-    blend = truth.blend
-    fresh = ~seen[blend.object]
-    pixels[blend.object] += blend.pixels
-    alone[blend.object] += blend.pixels
-    sample[blend.object[fresh]] = blend.sample[fresh]
-    at[blend.object[fresh]] = blend.depth[fresh]
-    np.minimum.at(nearest, blend.object, blend.depth)
+    _add_blended(truth, scene, pixels, alone, sample, at, nearest)
     owner = truth.buffer.triangle.reshape(-1)
     owned = np.count_nonzero(owner >= 0) - np.count_nonzero(owner[truth.undecided] >= 0)
     return ObjectVisibility(pixels, alone, sample, at, nearest, int(owned))
+
+
+def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
+    """The frame's blended hits at samples that their object does not own or share besides."""
+    blend, objects = truth.blend, scene.object_of_triangle
+    if not len(blend.object):
+        return blend
+    owner = truth.buffer.triangle.reshape(-1)[blend.sample]
+    own = (owner >= 0) & (objects[owner] == blend.object)
+    count = scene.object_count
+    tied = truth.ties.sample * count + objects[truth.ties.triangle]
+    return blend.where(~own & ~np.isin(blend.sample * count + blend.object, tied))
+
+
+def _add_blended(
+    truth: FrameTruth,
+    scene: Scene,
+    pixels: Int64,
+    alone: Int64,
+    sample: Int64,
+    at: Float64,
+    nearest: Float64,
+) -> None:
+    blend = blended_beside(truth, scene)
+    if not len(blend.object):
+        return
+    # Hits are sorted by object and sample: each such pair counts once.
+    first = np.ones(len(blend.object), np.bool_)
+    first[1:] = (np.diff(blend.object) != 0) | (np.diff(blend.sample) != 0)
+    seen = np.bincount(blend.object[first], minlength=len(pixels))
+    pixels += seen
+    alone += seen
+    np.minimum.at(nearest, blend.object, blend.depth)
+    order = np.lexsort((blend.sample, blend.triangle, blend.depth, blend.object))
+    objects, where = np.unique(blend.object[order], return_index=True)
+    fresh = sample[objects] < 0
+    witness = order[where[fresh]]
+    sample[objects[fresh]] = blend.sample[witness]
+    at[objects[fresh]] = blend.depth[witness]
