@@ -263,9 +263,7 @@ def test_cutoff_zero_is_solid_and_one_beyond_reach_is_a_hole(unknown: str) -> No
     image = AlphaImage(BOARD.texels.astype(np.uint8), 255)
     for cutoff, wanted in ((0.0, lookup.SOLID), (1.0001, lookup.HOLE), (0.5, lookup.BETWEEN)):
         material = MaskMaterial(0, cutoff=cutoff, unknown=unknown)
-        masks = Masks.build(
-            [0], [0], np.zeros((1, 3, 2)), np.ones((1, 3)), [material], [image]
-        )
+        masks = Masks.build([0], [0], np.zeros((1, 3, 2)), np.ones((1, 3)), [material], [image])
         assert box_state(masks, [0.3, 0.3, 0.5, 0.5, 0.0, 0.0]) == wanted
         assert masks.reasons == ((unknown,) if unknown else ())
 

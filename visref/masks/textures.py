@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,7 +55,11 @@ def decode_alpha(data: bytes, mime: str | None = None) -> AlphaImage:
     if kind not in _DECODED:
         raise UndecodableImage(f"no decoder for {kind or mime or 'an unknown image format'}")
     try:
-        with Image.open(io.BytesIO(data), formats=[kind]) as image:
+        with warnings.catch_warnings():
+            # The bound below is stricter than the one that this warning goes by.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data), formats=[kind])
+        with image:
             width, height = image.size
             if width * height > MAX_PIXELS:
                 raise UndecodableImage(
@@ -63,10 +69,18 @@ def decode_alpha(data: bytes, mime: str | None = None) -> AlphaImage:
             return _alpha_of(image, data)
     except UndecodableImage:
         raise
-    # Pillow's decoders answer damaged data with any of these; a PNG's chunks among them.
-    except (OSError, SyntaxError, ValueError, EOFError, struct.error, IndexError) as error:
+    # Pillow's decoders answer damaged data with any of these.
+    except (
+        OSError,
+        SyntaxError,
+        ValueError,
+        EOFError,
+        IndexError,
+        struct.error,
+        zlib.error,
+    ) as error:
         raise UndecodableImage(f"damaged {kind}: {error}") from error
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning, MemoryError) as error:
+    except (Image.DecompressionBombError, MemoryError) as error:
         raise UndecodableImage(f"{kind} too large to decode: {error}") from error
 
 
