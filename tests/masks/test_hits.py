@@ -23,6 +23,12 @@ def masks_with(uv: Float64, alpha: Float64, cutoff: float = 0.5) -> Masks:
     return Masks.build([0], [0], uv[None], alpha[None], [MaskMaterial(-1, cutoff=cutoff)], [])
 
 
+def with_uv(masks: Masks, uv: Float64) -> Masks:
+    triangles = masks.arrays.triangles.copy()
+    triangles["uv"] = uv
+    return Masks(masks.row, masks.arrays._replace(triangles=triangles))
+
+
 def box_of(
     masks: Masks, axes: Float64, a: float, b: float, perspective: bool, corners: Float64
 ) -> list[float]:
@@ -160,7 +166,7 @@ def test_footprint_over_the_horizon_takes_the_whole_texture() -> None:
     assert np.isfinite(box[:2]).all()
     for texels, wanted in ((BOARD.texels, lookup.BETWEEN), (BOARD.texels // 2 + 128, lookup.SOLID)):
         masks = masks_of(oracle.Texture(texels, "REPEAT", "REPEAT"))
-        masks = Masks(masks.row, masks.arrays._replace(uv=uv[None]))
+        masks = with_uv(masks, uv)
         found = hits.states_at(masks, [0], axes, [[0.0, -1.0]], True, ground[None])
         assert found[0] == wanted
     # A pixel further down it ends before the horizon.
@@ -186,7 +192,7 @@ def test_states_at_samples_are_those_of_their_exact_boxes() -> None:
     texels = np.repeat(np.repeat(random.integers(0, 2, (4, 4)) * 255, 4, 0), 4, 1)
     texture = oracle.Texture(texels, "REPEAT", "CLAMP_TO_EDGE")
     masks = masks_of(texture)
-    masks = Masks(masks.row, masks.arrays._replace(uv=CARD_UV[None] * 1.5))
+    masks = with_uv(masks, CARD_UV * 1.5)
     samples = random.integers(-190, 0, (300, 2)).astype(np.float64)
     axes = camera()
     found = hits.states_at(masks, np.zeros(300, int), axes, samples, True, np.array([CARD] * 300))

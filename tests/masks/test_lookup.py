@@ -119,7 +119,7 @@ def test_a_level_takes_whole_blocks_that_the_box_touches_and_no_more(
     arrays = masks_of(texture).arrays
     columns, rows = lookup.touched(arrays, 0, *box)
     height, width = texture.texels.shape
-    for k in range(int(arrays.textures[0, 4])):
+    for k in range(int(arrays.textures["levels"][0])):
         wide = {x for x in range(width) if x >> k in {c >> k for c in spans(columns)}}
         high = {y for y in range(height) if y >> k in {r >> k for r in spans(rows)}}
         wanted = oracle.extremes(texture, wide, high)

@@ -240,13 +240,12 @@ def lookup_box(
     """`mask_state`'s u, v, du, dv, eu, ev and range of vertex alpha for a sample's ray and the
     triangle of masked row `row`, which the ray is known to meet. Arguments as `footprint`'s."""
     hit, right, up, far = footprint(axes, a, b, perspective, v0, v1, v2)
-    uv, alpha = m.uv, m.vertex_alpha
-    u, du, eu = _attribute(uv[row, 0, 0], uv[row, 1, 0], uv[row, 2, 0], hit, right, up, far)
-    v, dv, ev = _attribute(uv[row, 0, 1], uv[row, 1, 1], uv[row, 2, 1], hit, right, up, far)
-    x, dx, ex = _attribute(alpha[row, 0], alpha[row, 1], alpha[row, 2], hit, right, up, far)
+    uv, alpha = m.triangles[row].uv, m.triangles[row].vertex_alpha
+    u, du, eu = _attribute(uv[0, 0], uv[1, 0], uv[2, 0], hit, right, up, far)
+    v, dv, ev = _attribute(uv[0, 1], uv[1, 1], uv[2, 1], hit, right, up, far)
+    x, dx, ex = _attribute(alpha[0], alpha[1], alpha[2], hit, right, up, far)
     # The footprint may reach beyond the triangle; what is drawn of it does not.
-    least = min(alpha[row, 0], alpha[row, 1], alpha[row, 2])
-    greatest = max(alpha[row, 0], alpha[row, 1], alpha[row, 2])
+    least, greatest = min(alpha[0], alpha[1], alpha[2]), max(alpha[0], alpha[1], alpha[2])
     low = max(x - (dx + ex), least) if np.isfinite(x) else least
     high = min(x + (dx + ex), greatest) if np.isfinite(x) else greatest
     return u, v, du, dv, eu, ev, low, high

@@ -100,16 +100,17 @@ def touched(
     m: MaskArrays, material: int, u: float, v: float, du: float, dv: float, eu: float, ev: float
 ) -> Any:
     """Intervals of columns and of rows, see `texel_intervals`, that a lookup takes into account."""
-    texture = m.texture[material]
-    width, height = m.textures[texture, 0], m.textures[texture, 1]
+    of = m.materials[material]
+    image = m.textures[of.texture]
+    width, height = image.width, image.height
     reach = 0.5
-    if m.nearest[material]:
+    if of.nearest:
         reach = 0.0
         # Half of the doubled footprint is all of the pixel's own.
         if du * width < 1.0 and dv * height < 1.0:
             du = dv = 0.0
-    columns = texel_intervals(u, du, eu, width, m.wrap[material, 0], reach)
-    rows = texel_intervals(v, dv, ev, height, m.wrap[material, 1], reach)
+    columns = texel_intervals(u, du, eu, width, of.wrap_s, reach)
+    rows = texel_intervals(v, dv, ev, height, of.wrap_t, reach)
     return columns, rows
 
 
@@ -135,8 +136,9 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
 @numba.njit(cache=True, nogil=True)
 def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> Any:
     """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
-    level = m.textures[texture, 3] + min(k, m.textures[texture, 4] - 1)
-    low_start, high_start, width = m.levels[level, 0], m.levels[level, 1], m.levels[level, 2]
+    image = m.textures[texture]
+    level = m.levels[image.level + min(k, image.levels - 1)]
+    low_start, high_start, width = level.least, level.greatest, level.width
     least: Any = 65535
     greatest: Any = 0
     for part in range(4):
@@ -183,20 +185,21 @@ def mask_state(
     infinite ones take the whole texture. `eu`, `ev`: bounds of the rounding error of u and v.
     A lookup that cannot be done, or that is not at a number, takes texture alphas from 0 to 1.
     """
-    material = m.material[row]
-    factor, cutoff = m.factor[material], m.cutoff[material]
+    material = m.triangles[row].material
+    of = m.materials[material]
+    factor, cutoff = of.factor, of.cutoff
     if cutoff <= 0.0:
         return SOLID
     low, high = vertex_alpha_low, vertex_alpha_high
-    if m.unknown[material]:
+    if of.unknown:
         return _decide(0.0, 1.0, factor, low, high, cutoff)
-    texture = m.texture[material]
+    texture = of.texture
     if texture < 0:
         return _decide(1.0, 1.0, factor, low, high, cutoff)
     # A box without a number in it: a sum with NaN, or of infinities, is NaN or infinite.
     if not (np.isfinite(u + v) and du + dv >= 0.0 and eu + ev >= 0.0):
         return _decide(0.0, 1.0, factor, low, high, cutoff)
-    scale = np.float64(m.textures[texture, 2])
+    scale = np.float64(m.textures[texture].scale)
     columns, rows = touched(m, material, u, v, du, dv, eu, ev)
     finest = level_for(columns, rows, FINEST_ENTRIES)
     first = level_for(columns, rows, FIRST_ENTRIES)

@@ -26,28 +26,38 @@ REPEAT, MIRROR, CLAMP = 0, 1, 2
 _WRAP = {Wrap.REPEAT: REPEAT, Wrap.MIRRORED_REPEAT: MIRROR, Wrap.CLAMP_TO_EDGE: CLAMP}
 
 
-class MaskArrays(NamedTuple):
-    """What kernels read of `Masks`.
+# Few arrays, since numba counts references to each whenever they are passed on: a lookup with
+# an array per field took three times as long.
+TRIANGLE = np.dtype([("material", "i4"), ("uv", "f8", (3, 2)), ("vertex_alpha", "f8", (3,))])
+MATERIAL = np.dtype(
+    [
+        ("texture", "i4"),
+        ("wrap_s", "i1"),
+        ("wrap_t", "i1"),
+        ("nearest", "?"),
+        ("unknown", "?"),
+        ("factor", "f8"),
+        ("cutoff", "f8"),
+    ]
+)
+TEXTURE = np.dtype([(name, "i8") for name in ("width", "height", "scale", "level", "levels")])
+LEVEL = np.dtype([(name, "i8") for name in ("least", "greatest", "width")])
 
-    Per masked triangle (m): `material` int32, `uv` (m, 3, 2) float64, `vertex_alpha` (m, 3)
-    float64. Per material (k): `texture` int32 (-1: none), `wrap` (k, 2) int8 along u and v,
-    `nearest` and `unknown` bool, `factor` and `cutoff` float64. Per texture (n): `textures`
-    (n, 5) int64, its width, height, scale, first level's index, number of levels. Per level
-    (l): `levels` (l, 3) int64, where its least and greatest alphas start in `alpha` (uint16),
-    and its width.
+
+class MaskArrays(NamedTuple):
+    """What kernels read of `Masks`: structured arrays, and the texels.
+
+    `triangles`: (m,) TRIANGLE per masked triangle: material, uv (already transformed), vertex
+    alpha. `materials`: (k,) MATERIAL: texture (-1: none), wrap modes as REPEAT, MIRROR, CLAMP,
+    whether it is nearest, whether it is unknown, factor, cutoff. `textures`: (n,) TEXTURE:
+    size and scale, its first level's index, how many it has. `levels`: (l,) LEVEL: where its
+    least and greatest alphas start in `alpha`, and its width. `alpha`: uint16, all pyramids.
     """
 
-    material: NDArray[np.int32]
-    uv: NDArray[np.float64]
-    vertex_alpha: NDArray[np.float64]
-    texture: NDArray[np.int32]
-    wrap: NDArray[np.int8]
-    nearest: NDArray[np.bool_]
-    unknown: NDArray[np.bool_]
-    factor: NDArray[np.float64]
-    cutoff: NDArray[np.float64]
-    textures: NDArray[np.int64]
-    levels: NDArray[np.int64]
+    triangles: NDArray[Any]
+    materials: NDArray[Any]
+    textures: NDArray[Any]
+    levels: NDArray[Any]
     alpha: NDArray[np.uint16]
 
 
@@ -84,33 +94,24 @@ class Masks:
         Raises ValueError where shapes or indices do not fit together.
         """
         row = np.array(row, np.int32).reshape(-1)
-        material = np.array(material, np.int32).reshape(-1)
-        count = len(material)
-        uv = np.array(uv, np.float64).reshape(count, 3, 2)
-        vertex_alpha = np.array(vertex_alpha, np.float64).reshape(count, 3)
-        _check_range("row", row, -1, count)
-        _check_range("material", material, 0, len(materials))
-        texture = np.array([m.texture for m in materials], np.int32)
-        unknown = np.array([bool(m.unknown) for m in materials], np.bool_)
-        _check_range("texture", texture[~unknown], -1, len(images))
-        wraps = [[_WRAP[m.sampler.wrap_s], _WRAP[m.sampler.wrap_t]] for m in materials]
-        textures, levels, alpha = _pack(images)
+        triangles = np.zeros(np.size(material), TRIANGLE)
+        triangles["material"] = material
+        triangles["uv"] = uv
+        triangles["vertex_alpha"] = vertex_alpha
+        _check_range("row", row, -1, len(triangles))
+        _check_range("material", triangles["material"], 0, len(materials))
+        table = np.zeros(len(materials), MATERIAL)
+        for entry, of in zip(table, materials, strict=True):
+            texture = -1 if of.unknown else of.texture
+            wrap_s, wrap_t = _WRAP[of.sampler.wrap_s], _WRAP[of.sampler.wrap_t]
+            nearest, unknown = of.sampler.nearest, bool(of.unknown)
+            values = (texture, wrap_s, wrap_t, nearest, unknown, of.factor, of.cutoff)
+            for name, value in zip(MATERIAL.names or (), values, strict=True):
+                entry[name] = value
+        _check_range("texture", table["texture"], -1, len(images))
         return cls(
             row=row,
-            arrays=MaskArrays(
-                material=material,
-                uv=uv,
-                vertex_alpha=vertex_alpha,
-                texture=texture,
-                wrap=np.array(wraps, np.int8).reshape(-1, 2),
-                nearest=np.array([m.sampler.nearest for m in materials], np.bool_),
-                unknown=unknown,
-                factor=np.array([m.factor for m in materials], np.float64),
-                cutoff=np.array([m.cutoff for m in materials], np.float64),
-                textures=textures,
-                levels=levels,
-                alpha=alpha,
-            ),
+            arrays=MaskArrays(triangles, table, *_pack(images)),
             reasons=tuple(dict.fromkeys(m.unknown for m in materials if m.unknown)),
         )
 
@@ -120,11 +121,7 @@ class Masks:
         used, inverse = np.unique(row[row >= 0], return_inverse=True)
         kept = np.full(len(row), -1, np.int32)
         kept[row >= 0] = inverse
-        arrays = self.arrays._replace(
-            material=self.arrays.material[used],
-            uv=self.arrays.uv[used],
-            vertex_alpha=self.arrays.vertex_alpha[used],
-        )
+        arrays = self.arrays._replace(triangles=self.arrays.triangles[used])
         return replace(self, row=kept, arrays=arrays)
 
     @cached_property
@@ -133,7 +130,7 @@ class Masks:
         total = hashlib.sha256()
         for name, array in (("row", self.row), *self.arrays._asdict().items()):
             little = array.astype(array.dtype.newbyteorder("<"), copy=False)
-            total.update(f"{name} {little.dtype.str} {little.shape}\n".encode())
+            total.update(f"{name} {little.dtype.descr} {little.shape}\n".encode())
             total.update(np.ascontiguousarray(little).data)
         return total.digest()
 
@@ -145,7 +142,7 @@ def _check_range(name: str, values: NDArray[Any], low: int, end: int) -> None:
 
 def _pack(
     images: Sequence[AlphaImage],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint16]]:
     """`textures`, `levels` and `alpha` of MaskArrays."""
     textures: list[tuple[int, ...]] = []
     levels: list[tuple[int, int, int]] = []
@@ -170,8 +167,8 @@ def _pack(
             end += 2 * least.size
         textures.append((alpha.shape[1], alpha.shape[0], image.scale, first, len(levels) - first))
     return (
-        np.array(textures, np.int64).reshape(-1, 5),
-        np.array(levels, np.int64).reshape(-1, 3),
+        np.array(textures, TEXTURE),
+        np.array(levels, LEVEL),
         np.concatenate(parts) if parts else np.zeros(0, np.uint16),
     )
 
