@@ -12,13 +12,16 @@ interval [i, i + 1].
   doubled footprint, and for every mean of such lookups: supersampling, multisampling at any
   place in the pixel, anisotropic filtering.
 - A texel of mip level k is a mean of a block of texels, so a lookup in a mip level stays
-  between the bounds where the blocks that it reads lie in the widened box. The usual choice of
-  the level, log2 of the longer of the footprint's two sides, does not promise that: its taps
-  may reach past the doubled footprint. For a footprint as long as wide, of 2^k texels, the two
-  taps of an axis have at most 1/16 of their weight outside (taps at f and 1 - f, the farther
-  one half outside: f (1/2 - f) is largest at f = 1/4), so 1 - (15/16)^2 = 12 % at most of a
-  lookup comes from elsewhere. A box whose texels are all 1 or all 0, as they are off the edges
-  of a cut-out, is right all the same for every cutoff from 0.13 to 0.87.
+  between the bounds where the blocks that it reads lie in the widened box. The usual choice,
+  the level whose texels are as long as the longer side of the pixel's footprint, does not
+  promise that: its outer tap may lie half outside the doubled footprint, and that of the next
+  coarser level, which a trilinear lookup mixes in, more. Where the footprint is about square,
+  or the filter anisotropic, at most 26 % of a trilinear lookup's weight lies outside (the
+  maximum over places and levels, two axes). A box of nothing but ones, or nothing but zeros,
+  as boxes off the edges of a cut-out are, is then still right for cutoffs from 0.26 to 0.74.
+  It need not be for a coarser choice: the nearest of two levels instead of a mixture (50 %),
+  or an isotropic filter on a surface seen at a grazing angle. Widening the box for these to
+  three times the doubled footprint would leave about twice as many samples in between.
 - A sampler that does not interpolate reads the texel at the point: no widening. Where it takes
   the full image and the pixel's own footprint is under a texel, the one texel at the hit is
   the answer; both, where rounding does not say on which side of a border the hit lies.
@@ -44,7 +47,9 @@ from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks
 
 HOLE, SOLID, BETWEEN = 0, 1, 2
 
-# How many entries of the pyramid a lookup visits, at most, at its two levels.
+# How many entries of the pyramid a lookup visits, at most, at its two levels. Measured on a
+# 256 x 256 texture of leaves, pixels of 6 texels: in between are 54 % of random places with 16
+# at the finest, 48 % with 64, 45 % with 256, and 43 % with no bound, at up to ten times the cost.
 FINEST_ENTRIES = 256
 FIRST_ENTRIES = 16
 
