@@ -1,0 +1,107 @@
+"""What lies before the opaque owners: masked triangles, by their textures, and blended ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.exact.contests import Contest
+from visref.masks.hits import states_at
+from visref.masks.lookup import BETWEEN, HOLE, SOLID
+from visref.scene import Float64, Int32, Int64, Scene
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties
+
+if TYPE_CHECKING:
+    from visref.exact.scene import ExactScene
+
+
+def masked(
+    exact: ExactScene, camera: Camera, hits: Contest, owner: Int32, ties: Ties
+) -> tuple[Ties, Doubt, Int64]:
+    """Let masked triangles own, or put in doubt, the samples where they are met.
+
+    `hits`: every hit of a masked triangle before its sample's owner or level with it. A solid
+    one contends with `owner`, (samples,) int32, which is changed in place; a hole is nothing;
+    what is in between puts the sample in doubt. Returns the ties, the doubt, and the samples
+    whose owner has changed, ascending.
+    """
+    state = mask_states(exact.scene, camera, hits.sample, hits.triangle)
+    solid, between = hits.where(state == SOLID), hits.where(state == BETWEEN)
+    moved = np.zeros(0, np.int64)
+    if len(solid.sample):
+        moved = np.unique(solid.sample)
+        before = owner[moved]
+        at, triangle = exact.front(camera, solid, owner)
+        # Who was tied with an owner that is hidden now is hidden too.
+        still = owner[moved] == before
+        still |= np.isin(moved * len(exact.scene.triangles) + before,
+                         at * len(exact.scene.triangles) + triangle)  # fmt: skip
+        kept = ~np.isin(ties.sample, moved[~still])
+        sample = np.concatenate([ties.sample[kept], at])
+        triangles = np.concatenate([ties.triangle[kept], triangle])
+        order = np.lexsort((triangles, sample))
+        ties = Ties(sample[order], triangles[order])
+    behind = owner[between.sample]
+    kept = np.ones(len(between.sample), np.bool_)
+    some = np.flatnonzero(behind != BACKGROUND)
+    result = exact.order(camera, between.triangle[some], behind[some], between.sample[some])
+    kept[some] = result <= 0
+    between = between.where(kept)
+    depth = hit_depths(exact.scene, camera, between.sample, between.triangle)
+    order = np.lexsort((between.triangle, depth, between.sample))
+    return ties, Doubt.of(between.sample[order], between.triangle[order]), moved
+
+
+def blended(exact: ExactScene, camera: Camera, hits: Contest, doubt: Doubt) -> BlendVisibility:
+    """Blended triangles that are seen for certain, of `hits` before their samples' owners: where
+    a mask leaves the owner open, those before all that it may be."""
+    kept = np.ones(len(hits.sample), np.bool_)
+    place = np.searchsorted(doubt.sample, hits.sample)
+    place[place == len(doubt)] = 0
+    open_ = np.flatnonzero(doubt.sample[place] == hits.sample) if len(doubt) else place[:0]
+    sizes = np.diff(doubt.offsets)
+    for rank in range(int(sizes.max(initial=0))):
+        some = open_[sizes[place[open_]] > rank]
+        rival = doubt.triangle[doubt.offsets[place[some]] + rank]
+        kept[some] &= exact.order(camera, hits.triangle[some], rival, hits.sample[some]) < 0
+    hits = hits.where(kept)
+    depth = exact.depth_by_layer(camera, hits.sample, hits.triangle)
+    return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth)
+
+
+def mask_states(
+    scene: Scene, camera: Camera, sample: Int64, triangle: Int32
+) -> NDArray[np.uint8]:
+    """(h,) uint8, SOLID, HOLE or BETWEEN of hits of masked triangles; a triangle whose mask is
+    not known is in between."""
+    state = np.full(len(sample), BETWEEN, np.uint8)
+    if scene.masks is None or not len(sample):
+        return state
+    row = scene.masks.row[triangle]
+    known = np.flatnonzero(row >= 0)
+    y, x = np.divmod(sample[known], camera.width)
+    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+    corners = scene.vertices[scene.triangles[triangle[known]]].astype(np.float64)
+    at = np.stack([camera.column_a[x], camera.row_b[y]], axis=1)
+    state[known] = states_at(
+        scene.masks, row[known], axes, at, camera.is_perspective, corners
+    )
+    return state
+
+
+def hit_depths(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
+    """(h,) float64 view depths of (sample, triangle) hits, for putting them in order."""
+    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64) - camera.eye
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    y, x = np.divmod(sample, camera.width)
+    side = camera.column_a[x, None] * camera.right_step + camera.row_b[y, None] * camera.up_step
+    if camera.is_perspective:
+        start, direction = corners[:, 0], camera.forward + side
+    else:
+        start, direction = corners[:, 0] - side, np.broadcast_to(camera.forward, side.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth: Float64 = (normal * start).sum(axis=1) / (normal * direction).sum(axis=1)
+    return np.nan_to_num(depth, nan=np.inf)
