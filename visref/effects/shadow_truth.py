@@ -4,8 +4,8 @@ A sample is in shadow where another triangle than its own lies between it and th
 where the light and the eye are on different sides of its own (the sheet seen is lit from
 behind). Embree finds what the ray meets first, float64 compares the distances.
 
-Where an image disagrees, `ShadowTruth.bounds` asks geometry instead of rays. A triangle's shadow is a
-prism open at the far end: behind its plane, within the three planes through an edge and the
+Where an image disagrees, `ShadowTruth.bounds` asks geometry instead of rays. A triangle's shadow
+is a prism open at the far end: behind its plane, within the three planes through an edge and the
 light. A point is in it for certain where it is deeper than `reach` in all four, possibly where
 it is no further than `reach` outside each. `reach` is how far apart the rasteriser may put the
 sample and the shadow's faces: its snap and its float32 error at the sample's depth. Shadow
