@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import Option
 from visref.engines.base import TruthEngine
-from visref.scene import Alpha, Float32, Float64, Int64, Scene
-from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
+from visref.scene import Alpha, Float32, Float64, Scene
+from visref.visibility import (
+    BACKGROUND,
+    BlendVisibility,
+    Doubt,
+    FrameTruth,
+    VisibilityBuffer,
+    hit_depths,
+)
 from visref_culling.boxes.conservative import inflated, meets_frustum
 from visref_culling.gl.device import Target, device
 from visref_culling.gl.item_buffer import ItemBuffer
@@ -49,29 +56,29 @@ class ItemBufferEngine(TruthEngine):
         triangle = np.ascontiguousarray(target.read_ids())
         window = target.read_depth()
         depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
-        undecided, masked = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        doubt = Doubt()
         if self.masked:
             items.forget_ids(target)
             items.draw(view, target, self.masked, depth_write=False)
             ids = target.read_ids().reshape(-1)
-            undecided = np.flatnonzero(ids != BACKGROUND)
-            masked = np.unique(self.scene.object_of_triangle[ids[undecided]])
+            open_ = np.flatnonzero(ids != BACKGROUND)
+            doubt = Doubt.of(open_, ids[open_])
         return FrameTruth(
             camera,
             self.name,
             VisibilityBuffer(triangle, depth),
-            undecided=undecided,
-            masked=masked,
-            blend=self._blend(camera, view, target),
+            doubt=doubt,
+            blend=self._blend(camera, view, target, doubt),
         )
 
-    def _blend(self, camera: Camera, view: View, target: Target) -> BlendVisibility:
-        """An image for each BLEND object in the view, against the opaque depth."""
+    def _blend(self, camera: Camera, view: View, target: Target, doubt: Doubt) -> BlendVisibility:
+        """An image for each BLEND object in the view, against the opaque depth: its last drawn
+        triangle at each sample."""
         scene = self.scene
         if not scene.has_blend:
             return BlendVisibility()
         blended = scene.alpha == Alpha.BLEND
-        seen: list[tuple[int, int, int, int, float]] = []
+        samples, triangles = [np.zeros(0, np.int64)], [np.zeros(0, np.int32)]
         for object_id in np.unique(scene.object_of_triangle[blended]):
             bounds = inflated(view, scene.object_bounds[object_id : object_id + 1])
             if not meets_frustum(view, bounds)[0]:
@@ -82,22 +89,12 @@ class ItemBufferEngine(TruthEngine):
             for batch in batches:
                 batch.release()
             ids = target.read_ids().reshape(-1)
-            covered = np.flatnonzero(ids != BACKGROUND)
-            if len(covered):
-                sample = int(covered[0])
-                triangle = int(ids[sample])
-                depth = plane_depth(scene.vertices[scene.triangles[triangle]], camera, sample)
-                seen.append((int(object_id), len(covered), sample, triangle, depth))
-        if not seen:
-            return BlendVisibility()
-        columns = list(zip(*seen, strict=True))
-        return BlendVisibility(
-            object=np.array(columns[0], np.int32),
-            pixels=np.array(columns[1], np.int64),
-            sample=np.array(columns[2], np.int64),
-            triangle=np.array(columns[3], np.int32),
-            depth=np.array(columns[4]),
-        )
+            covered = np.setdiff1d(np.flatnonzero(ids != BACKGROUND), doubt.sample)
+            samples.append(covered)
+            triangles.append(ids[covered])
+        sample, triangle = np.concatenate(samples), np.concatenate(triangles)
+        depth = hit_depths(scene, camera, sample, triangle)
+        return BlendVisibility.of(scene, sample, triangle, depth)
 
     def close(self) -> None:
         for batch in self.masked:
@@ -114,14 +111,3 @@ def view_depth(window: Float32, view: View) -> Float64:
     depth: Float64
     depth = offset / (ndc + scale) if view.camera.is_perspective else (offset - ndc) / scale
     return depth
-
-
-def plane_depth(corners: Float32, camera: Camera, sample: Int64 | int) -> float:
-    """View depth at which a sample's ray meets a triangle's plane, kept within the corners'."""
-    origin, direction = camera.ray(int(sample) % camera.width, int(sample) // camera.width)
-    points = corners.astype(np.float64) - origin
-    normal = np.cross(points[1] - points[0], points[2] - points[0])
-    slope = float(normal @ direction)
-    depths = camera.pixel_of(corners.astype(np.float64))[1]
-    at = float(normal @ points[0]) / slope if slope else float(depths.min())
-    return float(np.clip(at, max(camera.near, depths.min()), min(camera.far, depths.max())))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.masks.store import Masks
 
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
@@ -58,6 +59,7 @@ class Scene:
     alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
     source: str = "scene"
     notes: tuple[tuple[str, str], ...] = ()
+    masks: Masks | None = None
 
     def __post_init__(self) -> None:
         count = len(self.triangles)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.exact.contests import Contest
 from visref.masks.hits import states_at
-from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Float64, Int32, Int64, Scene
-from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties
+from visref.masks.lookup import BETWEEN, SOLID
+from visref.scene import Int32, Int64, Scene
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, hit_depths
 
 if TYPE_CHECKING:
     from visref.exact.scene import ExactScene
@@ -47,7 +47,7 @@ def masked(
     behind = owner[between.sample]
     kept = np.ones(len(between.sample), np.bool_)
     some = np.flatnonzero(behind != BACKGROUND)
-    result = exact.order(camera, between.triangle[some], behind[some], between.sample[some])
+    result = exact.compare(camera, between.triangle[some], behind[some], between.sample[some])
     kept[some] = result <= 0
     between = between.where(kept)
     depth = hit_depths(exact.scene, camera, between.sample, between.triangle)
@@ -66,15 +66,13 @@ def blended(exact: ExactScene, camera: Camera, hits: Contest, doubt: Doubt) -> B
     for rank in range(int(sizes.max(initial=0))):
         some = open_[sizes[place[open_]] > rank]
         rival = doubt.triangle[doubt.offsets[place[some]] + rank]
-        kept[some] &= exact.order(camera, hits.triangle[some], rival, hits.sample[some]) < 0
+        kept[some] &= exact.compare(camera, hits.triangle[some], rival, hits.sample[some]) < 0
     hits = hits.where(kept)
     depth = exact.depth_by_layer(camera, hits.sample, hits.triangle)
     return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth)
 
 
-def mask_states(
-    scene: Scene, camera: Camera, sample: Int64, triangle: Int32
-) -> NDArray[np.uint8]:
+def mask_states(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> NDArray[np.uint8]:
     """(h,) uint8, SOLID, HOLE or BETWEEN of hits of masked triangles; a triangle whose mask is
     not known is in between."""
     state = np.full(len(sample), BETWEEN, np.uint8)
@@ -86,22 +84,5 @@ def mask_states(
     axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
     corners = scene.vertices[scene.triangles[triangle[known]]].astype(np.float64)
     at = np.stack([camera.column_a[x], camera.row_b[y]], axis=1)
-    state[known] = states_at(
-        scene.masks, row[known], axes, at, camera.is_perspective, corners
-    )
+    state[known] = states_at(scene.masks, row[known], axes, at, camera.is_perspective, corners)
     return state
-
-
-def hit_depths(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
-    """(h,) float64 view depths of (sample, triangle) hits, for putting them in order."""
-    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64) - camera.eye
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    y, x = np.divmod(sample, camera.width)
-    side = camera.column_a[x, None] * camera.right_step + camera.row_b[y, None] * camera.up_step
-    if camera.is_perspective:
-        start, direction = corners[:, 0], camera.forward + side
-    else:
-        start, direction = corners[:, 0] - side, np.broadcast_to(camera.forward, side.shape)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth: Float64 = (normal * start).sum(axis=1) / (normal * direction).sum(axis=1)
-    return np.nan_to_num(depth, nan=np.inf)

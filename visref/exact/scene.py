@@ -363,22 +363,20 @@ class ExactScene:
     ) -> Contest:
         """Every hit of a triangle of this alpha that lies before its sample's owner, or with
         `closed` level with it too. `moved`: the samples whose owner `bounds` do not speak of."""
-        _, contest = self._contend(
-            camera, wanted, self.scene.alpha == alpha, bounds, collect=True
-        )
+        _, contest = self._contend(camera, wanted, self.scene.alpha == alpha, bounds, collect=True)
         contest, _ = self._covering(camera, contest)
         known = np.ones(camera.samples, np.bool_)
         known[moved] = False
         open_ = (contest.state != raster.NEARER) | ~known[contest.sample]
         kept = np.ones(len(contest.sample), np.bool_)
         close = np.flatnonzero(open_ & (owner[contest.sample] != BACKGROUND))
-        result = self.order(
+        result = self.compare(
             camera, contest.triangle[close], owner[contest.sample[close]], contest.sample[close]
         )
         kept[close] = result <= 0 if closed else result < 0
         return contest.where(kept)
 
-    def order(
+    def compare(
         self, camera: Camera, first: Int32, second: Int32, samples: Int64
     ) -> NDArray[np.int8]:
         """(k,) int8: -1, 0 or 1 as the first triangle is nearer than, level with or farther than
@@ -392,7 +390,8 @@ class ExactScene:
         level = self._level(grouped)
         if not level.all():
             level[~level] = self._nearest(camera, grouped.where(~level))[0]
-        return crown(grouped.sample, grouped.triangle, level, owner)
+        further: tuple[Int64, Int32] = crown(grouped.sample, grouped.triangle, level, owner)
+        return further
 
     def depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
         """The view depths of (sample, triangle) pairs, exact ones rounded to nearest."""

@@ -26,9 +26,7 @@ MARGIN_SAMPLES = 64
 FRAME_MARGIN_SAMPLES = 2048
 
 
-def with_margins(
-    exact: ExactScene, frame: SettledFrame, raster: Raster | None
-) -> Rulings:
+def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) -> Rulings:
     """The frame's rulings, with what is known of each object that loses samples.
 
     `raster` is the rasteriser behind the culler's depth buffer, None if it has none. Raises

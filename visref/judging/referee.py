@@ -223,7 +223,8 @@ class Referee:
                 settled = settle(
                     self.scene,
                     truth,
-                    drawn,
+                    job.units,
+                    drawn_units,
                     exact=self._arithmetic,
                     raster=job.culler.raster,
                     seen=seen,
@@ -231,7 +232,7 @@ class Referee:
             except CullerError as error:  # its rasteriser's picture is the plug-in's too
                 self._fail(job.record, outcome, frame, error)
                 return
-            verdict = judge(settled, job.units, drawn_units, job.record.promise)
+            verdict = judge(settled, job.record.promise)
         differ = None
         if self.image_check is not None:
             differ = self.image_check.pixels_differ(camera, drawn)
@@ -323,7 +324,12 @@ def _clean_verdict(
     if not np.isin(rows.objects, drawn_units).all():
         return None
     superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
-    counts = Counts(visible=len(rows.objects), drawn=len(drawn_units), superfluous=len(superfluous))
+    counts = Counts(
+        visible=len(rows.objects),
+        owned_samples=rows.owned or 0,
+        drawn=len(drawn_units),
+        superfluous=len(superfluous),
+    )
     return FrameVerdict(counts, (), superfluous, owned=rows.owned)
 
 

@@ -63,7 +63,7 @@ def walk_samples(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> S
     lost_blended, blended_hit = np.zeros(count, np.int64), np.full(count, -1, np.int64)
     through = np.zeros(0, np.int64)
     if len(truth.blend.object):
-        through = _walk_blended(truth, scene, drawn, tally, lost_blended, blended_hit)
+        through = _walk_blended(truth, scene, drawn, tally, lost_at, lost_blended, blended_hit)
     return SampleWalk(
         tally.shows,
         tally.lost,
@@ -83,6 +83,7 @@ def _walk_blended(
     scene: Scene,
     drawn: NDArray[np.bool_],
     tally: kernels.Tally,
+    lost_at: NDArray[np.uint8],
     lost_blended: Int64,
     blended_hit: Int64,
 ) -> Int64:
@@ -102,9 +103,9 @@ def _walk_blended(
     order = hits[np.lexsort((blend.sample[hits], blend.depth[hits], blend.object[hits]))]
     objects, first = np.unique(blend.object[order], return_index=True)
     blended_hit[objects] = order[first]
-    # A sample that the object loses as an opaque owner besides counts once.
-    beside = _beside(truth, scene)
-    where = starts[~any_drawn & beside[starts]]
+    # A sample that the object loses as an opaque owner besides is counted there.
+    counted = (lost_at[blend.sample] == kernels.LOST) & ~_beside(truth, scene)
+    where = starts[~any_drawn & ~counted[starts]]
     lost_blended += np.bincount(blend.object[where], minlength=len(lost_blended))
     return np.unique(blend.sample[lost])
 
