@@ -42,6 +42,11 @@ class Promise(StrEnum):
         return self in (Promise.EXACT, Promise.CONSERVATIVE)
 
     @property
+    def may_draw_hidden(self) -> bool:
+        """Whether drawing what is hidden only costs, or breaks the promise."""
+        return self in (Promise.CONSERVATIVE, Promise.APPROXIMATE)
+
+    @property
     def statement(self) -> str:
         """What such a culler promises, in words."""
         return {

@@ -376,6 +376,14 @@ class ExactScene:
         kept[close] = result <= 0 if closed else result < 0
         return contest.where(kept)
 
+    def hits(self, camera: Camera, usable: Bool) -> Contest:
+        """Every (sample, triangle) that a triangle of `usable`, (t,) bool, covers in the camera's
+        range, whatever lies before it and whatever its material."""
+        bounds = tuple(np.full((camera.height, camera.width), -np.inf) for _ in range(2))
+        everything = np.zeros((0, 0), np.bool_)
+        _, contest = self._contend(camera, everything, usable, (bounds[0], bounds[1]), collect=True)
+        return self._covering(camera, contest)[0]
+
     def compare(
         self, camera: Camera, first: Int32, second: Int32, samples: Int64
     ) -> NDArray[np.int8]:

@@ -21,10 +21,10 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from visref import kernels
 from visref.culler import Promise
 from visref.judging.settle import SettledFrame
-from visref.scene import Alpha, Int32, Scene
+from visref.judging.superfluous import Superfluous
+from visref.scene import Int32, Scene
 from visref.visibility import FrameTruth
 
 
@@ -108,13 +108,14 @@ def violations(promise: Promise, confirmed: int, superfluous_confirmed: int) -> 
 class FrameVerdict:
     """What the judge says of one frame. `misses` come with the most samples lost first;
     `superfluous_units` ascend. `owned`: how many samples something owns for certain, None where
-    the truth on file does not say."""
+    the truth on file does not say. `confirmed_superfluous`: those that a promise forbids."""
 
     counts: Counts
     misses: tuple[Miss, ...] = ()
     superfluous_units: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     undecided_objects: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     owned: int | None = None
+    confirmed_superfluous: tuple[Superfluous, ...] = ()
 
 
 def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
@@ -127,7 +128,7 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
     misses = [_miss(frame, int(o)) for o in left_out]
     misses.sort(key=lambda miss: (-miss.pixels, miss.object))
 
-    superfluous = _superfluous(frame)
+    superfluous = frame.superfluous
     undecided = _undecided(frame, visible)
     kinds = [miss.kind for miss in misses]
     confirmed = kinds.count(MissKind.CONFIRMED)
@@ -140,16 +141,17 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
         confirmed=confirmed,
         ties=kinds.count(MissKind.TIE),
         within_raster_tolerance=kinds.count(MissKind.WITHIN_RASTER),
-        violations=violations(promise, confirmed, 0),
+        violations=violations(promise, confirmed, len(frame.confirmed)),
         undecided=len(undecided),
         missed_pixels=len(walk.lost_samples),
         owned_samples=seen.owned + len(may_own),
         undecided_samples=len(walk.undecided_samples),
         drawn=len(frame.drawn_units),
         superfluous=len(superfluous),
+        superfluous_confirmed=len(frame.confirmed),
         missed_units=_missed_units(frame),
     )
-    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned)
+    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned, frame.confirmed)
 
 
 def _miss(frame: SettledFrame, object_id: int) -> Miss:
@@ -199,36 +201,6 @@ def _own_triangle(scene: Scene, truth: FrameTruth, sample: int, object_id: int) 
     low, high = np.searchsorted(truth.ties.sample, (sample, sample + 1))
     tied = truth.ties.triangle[low:high]
     return int(tied[scene.object_of_triangle[tied] == object_id][0])
-
-
-def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
-    """(t,) bool, True where a triangle is, or may be, visible.
-
-    Besides owners and their ties: what a mask leaves open, and the blended triangles of a visible
-    blended object, all blended ones where a mask leaves anything open. Doubt never makes a unit
-    superfluous.
-    """
-    visible = np.zeros(scene.triangle_count, np.bool_)
-    owner = truth.buffer.triangle.reshape(-1)
-    kernels.owned_triangles(owner, np.ones(len(owner), np.bool_), visible)
-    visible[truth.ties.triangle] = True
-    visible[truth.doubt.triangle] = True
-    if len(truth.blend.object):
-        of_visible = np.zeros(scene.object_count, np.bool_)
-        of_visible[truth.blend.object] = True
-        visible |= of_visible[scene.object_of_triangle] & (scene.alpha == Alpha.BLEND)
-    if len(truth.doubt) and scene.has_blend:
-        visible |= scene.alpha == Alpha.BLEND
-    return visible
-
-
-def _superfluous(frame: SettledFrame) -> Int32:
-    units = frame.units
-    visible = visible_triangles(frame.scene, frame.truth)[units.triangles]
-    total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
-    drawn = np.sort(frame.drawn_units)
-    hidden: Int32 = drawn[total[units.offsets[drawn + 1]] == total[units.offsets[drawn]]]
-    return hidden
 
 
 def _missed_units(frame: SettledFrame) -> int:

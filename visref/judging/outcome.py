@@ -49,10 +49,12 @@ class CullerRecord:
         return sum((record.verdict.counts for record in self.frames), Counts())
 
     @property
+    def exit(self) -> Exit:
+        return self.status.exit
+
+    @property
     def status(self) -> Status:
-        return status_of(
-            CullerOutcome(self.totals, len(self.frames), self.failed, self.promise)
-        )
+        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed, self.promise))
 
     def losses(self) -> list[tuple[int, int, Miss]]:
         """Confirmed misses by object: (samples lost over all frames, frame, worst miss),

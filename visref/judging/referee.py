@@ -228,6 +228,7 @@ class Referee:
                     exact=self._arithmetic,
                     raster=job.culler.raster,
                     seen=seen,
+                    only_visible=not job.record.promise.may_draw_hidden,
                 )
             except CullerError as error:  # its rasteriser's picture is the plug-in's too
                 self._fail(job.record, outcome, frame, error)
@@ -324,6 +325,9 @@ def _clean_verdict(
     if not np.isin(rows.objects, drawn_units).all():
         return None
     superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
+    superfluous = superfluous[job.units.sizes[superfluous] > 0]
+    if len(superfluous) and not job.record.promise.may_draw_hidden:
+        return None
     counts = Counts(
         visible=len(rows.objects),
         owned_samples=rows.owned or 0,

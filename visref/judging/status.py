@@ -22,6 +22,12 @@ class Exit(IntEnum):
     BAD_INPUT = 2
     NOTHING_JUDGED = 3
 
+    @property
+    def status(self) -> str:
+        """The word for it where several runs are summed up."""
+        words = {Exit.NO_VIOLATION: "no_violation_found", Exit.VIOLATION: "violation"}
+        return words.get(self, "inconclusive")
+
 
 class Status(StrEnum):
     """The word for a culler, or a run, in `verdict.json`. `MEASURED` is no praise: a culler that
