@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.findings import Code
 
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
@@ -57,7 +58,7 @@ class Scene:
     one_sided: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
     source: str = "scene"
-    notes: tuple[tuple[str, str], ...] = ()
+    notes: tuple[tuple[Code, str], ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.triangles)

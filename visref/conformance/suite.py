@@ -35,7 +35,7 @@ from visref.culler import Culler, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
-from visref.findings import Severity
+from visref.findings import Code, Severity
 from visref.judging.outcome import CullerRecord
 from visref.judging.referee import Referee
 from visref.scene import Scene
@@ -218,8 +218,8 @@ def judge_on(
     problems = [
         f"{finding.code}: {finding.message}"
         for finding in outcome.findings
-        if finding.code == "NO_GL"
-        or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
+        if finding.code == Code.NO_GL
+        or (finding.rule.severity is Severity.ERROR and finding.code != Code.MISSED_OBJECT)
     ]
     if record.promise.convicts:
         problems += _losses(record, built)

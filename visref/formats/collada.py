@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from visref.errors import InputError
+from visref.findings import Code
 from visref.formats.placed import Mesh, Placed, compose
 from visref.scene import Float64
 
@@ -80,18 +81,18 @@ class _Reader:
                 raise InputError(f"a geometry is lost: {error}", fix="export triangles")
         notes = self.placed.notes
         if document.errors:
-            notes.append(("PARTLY_READ", f"pycollada skipped a part: {document.errors[0]}"))
+            notes.append((Code.PARTLY_READ, f"pycollada skipped a part: {document.errors[0]}"))
         if self.skinned:
             notes.append(
-                ("PARTLY_READ", f"{self.skinned} skinned or morphed meshes stand as bound")
+                (Code.PARTLY_READ, f"{self.skinned} skinned or morphed meshes stand as bound")
             )
         if self.see_through:
             notes.append(
-                ("PARTLY_READ", f"{self.see_through} transparent materials count as opaque")
+                (Code.PARTLY_READ, f"{self.see_through} transparent materials count as opaque")
             )
         if len(document.animations):
             notes.append(
-                ("ANIMATION_IGNORED", f"{len(document.animations)} animations are not played")
+                (Code.ANIMATION_IGNORED, f"{len(document.animations)} animations are not played")
             )
 
     def walk(self, node: Any, name: str, world_from_parent: Float64) -> None:

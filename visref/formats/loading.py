@@ -16,6 +16,7 @@ import trimesh
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.findings import Code
 from visref.formats.collada import read_collada
 from visref.formats.gltf.cameras import read_cameras
 from visref.formats.gltf.document import Document
@@ -152,7 +153,7 @@ def _read(file: Path) -> Placed:
     finally:
         logger.removeHandler(said)
     placed = _from_trimesh(loaded)
-    placed.notes.extend(("PARTLY_READ", f"trimesh says: {line}") for line in said.lines)
+    placed.notes.extend((Code.PARTLY_READ, f"trimesh says: {line}") for line in said.lines)
     return placed
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.files import map_file
+from visref.findings import Code
 from visref.formats.placed import Mesh, Placed
 from visref.scene import Alpha, Int64
 
@@ -240,7 +241,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError:
             placed.notes.append(
-                ("PARTLY_READ", f"material file '{named}' is missing: all is opaque")
+                (Code.PARTLY_READ, f"material file '{named}' is missing: all is opaque")
             )
             continue
         current = ""

@@ -28,6 +28,7 @@ from visref.engines import check_engine, make_engine
 from visref.engines.base import TruthEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError, NothingToJudge
+from visref.findings import Code
 from visref.formats.loading import load_path, load_scene
 from visref.judging.judge import MissKind
 from visref.judging.outcome import CullerRecord, RunOutcome
@@ -347,10 +348,10 @@ def _culler_cell(outcome: RunOutcome, record: CullerRecord) -> Cell:
     details = {
         finding.code: finding.message
         for finding in outcome.findings
-        if finding.code in ("NO_GL", "CULLER_FAILED")
+        if finding.code in (Code.NO_GL, Code.CULLER_FAILED)
     }
     totals = record.totals
-    if "NO_GL" in details:
+    if Code.NO_GL in details:
         state = State.UNAVAILABLE
     elif totals.violations:
         state = State.WRONG
