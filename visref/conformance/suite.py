@@ -20,7 +20,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import StrEnum
 from functools import lru_cache
 
@@ -40,6 +39,7 @@ from visref.judging.outcome import CullerRecord
 from visref.judging.referee import Referee
 from visref.scene import Scene
 from visref.visibility import FrameTruth
+from visref.wording import did_you_mean
 
 MakeCuller = Callable[[], Culler]
 
@@ -154,9 +154,9 @@ def _known(names: Iterable[str] | Mapping[str, str]) -> None:
     catalogue = [check.name for check in conformance_checks()]
     for name in names:
         if name not in catalogue:
-            near = get_close_matches(name, catalogue, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(catalogue)}"
-            raise InputError(f"no conformance check is named '{name}'", fix=hint)
+            raise InputError(
+                f"no conformance check is named '{name}'", fix=did_you_mean(name, catalogue)
+            )
         if isinstance(names, Mapping) and not names[name].strip():
             raise InputError(f"expected failure '{name}' has no reason", fix="say why")
 

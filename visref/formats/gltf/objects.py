@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from visref.findings import Code
@@ -13,6 +15,11 @@ from visref.formats.placed import NO_MESH, Placed, compose
 from visref.scene import Float64
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
+
+
+def read_gltf(path: Path) -> Placed:
+    """The objects of a .glb, .gltf or .vrm file. Raises InputError naming the place."""
+    return read_objects(Document(path))
 
 
 def read_objects(document: Document) -> Placed:
