@@ -36,6 +36,7 @@ from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
+from visref.wording import counted
 
 
 class ImageCheck(Protocol):
@@ -313,7 +314,7 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
             if miss.kind is MissKind.CONFIRMED:
                 frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
     for pixels, frame, miss in record.losses():
-        lost, seen = _count(pixels, "sample"), _count(frames_of[miss.object], "frame")
+        lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
@@ -339,17 +340,13 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     ]
     corrections = sum(row.corrections for row in record.frames)
     if corrections:
-        found.append(Finding(Code.ENGINE_CORRECTED, _count(corrections, "sample"), record.spec))
+        found.append(Finding(Code.ENGINE_CORRECTED, counted(corrections, "sample"), record.spec))
     differ = [row for row in record.frames if row.image_pixels_differ]
     if differ:
         pixels = sum(row.image_pixels_differ or 0 for row in differ)
-        text = f"{_count(pixels, 'pixel')} over {_count(len(differ), 'frame')}"
+        text = f"{counted(pixels, 'pixel')} over {counted(len(differ), 'frame')}"
         found.append(Finding(Code.IMAGE_DIFFERS, text, record.spec, differ[0].frame))
     if not record.failed and not record.totals.visible:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
         found.append(Finding(Code.NOTHING_JUDGED, text, record.spec))
     return found
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

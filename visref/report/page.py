@@ -15,6 +15,7 @@ from markupsafe import Markup
 from visref.errors import InputError
 from visref.findings import Code, Rule, Severity, rule_of
 from visref.papers import tables_beside
+from visref.picking import evenly_picked
 from visref.report import words
 from visref.report.bench_record import BenchRecord
 from visref.report.environment import page_environment
@@ -349,8 +350,7 @@ def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
     chosen = guilty[: MAX_FRAMES // 2]
     others = sorted(set(by_frame) - set(chosen))
     room = MAX_FRAMES - len(chosen)
-    if len(others) > room:
-        others = [others[round(i * (len(others) - 1) / (room - 1))] for i in range(room)]
+    others = [others[i] for i in evenly_picked(len(others), room)]
     views = []
     for frame in sorted([*chosen, *others]):
         shared: dict[str, Picture] = {}
