@@ -289,6 +289,14 @@ def suites() -> dict[str, Suite]:
     return dict(found.values())
 
 
+def mutant_named(name: str) -> Mutant:
+    """The mutant that prints so, wherever it is."""
+    (found,) = {
+        str(m): m for suite in suites().values() for m in suite.mutants if str(m) == name
+    }.values()
+    return found
+
+
 def unaccounted(
     made: Iterable[Suite], registered: Mapping[str, type[Culler]], common: Iterable[str]
 ) -> list[str]:
@@ -334,23 +342,20 @@ def watch(subject: Method | Mutant, scene: Scene, cameras: Iterable[Camera]) -> 
         culler.close()
 
 
+def broken(suite: Suite, trace: Trace) -> dict[str, list[str]]:
+    """The contracts that a frame departs from, and how."""
+    found = {name: list(check(trace)) for name, check in suite.contracts.items()}
+    return {name: lines for name, lines in found.items() if lines}
+
+
 def departures(
-    subject: Method | Mutant, scene: Scene, cameras: Iterable[Camera]
+    subject: Method | Mutant, where: Iterable[tuple[Scene, Iterable[Camera]]] | None = None
 ) -> dict[str, list[str]]:
-    """The contracts of its suite that some frame departs from, and how."""
+    """The same over all frames of some scenes, by default of those that its suite watches."""
+    suite = subject.suite
     found: dict[str, list[str]] = {}
-    for frame, trace in enumerate(watch(subject, scene, cameras)):
-        for name, check in subject.suite.contracts.items():
-            lines = [f"frame {frame}: {line}" for line in check(trace)]
-            if lines:
-                found.setdefault(name, []).extend(lines)
-    return found
-
-
-def watched_departures(subject: Method | Mutant) -> dict[str, list[str]]:
-    """The same over all scenes that its suite watches."""
-    found: dict[str, list[str]] = {}
-    for scene, cameras in subject.suite.watched_scenes():
-        for name, lines in departures(subject, scene, cameras).items():
-            found.setdefault(name, []).extend(lines)
+    for scene, cameras in suite.watched_scenes() if where is None else where:
+        for frame, trace in enumerate(watch(subject, scene, cameras)):
+            for name, lines in broken(suite, trace).items():
+                found.setdefault(name, []).extend(f"frame {frame}: {line}" for line in lines)
     return found

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.mutants.common import COMMON
-from tests.mutants.harness import Method, Mutant, suites, unaccounted, watched_departures
+from tests.mutants.harness import Method, Mutant, departures, suites, unaccounted
 from visref.conformance import CheckResult, Status, assert_conforms, check_culler
 from visref.registry import CULLERS, available
 
@@ -72,20 +72,20 @@ def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant: Mutant):
 
 @pytest.mark.parametrize("mutant", WASTEFUL, ids=str)
 def test_wasteful_mutant_breaks_its_contract_and_misses_nothing(mutant: Mutant):
-    broken = watched_departures(mutant)
+    broken = departures(mutant)
     assert mutant.contract in broken, f"only {list(broken)}"
     assert_conforms(mutant.make, checks=[mutant.suite.checks[n] for n in mutant.suite.watched])
 
 
 @pytest.mark.parametrize("mutant", BREAKERS, ids=str)
 def test_contract_sees_what_breaks_it(mutant: Mutant):
-    broken = watched_departures(mutant)
+    broken = departures(mutant)
     assert mutant.contract in broken, f"only {list(broken)}"
 
 
 @pytest.mark.parametrize("method", KEEPERS, ids=lambda m: f"{m}-{m.options}")
 def test_sound_method_keeps_every_contract(method: Method):
-    assert watched_departures(method) == {}
+    assert departures(method) == {}
 
 
 def test_every_contract_can_be_broken_and_is_kept_by_a_sound_method():
