@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.options import Option as Option
 from visref.scene import Int32, Scene, Units
 
 
@@ -148,18 +149,6 @@ class Raster(ABC):
 
         None where the rasteriser is known by its declaration alone (a replayed engine's).
         """
-
-
-@dataclass(frozen=True)
-class Option:
-    """One option of a culler or an engine, for `NAME:option=value` and `visref cullers`.
-
-    Its type is its default's; `choices`, where given, are all it may be.
-    """
-
-    default: bool | int | float | str
-    help: str
-    choices: tuple[str | int, ...] = ()
 
 
 class Culler(ABC):

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.mutants.lazy_grid_contract import watched
+from tests.mutants.harness import Method, broken, watch
+from tests.mutants.lazy_grid.contract import SUITE
+from tests.mutants.lazy_grid.mutants import ALL
 from tests.support.culling_scenes import box, ortho, perspective, quad, random_camera, random_scene
 from visref.camera_path import CameraPath
-from visref.conformance.suite import case
+from visref.conformance import assert_conforms, case
 from visref.culler import QueryStats
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
@@ -101,12 +103,18 @@ def test_lazy_and_busy_draw_the_same_set_and_lazy_asks_less(buffer, query):
         drawn = {}
         for update in UPDATES:
             options = {"buffer": buffer, "query": query, "update": update, "cell": 8}
-            watch, answers = watched(make(**options), scene, cameras, **options)
-            assert watch.problems == []
-            drawn[update] = [sorted(answer.unit_ids) for answer in answers]
-            asked[update] += sum(answer.stats.queries for answer in answers)
+            drawn[update] = []
+            for trace in watch(Method("lazy-grid", make, options, SUITE), scene, cameras):
+                assert broken(SUITE, trace) == {}
+                drawn[update].append(sorted(trace.drawn))
+                asked[update] += trace.stats.queries
         assert drawn["lazy"] == drawn["busy"]
     assert 0 < asked["lazy"] < 0.6 * asked["busy"]
+
+
+@pytest.mark.parametrize("method", ALL, ids=str)
+def test_busy_updates_conform(method):
+    assert_conforms(lambda: LazyGridCulling(**{**method.options, "update": "busy"}))
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.mutants.stepwise_occupancy_map import StepwiseOccupancyMap, each_tile
+from tests.mutants.occupancy_map.stepwise import StepwiseOccupancyMap, each_tile
 from tests.support.culling_scenes import box, ortho, perspective, quad, random_camera, random_scene
 from visref.camera import Camera
 from visref.culler import Promise

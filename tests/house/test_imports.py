@@ -73,7 +73,7 @@ PLANTS = [
     (CULLING, "visref_culling.method", "visref_experiments.timing"),
     (CULLING, "visref_culling.method", "visref_datasets_gen.shapes"),
     (CULLING, "visref.effects.light", "visref.effects.images"),  # through what it may see
-    (SCENES, "visref_datasets_gen.city", "visref.culler"),
+    (SCENES, "visref_datasets_gen.city", "visref.visibility"),
     (SCENES, "visref_datasets_gen.hard.stage", "visref.visibility"),
     (SCENES, "visref_datasets_gen.orbit", "visref_culling.gl.view"),
     (EXPERIMENTS, "visref_experiments.plp", "visref.judging.judge"),
