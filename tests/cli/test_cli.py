@@ -169,7 +169,7 @@ def test_a_breakdown_of_visref_is_no_verdict(inputs, tmp_path, monkeypatch, caps
     def breaks(given):
         raise RuntimeError("boom")
 
-    monkeypatch.setattr("visref.cli.main._doctor", breaks)
+    monkeypatch.setattr("visref.cli.doctor.run", breaks)
     assert main(["doctor"]) == 70
     assert "boom" in capsys.readouterr().err
 
