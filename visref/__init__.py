@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from visref.culler import Culler, DrawnSet, Option, Promise, QueryStats, RasterTolerance
     from visref.engines import TruthEngine, make_engine
     from visref.errors import InputError, NothingToJudge
-    from visref.formats.loading import load_path, load_scene, scene_from_trimesh
+    from visref.formats import load_path, load_scene, scene_from_trimesh
     from visref.inputs import Inputs, open_inputs
     from visref.judging.outcome import RunOutcome
     from visref.judging.referee import Referee
@@ -88,7 +88,7 @@ _MODULES = {
     ),
     "visref.engines": ("TruthEngine", "make_engine"),
     "visref.errors": ("InputError", "NothingToJudge"),
-    "visref.formats.loading": ("load_path", "load_scene", "scene_from_trimesh"),
+    "visref.formats": ("load_path", "load_scene", "scene_from_trimesh"),
     "visref.inputs": ("Inputs", "open_inputs"),
     "visref.judging.outcome": ("RunOutcome",),
     "visref.judging.referee": ("Referee",),

@@ -108,7 +108,7 @@ def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
 @dataclass(frozen=True, eq=False)
 class CastTruth:
     """What `truth_to_file` found. `visible`: (n,) bool, the objects that own a sample in some
-    frame; `between`: a frame each, who shows between the samples, empty unless it was asked."""
+    frame; `between`: who shows between the samples, one per frame, empty unless asked for."""
 
     visible: NDArray[np.bool_]
     between: tuple[FrameGeometry, ...] = ()

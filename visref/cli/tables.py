@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"repeat for several; {', '.join(paper_names())} (default: all)",
     )
     parser.add_argument(
-        "--frames", type=int, metavar="N", help="so many frames of each path, for a quick look"
+        "--frames", type=int, metavar="N", help="only N frames of each path, for a quick look"
     )
     parser.add_argument(
         "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
@@ -30,9 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DIR",
-        help="goes on with what is there",
+        help="continues with what is there",
     )
-    kept = "what was measured is kept, and the same command goes on from there"
+    kept = "what was measured is kept, and the same command continues from there"
     parser.set_defaults(interrupted=kept)
 
 
