@@ -1,8 +1,10 @@
-"""What the README shows in Python runs as it stands, and the files that it names exist."""
+"""What the README shows in Python runs; what it and the map of the code name exists."""
 
 from __future__ import annotations
 
+import importlib
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,9 @@ from visref.cli.main import COMMANDS
 
 ROOT = Path(__file__).parent.parent.parent
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+GROUPS = PROJECT["entry-points"]
+MAP = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
 
 
@@ -51,3 +56,22 @@ def test_it_lists_every_command_and_no_other():
 @pytest.mark.parametrize("link", sorted(set(re.findall(r"\]\(([\w./-]+)\)", TEXT))))
 def test_files_that_it_links_to_exist(link):
     assert (ROOT / link).exists()
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"`((?:[\w.]+/)+[\w.]*)`", MAP))))
+def test_folders_that_the_map_names_exist(name):
+    assert (ROOT / name).exists()
+
+
+def test_the_map_shows_every_folder_and_names_every_group():
+    picture = MAP.partition("```")[2].partition("```")[0]
+    folders = {file.parent.name for file in (ROOT / "visref").glob("*/__init__.py")}
+    assert folders <= set(re.findall(r"\w+", picture))
+    assert all(f"`{group}`" in MAP for group in GROUPS)
+
+
+def test_modules_that_the_map_names_can_be_imported():
+    named = set(re.findall(r"`(visref(?:\.\w+)+)`", MAP)) - {*GROUPS}
+    assert len(named) > 3
+    for name in named:
+        importlib.import_module(name)
