@@ -25,12 +25,12 @@ from visref.exact import ExactScene
 from visref.files import replacing_file, replacing_folder
 from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome
-from visref.judging.referee import ImageCheck, Listener, Referee
+from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.write import MANIFEST, TRUTH, Recorder
-from visref.visibility import objects_seen
+from visref.visibility import FrameTruth, ObjectVisibility
 
 
 def judge_to_folder(
@@ -130,33 +130,47 @@ def truth_to_file(
     out = Path(out)
     if geometric is not None and Path(geometric).resolve() == out.resolve():
         raise InputError("--geometric and --out are the same file", fix="name two")
-    table = TruthTable(inputs.scene)
-    ties_complete = False
-    visible = np.zeros(inputs.scene.object_count, np.bool_)
-    found: list[tuple[int, FrameGeometry]] = []
     with replacing_file(out) as file:
         engine = inputs.make_engine()
         search = _geometric_search(inputs, engine) if geometric is not None else None
+        cast_ = _Casting(inputs, search)
         try:
-            for frame in inputs.frames:
-                truth = engine.frame(inputs.path.frames[frame])
-                seen = objects_seen(truth, inputs.scene)
-                table.add(frame, truth.camera.width, seen)
-                visible |= seen.visible
-                if search is not None:
-                    found.append((frame, search.frame(frame, truth.camera, seen)))
-                ties_complete = truth.ties_complete
-                for listener in listeners:
-                    listener.on_frame_done(frame)
+            # A run without cullers is the truth alone.
+            referee = Referee(inputs.scene, lambda: engine, threads=inputs.threads)
+            referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
         finally:
             engine.close()
             if search is not None:
                 search.close()
         if geometric is not None:
             with replacing_file(geometric) as beside:
-                write_geometric(beside, inputs.scene, inputs.path, found, engine=inputs.engine)
-        table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=ties_complete)
-    return CastTruth(visible, tuple(one for _, one in found))
+                write_geometric(
+                    beside, inputs.scene, inputs.path, cast_.between, engine=inputs.engine
+                )
+        cast_.table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=engine.exact)
+    return CastTruth(cast_.visible, tuple(one for _, one in cast_.between))
+
+
+class _Casting:
+    """A run's listener that keeps its truth, and with `search` what shows between the samples."""
+
+    def __init__(self, inputs: Inputs, search: GeometricSearch | None) -> None:
+        self.table = TruthTable(inputs.scene)
+        self.visible = np.zeros(inputs.scene.object_count, np.bool_)
+        self.between: list[tuple[int, FrameGeometry]] = []
+        self._search = search
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        self.table.add(frame, truth.camera.width, seen)
+        self.visible |= seen.visible
+        if self._search is not None:
+            self.between.append((frame, self._search.frame(frame, truth.camera, seen)))
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        pass
+
+    def on_frame_done(self, frame: int) -> None:
+        pass
 
 
 def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
