@@ -51,6 +51,7 @@ class ItemBufferEngine(TruthEngine):
 
     def frame(self, camera: Camera) -> FrameTruth:
         items = self.items
+        camera = camera.relative_to(self.scene.origin)
         view, target = items.view(camera), items.clear(camera)
         items.draw(view, target, items.opaque, depth_write=True)
         triangle = np.ascontiguousarray(target.read_ids())

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -50,7 +50,8 @@ class Camera:
     near <= t <= far; `far` may be infinite. Exactly one of `yfov` (vertical field of view,
     radians) and `ymag` (half the view's height, world units; orthographic) is given.
     `cut` marks a jump from the frame before, for temporal methods. `view` names the view of
-    the frame that this camera is; a frame's only view need not have a name.
+    the frame that this camera is; a frame's only view need not have a name. `origin`: the point
+    of the world that the pose is relative to, (3,) float64; see `relative_to`.
 
     Raises InputError where a value breaks these rules.
     """
@@ -66,6 +67,7 @@ class Camera:
     shift_y_px: float = 0.0
     cut: bool = False
     view: str = ""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         matrix = np.array(self.world_from_camera, dtype=np.float64)
@@ -115,6 +117,20 @@ class Camera:
                 place="far",
                 fix="give near < far; far may be null for an infinite range",
             )
+
+    def relative_to(self, origin: Float64 | tuple[float, float, float]) -> Camera:
+        """The same camera, its pose relative to a point of the world, (3,) float64, by one
+        subtraction in float64; itself where it is so already.
+
+        A scene far out holds its vertices relative to an origin of its own, and so must the
+        cameras that look at it: the samples are defined by the difference.
+        """
+        wanted = (float(origin[0]), float(origin[1]), float(origin[2]))
+        if wanted == self.origin:
+            return self
+        matrix = self.world_from_camera.copy()
+        matrix[:3, 3] = (matrix[:3, 3] + np.array(self.origin)) - np.array(wanted)
+        return replace(self, world_from_camera=matrix, origin=wanted)
 
     @property
     def is_perspective(self) -> bool:
@@ -239,7 +255,7 @@ class Camera:
         def exact(values: Float64) -> list[str]:
             return [float(value).hex() for value in values]
 
-        return {
+        definition: dict[str, Any] = {
             "projection": "perspective" if self.is_perspective else "orthographic",
             "width": self.width,
             "height": self.height,
@@ -252,6 +268,9 @@ class Camera:
             "shift_x_px": float(self.shift_x_px).hex(),
             "shift_y_px": float(self.shift_y_px).hex(),
         }
+        if any(self.origin):
+            definition["origin"] = exact(np.array(self.origin))
+        return definition
 
 
 def _check_pose(matrix: Float64) -> None:

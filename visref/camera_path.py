@@ -107,6 +107,13 @@ class CameraPath:
         frames = [{k: v for k, v in row.items() if k not in shared} for row in rows]
         return {"format": PATH_FORMAT, "version": PATH_VERSION, **shared, "frames": frames}
 
+    def relative_to(self, origin: Float64) -> CameraPath:
+        """The same path, its cameras relative to a point of the world; itself where they are."""
+        cameras = tuple(camera.relative_to(origin) for camera in self.frames)
+        if all(new is old for new, old in zip(cameras, self.frames, strict=True)):
+            return self
+        return replace(self, frames=cameras)
+
     def resized(self, width: int, height: int) -> CameraPath:
         """The same path at another resolution (a vertical field of view stays as it is)."""
         return replace(

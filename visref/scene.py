@@ -1,6 +1,6 @@
 """What is looked at: triangles grouped into objects, and the units a culler decides about.
 
-A scene holds only what visibility needs: float32 vertices in world space, triangles in the
+A scene holds only what visibility needs: float32 vertices relative to one origin, triangles in the
 order of their objects, and per triangle whether it is one-sided, alpha-masked or blended.
 Reading files is `visref.formats`' work.
 """
@@ -39,7 +39,7 @@ class Alpha(IntEnum):
 class Scene:
     """Objects made of triangles.
 
-    `vertices`: (v, 3) float32, world space, every one finite.
+    `vertices`: (v, 3) float32, world space less `origin`, every one finite.
     `triangles`: (t, 3) int32 vertex ids, grouped by object; counter-clockwise seen from the
     front (a mirroring transform has already flipped the winding).
     `object_offsets`: (n + 1,) int64; object i has triangles
@@ -47,6 +47,10 @@ class Scene:
     `names`: n unique names.
     `one_sided`: (t,) bool, True where a triangle seen from behind covers nothing.
     `alpha`: (t,) uint8, an `Alpha` each.
+    `origin`: (3,) float64, zero unless the scene lies far out. A vertex is the exact number
+    origin + vertex, and a camera's pose is taken relative to it (`Camera.relative_to`).
+    `moved`: (v,) float32, how far rounding to float32 moved each vertex, in world units, rounded
+    up; None where every vertex is what the file says.
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
 
     Raises InputError where a value breaks these rules. The arrays become read-only.
@@ -61,6 +65,8 @@ class Scene:
     source: str = "scene"
     notes: tuple[tuple[Code, str], ...] = ()
     masks: Masks | None = None
+    origin: Float64 = field(default_factory=lambda: np.zeros(3))
+    moved: Float32 | None = None
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -68,13 +74,16 @@ class Scene:
         put(self, "vertices", np.ascontiguousarray(self.vertices, np.float32).reshape(-1, 3))
         put(self, "triangles", np.ascontiguousarray(self.triangles, np.int32).reshape(-1, 3))
         put(self, "object_offsets", np.ascontiguousarray(self.object_offsets, np.int64))
+        put(self, "origin", np.array(self.origin, np.float64).reshape(3))
         if count and not len(self.one_sided):
             put(self, "one_sided", np.zeros(count, np.bool_))
         if count and not len(self.alpha):
             put(self, "alpha", np.zeros(count, np.uint8))
         self._check()
-        for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha"):
+        for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha", "origin"):
             getattr(self, name).flags.writeable = False
+        if self.moved is not None:
+            self.moved.flags.writeable = False
 
     def _check(self) -> None:
         offsets: Int64 = self.object_offsets
@@ -95,6 +104,10 @@ class Scene:
             )
         except InputError as error:
             raise error.at(source=self.source) from error
+        if not np.isfinite(self.origin).all():
+            raise InputError("the scene's origin is not finite", source=self.source)
+        if self.moved is not None and self.moved.shape != (len(self.vertices),):
+            raise InputError("moved has not one number per vertex", source=self.source)
         if not np.isfinite(self.vertices).all():
             finite: NDArray[np.bool_] = np.all(np.isfinite(self.vertices), axis=1)
             bad_triangles = ~np.all(finite[self.triangles], axis=1)
@@ -201,14 +214,7 @@ class Scene:
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        boxes = self.object_bounds[np.diff(self.object_offsets) > 0]
-        if not len(boxes):
-            return np.zeros((2, 3))
-        centres = boxes.mean(axis=1)
-        reach = np.abs(boxes - np.median(centres, axis=0)[None, None]).max(axis=(1, 2))
-        limit = 10.0 * float(np.percentile(reach, 90.0, method="lower"))
-        core = boxes[reach <= max(limit, float(reach.min()))]
-        return np.stack([core[:, 0].min(axis=0), core[:, 1].max(axis=0)])
+        return core_of(self.object_bounds[np.diff(self.object_offsets) > 0])
 
     def object_units(self) -> Units:
         """The default units: an object each."""
@@ -228,6 +234,8 @@ class Scene:
             state.update(str(array.shape).encode())
             state.update(np.ascontiguousarray(array).view(np.uint8).data)
         state.update("\0".join(self.names).encode())
+        if self.origin.any():
+            state.update(self.origin.tobytes())
         return state.hexdigest()
 
 
@@ -324,3 +332,39 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
         given.add(unique)
         result.append(unique)
     return tuple(result)
+
+
+# A scene is held relative to an origin where its core lies further out than this many times its
+# own size: nearer than that, float32 loses less than three bits to the distance.
+ORIGIN_DISTANCE = 4.0
+
+
+def core_of(boxes: Float64) -> Float64:
+    """(2, 3) float64, the box of those of (n, 2, 3) boxes that belong together: without what
+    reaches more than ten times as far from the median centre, along any axis, as nine of ten do.
+    Zeros where there is none."""
+    if not len(boxes):
+        return np.zeros((2, 3))
+    centres = boxes.mean(axis=1)
+    reach = np.abs(boxes - np.median(centres, axis=0)[None, None]).max(axis=(1, 2))
+    limit = 10.0 * float(np.percentile(reach, 90.0, method="lower"))
+    core = boxes[reach <= max(limit, float(reach.min()))]
+    return np.stack([core[:, 0].min(axis=0), core[:, 1].max(axis=0)])
+
+
+def origin_of(boxes: Float64) -> Float64:
+    """(3,) float64: the origin for a scene of objects with these (n, 2, 3) boxes.
+
+    Each component is zero unless the scene's core is far out along that axis; then a multiple
+    of a power of two no less than the core's size, near its centre. Such a multiple is a
+    multiple of the far vertices' last bits too, so that differences of float32 vertices from it
+    are float32.
+    """
+    low, high = core_of(boxes)
+    size = float((high - low).max())
+    if size == 0.0 or not np.isfinite(size):
+        return np.zeros(3)
+    centre = low / 2.0 + high / 2.0
+    # 2^ceil(log2 size), exactly.
+    step = 2.0 ** int(np.frexp(size)[1])
+    return np.where(np.abs(centre) > ORIGIN_DISTANCE * size, np.rint(centre / step) * step, 0.0)

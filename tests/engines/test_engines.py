@@ -18,10 +18,9 @@ from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
 from visref.engines.open3d import Open3DEngine
-from visref.engines.rays import choose_rebase
 from visref.errors import InputError
 from visref.judging.referee import Referee
-from visref.scene import Alpha, Scene
+from visref.scene import Alpha, Scene, origin_of
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
 
 Make = Callable[..., TruthEngine]
@@ -485,7 +484,7 @@ def test_an_eye_far_from_the_scene_sees_it_undistorted(make: Make) -> None:
 
 
 def test_a_scene_about_the_origin_is_not_moved() -> None:
-    assert choose_rebase(random_soup(1)).tolist() == [0.0, 0.0, 0.0]
+    assert origin_of(random_soup(1).object_bounds).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_a_translation_that_rounds_a_vertex_is_reported() -> None:

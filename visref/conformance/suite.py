@@ -208,9 +208,10 @@ def judge_on(
     """Judge a culler on a case whose exact truths are known, one a frame: what is wrong, in
     readable lines, and how many objects were missed in full over all frames."""
     culler = make_culler()
-    referee = Referee(built.scene, lambda: RecalledTruths(built.scene, built.path, truths))
+    path = built.path.relative_to(built.scene.origin)
+    referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
     try:
-        outcome = referee.run(built.path, range(len(built.path)), [(culler.name, culler)])
+        outcome = referee.run(path, range(len(path)), [(culler.name, culler)])
     except InputError as error:
         # The units were refused.
         return (str(error),), 0

@@ -30,17 +30,13 @@ from visref.engines.ray_kernels import PENDING, Grid, Mesh
 from visref.errors import InputError
 from visref.exact.layers import mask_states
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Alpha, Float32, Float64, Int32, Scene
+from visref.scene import Alpha, Float32, Float64, Int32, Scene, origin_of
 from visref.threads import available_threads
 from visref.visibility import BACKGROUND, BlendVisibility, Doubt, FrameTruth, VisibilityBuffer
 
 T = TypeVar("T")
 # Hits of masked or blended triangles, a column an array.
 Layers = tuple[NDArray[Any], ...]
-
-# A scene is moved to the origin where its core lies further out than this many times its own
-# size: nearer than that, float32 loses less than three bits to the distance.
-REBASE_DISTANCE = 4.0
 
 # How far the library's hit may be off in depth, relative to the largest local coordinate: some
 # 16 roundings (2^-24) of vertex less origin, which is at most 2 sqrt(3) of that coordinate,
@@ -64,7 +60,7 @@ class RayEngine(TruthEngine):
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         super().__init__(scene, threads=threads)
         self._workers = threads or available_threads()
-        self.rebase = choose_rebase(scene)
+        self.rebase = origin_of(scene.object_bounds[np.diff(scene.object_offsets) > 0])
         local = (scene.vertices - self.rebase).astype(np.float32)
         self.rebase_exact = _is_exact(scene.vertices, local, self.rebase)
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
@@ -98,6 +94,7 @@ class RayEngine(TruthEngine):
         """
 
     def frame(self, camera: Camera) -> FrameTruth:
+        camera = camera.relative_to(self.scene.origin)
         samples = camera.samples
         if len(self._triangle) < samples:
             self._triangle, self._depth = np.empty(samples, np.int32), np.empty(samples)
@@ -119,6 +116,7 @@ class RayEngine(TruthEngine):
         opaque triangle within near and far, one-sided ones from their front only,
         `BACKGROUND` for none. Masked and blended triangles are not looked at.
         """
+        camera = camera.relative_to(self.scene.origin)
         grid = sample_grid(camera)._replace(
             column_a=np.ascontiguousarray(a, np.float64),
             row_b=np.ascontiguousarray(b, np.float64),
@@ -287,23 +285,6 @@ class RayEngine(TruthEngine):
         if self._pool is None or workers == 1:
             return [work(index) for index in range(workers)]
         return list(self._pool.map(work, range(workers)))
-
-
-def choose_rebase(scene: Scene) -> Float64:
-    """(3,) float64: a translation that brings a far-away scene to the origin.
-
-    Each component is zero unless the scene's core is far out along that axis; then a multiple
-    of a power of two no less than the core's size, near its centre. Such a multiple is a
-    multiple of the far vertices' last bits too, so their differences from it are float32.
-    """
-    low, high = scene.core_bounds
-    size = float((high - low).max())
-    if size == 0.0:
-        return np.zeros(3)
-    centre = (low + high) / 2.0
-    # 2^ceil(log2 size), exactly.
-    step = 2.0 ** int(np.frexp(size)[1])
-    return np.where(np.abs(centre) > REBASE_DISTANCE * size, np.rint(centre / step) * step, 0.0)
 
 
 def _is_exact(vertices: Float32, local: Float32, rebase: Float64) -> bool:

@@ -92,6 +92,7 @@ class ExactScene:
         `samples`: (k,) flat indices y * width + x, any order. `include`: (t,) bool, the only
         triangles that exist; None means all.
         """
+        camera = camera.relative_to(self.scene.origin)
         samples = np.asarray(samples, np.int64)
         ours, place = np.unique(samples, return_inverse=True)
         wanted = np.zeros((camera.height, camera.width), np.bool_)
@@ -123,6 +124,7 @@ class ExactScene:
         Of tied triangles the least id is in the visibility buffer. Depths are the exact ones
         rounded to nearest. With `samples`, (k,) flat indices, only what is said of those holds.
         """
+        camera = camera.relative_to(self.scene.origin)
         wanted = np.zeros((0, 0), np.bool_)
         if samples is not None:
             wanted = np.zeros((camera.height, camera.width), np.bool_)
@@ -376,12 +378,14 @@ class ExactScene:
         kept[close] = result <= 0 if closed else result < 0
         return contest.where(kept)
 
-    def hits(self, camera: Camera, usable: Bool) -> Contest:
+    def hits(self, camera: Camera, usable: Bool, wanted: Bool | None = None) -> Contest:
         """Every (sample, triangle) that a triangle of `usable`, (t,) bool, covers in the camera's
-        range, whatever lies before it and whatever its material."""
+        range, whatever lies before it and whatever its material; of the samples `wanted`,
+        (height, width) bool, None for all."""
         bounds = tuple(np.full((camera.height, camera.width), -np.inf) for _ in range(2))
-        everything = np.zeros((0, 0), np.bool_)
-        _, contest = self._contend(camera, everything, usable, (bounds[0], bounds[1]), collect=True)
+        if wanted is None:
+            wanted = np.zeros((0, 0), np.bool_)
+        _, contest = self._contend(camera, wanted, usable, (bounds[0], bounds[1]), collect=True)
         return self._covering(camera, contest)[0]
 
     def compare(

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.scene import Alpha, Float64, Int64, Scene, check_vertices, unique_names
+from visref.scene import (
+    Alpha,
+    Float64,
+    Int64,
+    Scene,
+    check_vertices,
+    origin_of,
+    unique_names,
+)
 
 # How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.
 _BLOCK_VERTICES = 1 << 20
@@ -111,7 +119,8 @@ def compose(a: Float64, b: Float64) -> Float64:
 
 
 def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool) -> Scene:
-    """The Scene of all objects, every vertex transformed in float64 and rounded once.
+    """The Scene of all objects, every vertex transformed in float64 and rounded once, relative
+    to the scene's origin.
 
     A transform with negative determinant flips its triangles' winding. `cull_backfaces`:
     whether `one_sided` takes effect. `lenient`: triangles with a vertex that is not finite
@@ -131,7 +140,9 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
             source=source,
             fix=f"at most {_MAX_INT32} of each can be held",
         )
+    origin = choose_origin(placed.meshes, mesh_of_object, worlds)
     vertices = np.empty((int(vertex_starts[-1]), 3), np.float32)
+    moved = np.zeros(len(vertices), np.float32)
     triangles = np.empty((int(starts[-1]), 3), np.int32)
     one_sided = np.zeros(len(triangles), np.bool_)
     alpha = np.empty(len(triangles), np.uint8)
@@ -144,7 +155,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         for at in range(0, len(users), block):
             chosen = users[at : at + block]
             rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))
-            vertices[rows] = _transformed(worlds[chosen], mesh.positions)
+            vertices[rows], moved[rows] = _transformed(worlds[chosen], mesh.positions, origin)
             rows = starts[chosen, None] + np.arange(len(mesh.triangles))
             faces = mesh.triangles + vertex_starts[chosen, None, None]
             flip = mirrored[chosen]
@@ -158,6 +169,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     if not np.isfinite(vertices).all():
         if not lenient:
             _refuse_not_finite(vertices, vertex_starts, names, source)
+        moved = moved[np.all(np.isfinite(vertices), axis=1)]
         vertices, triangles, kept = _without_not_finite(vertices, triangles)
         one_sided, alpha = one_sided[kept], alpha[kept]
         starts = np.concatenate([[0], np.cumsum(kept)])[starts]
@@ -169,7 +181,18 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     if len(empty):
         first = f"'{names[empty[0]]}'"
         notes.append((Code.NO_TRIANGLES, f"{len(empty)} objects have no triangles, first {first}"))
-    return Scene(vertices, triangles, starts, names, one_sided, alpha, source, tuple(notes))
+    return Scene(
+        vertices,
+        triangles,
+        starts,
+        names,
+        one_sided,
+        alpha,
+        source,
+        tuple(notes),
+        origin=origin,
+        moved=moved if moved.any() else None,
+    )
 
 
 def _starts(sizes: Sequence[int], mesh_of_object: Int64) -> Int64:
@@ -178,14 +201,50 @@ def _starts(sizes: Sequence[int], mesh_of_object: Int64) -> Int64:
     return np.concatenate([np.zeros(1, np.int64), np.cumsum(by_mesh[mesh_of_object])])
 
 
-def _transformed(worlds: Float64, positions: NDArray[Any]) -> NDArray[np.float32]:
-    """(k, v, 3) float32: `positions` under each of (k, 4, 4), float64 until the last step."""
+def _transformed(
+    worlds: Float64, positions: NDArray[Any], origin: Float64
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`positions` under each of (k, 4, 4), less the origin: (k, v, 3) float32, float64 until the
+    last step, and how far that step moved each, (k, v) float32, rounded up."""
     result = np.empty((len(worlds), len(positions), 3), np.float32)
+    square = np.zeros(result.shape[:2])
     x, y, z = (positions[:, axis].astype(np.float64) for axis in range(3))
     for axis in range(3):
         row = worlds[:, axis, :, None]
-        result[:, :, axis] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]
-    return result
+        exact = (row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]) - origin[axis]
+        result[:, :, axis] = exact
+        square += (exact - result[:, :, axis]) ** 2
+    moved = np.sqrt(square)
+    # Outward: the least float32 that is no less, but for vertices that did not move at all.
+    up = np.nextafter(moved.astype(np.float32), np.float32(np.inf))
+    return result, np.where(moved > 0.0, up, np.float32(0.0))
+
+
+def choose_origin(meshes: Sequence[Mesh], mesh_of_object: Int64, worlds: Float64) -> Float64:
+    """(3,) float64: the origin that the vertices are relative to; see `origin_of`."""
+    corners = []
+    for index, mesh in enumerate(meshes):
+        points = mesh.positions[np.all(np.isfinite(mesh.positions), axis=1)].astype(np.float64)
+        users = np.flatnonzero(mesh_of_object == index)
+        if not len(points) or not len(users):
+            continue
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        each = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
+        corners.append(
+            np.stack(
+                [
+                    (row[:, 0] * each[:, 0] + row[:, 1] * each[:, 1])
+                    + (row[:, 2] * each[:, 2] + row[:, 3])
+                    for row in (worlds[users, axis, :, None] for axis in range(3))
+                ],
+                axis=-1,
+            )
+        )
+    if not corners:
+        return np.zeros(3)
+    points = np.concatenate(corners)
+    points = points[np.isfinite(points).all(axis=(1, 2))]
+    return origin_of(np.stack([points.min(axis=1), points.max(axis=1)], axis=1))
 
 
 def _determinants(worlds: Float64) -> Float64:

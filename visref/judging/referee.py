@@ -123,6 +123,7 @@ class Referee:
         listeners: Sequence[Listener] = (),
     ) -> RunOutcome:
         """Judge every culler on these frames of the path, in order."""
+        path = path.relative_to(self.scene.origin)
         names = unique_names([spec for spec, _ in cullers])
         cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
         outcome = RunOutcome([])

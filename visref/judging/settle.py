@@ -16,6 +16,7 @@ from visref.culler import Raster
 from visref.exact import ExactScene
 from visref.judging.disputes import Rulings, corrected, decide, find_disputes
 from visref.judging.margins import with_margins
+from visref.judging.rounding import in_doubt
 from visref.judging.superfluous import Superfluous, confirm, superfluous_units
 from visref.judging.walk import SampleWalk, walk_samples
 from visref.scene import Int32, Scene, Units
@@ -72,6 +73,14 @@ def settle(
         rulings = decide(exact(), truth, samples)
         if rulings.exact is not None:
             frame = with_rulings(scene, truth, units, drawn_units, rulings)
+        rounded = in_doubt(exact(), frame.truth, frame.walk.lost_samples)
+        if rounded is not frame.truth:
+            frame = replace(
+                frame,
+                truth=rounded,
+                seen=objects_seen(rounded, scene),
+                walk=walk_samples(rounded, scene, frame.drawn),
+            )
         frame = replace(frame, rulings=with_margins(exact(), frame, raster))
     if only_visible and len(frame.superfluous):
         frame = replace(frame, confirmed=confirm(exact(), frame.truth, units, frame.superfluous))

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING
 
 from visref.culler import Promise
-from visref.judging.judge import Counts
+
+if TYPE_CHECKING:
+    from visref.judging.judge import Counts
 
 # Above this share of the owned samples on which a verdict hangs and which nobody can decide, the
 # verdict says nothing.

@@ -327,9 +327,10 @@ def _run_engine(case: HardCase, spec: str, make: EngineMaker) -> Cell:
 
 def _run_culler(case: HardCase, scene: Scene, truths: Sequence[FrameTruth], spec: str) -> Cell:
     """A culler on a case that loads, judged on the case's exact truths."""
-    referee = Referee(scene, lambda: RecalledTruths(scene, case.path, truths))
+    path = case.path.relative_to(scene.origin)
+    referee = Referee(scene, lambda: RecalledTruths(scene, path, truths))
     try:
-        outcome = referee.run(case.path, range(len(case.path)), [(spec, make_culler(spec))])
+        outcome = referee.run(path, range(len(path)), [(spec, make_culler(spec))])
     except NothingToJudge as error:
         return Cell(State.UNAVAILABLE, detail=_line(case, error))
     except InputError as error:
