@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,26 @@ from visref.camera import Camera
 from visref.exact.contests import Contest
 from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, SOLID
-from visref.scene import Int32, Int64, Scene
+from visref.scene import Float64, Int32, Int64, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, hit_depths
 
-if TYPE_CHECKING:
-    from visref.exact.scene import ExactScene
+
+class Arithmetic(Protocol):
+    """What is asked of `visref.exact.scene.ExactScene` here."""
+
+    scene: Scene
+
+    def compare(
+        self, camera: Camera, first: Int32, second: Int32, samples: Int64
+    ) -> NDArray[np.int8]: ...
+
+    def front(self, camera: Camera, contest: Contest, owner: Int32) -> tuple[Int64, Int32]: ...
+
+    def depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64: ...
 
 
 def masked(
-    exact: ExactScene, camera: Camera, hits: Contest, owner: Int32, ties: Ties
+    exact: Arithmetic, camera: Camera, hits: Contest, owner: Int32, ties: Ties
 ) -> tuple[Ties, Doubt, Int64]:
     """Let masked triangles own, or put in doubt, the samples where they are met.
 
@@ -55,7 +66,7 @@ def masked(
     return ties, Doubt.of(between.sample[order], between.triangle[order]), moved
 
 
-def blended(exact: ExactScene, camera: Camera, hits: Contest, doubt: Doubt) -> BlendVisibility:
+def blended(exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt) -> BlendVisibility:
     """Blended triangles that are seen for certain, of `hits` before their samples' owners: where
     a mask leaves the owner open, those before all that it may be."""
     kept = np.ones(len(hits.sample), np.bool_)

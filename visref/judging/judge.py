@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import Promise
-from visref.judging.settle import SettledFrame
+from visref.judging.frame import SettledFrame
 from visref.judging.superfluous import Superfluous
 from visref.scene import Int32, Scene
 from visref.visibility import FrameTruth

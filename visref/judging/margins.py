@@ -5,7 +5,6 @@ culler's depth buffer could have lost the object by itself.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,9 @@ from visref.camera import Camera
 from visref.culler import CullerError, Raster
 from visref.exact import ExactScene, surviving, witness_margins
 from visref.judging.disputes import Rulings
+from visref.judging.frame import SettledFrame
 from visref.scene import Int32, Int64, Scene
 from visref.visibility import BACKGROUND
-
-if TYPE_CHECKING:
-    from visref.judging.settle import SettledFrame
 
 # How many of a missed object's samples are asked for their margins; the best one is reported.
 # Of a frame that misses hundreds of objects, fewer of each: a margin takes about a millisecond.

@@ -31,9 +31,10 @@ from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
 from visref.findings import Code, Finding
+from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
-from visref.judging.settle import SettledFrame, settle
+from visref.judging.settle import settle
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen

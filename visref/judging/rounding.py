@@ -37,8 +37,11 @@ def moved_px(scene: Scene, camera: Camera, triangles: Int32) -> Float64:
     pixel = 2.0 * float(np.linalg.norm(camera.right_step))
     if camera.is_perspective:
         depth = (scene.vertices[corners] - camera.eye) @ camera.forward
-        return (scene.moved[corners] / (pixel * np.maximum(depth, camera.near))).max(axis=1)
-    return scene.moved[corners].max(axis=1) / pixel
+        pixels: Float64 = scene.moved[corners] / (pixel * np.maximum(depth, camera.near))
+    else:
+        pixels = scene.moved[corners].astype(np.float64) / pixel
+    greatest: Float64 = pixels.max(axis=1)
+    return greatest
 
 
 def may_matter(scene: Scene, camera: Camera) -> bool:

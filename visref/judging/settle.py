@@ -6,47 +6,18 @@ Each of these is computed once here, and the judge, the pictures and the records
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
 from visref.culler import Raster
 from visref.exact import ExactScene
 from visref.judging.disputes import Rulings, corrected, decide, find_disputes
+from visref.judging.frame import SettledFrame
 from visref.judging.margins import with_margins
 from visref.judging.rounding import in_doubt
-from visref.judging.superfluous import Superfluous, confirm, superfluous_units
-from visref.judging.walk import SampleWalk, walk_samples
+from visref.judging.superfluous import confirm
+from visref.judging.walk import walk_samples
 from visref.scene import Int32, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
-
-
-@dataclass(frozen=True, eq=False)
-class SettledFrame:
-    """What the verdict on one drawn set rests on.
-
-    `truth`: the corrected one. `seen`: who is visible by it. `drawn`: (t,) bool, the triangles
-    of `drawn_units`. `walk`: what is shown and lost of each object. `rulings`: what exact
-    arithmetic said. `confirmed`: the superfluous units that it confirmed, where the culler
-    promises to draw none.
-    """
-
-    scene: Scene
-    truth: FrameTruth
-    seen: ObjectVisibility
-    units: Units
-    drawn_units: Int32
-    drawn: NDArray[np.bool_]
-    walk: SampleWalk
-    rulings: Rulings
-    confirmed: tuple[Superfluous, ...] = ()
-
-    @cached_property
-    def superfluous(self) -> Int32:
-        """The drawn units that show nowhere, ascending."""
-        return superfluous_units(self.scene, self.truth, self.units, self.drawn_units)
 
 
 def settle(

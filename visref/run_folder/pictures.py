@@ -17,8 +17,8 @@ from PIL import Image
 
 from visref import kernels
 from visref.camera import Camera
+from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict, MissKind
-from visref.judging.settle import SettledFrame
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
