@@ -86,10 +86,10 @@ class Scene:
         if len(set(self.names)) != len(self.names):
             raise InputError("object names repeat", source=self.source, fix="use unique_names")
         try:
-            check_vertices(
+            check_indices(
                 self.triangles,
                 len(self.vertices),
-                lambda bad: f"object '{self.names[self._object_at(bad)]}'",
+                lambda bad: f"object '{self.names[self._object_at(bad)]}', triangle {bad}",
             )
         except InputError as error:
             raise error.at(source=self.source) from error
@@ -128,7 +128,7 @@ class Scene:
                 points = np.asarray(points, np.float32).reshape(-1, 3)
             faces = np.asarray(faces, np.int64).reshape(-1, 3)
             try:
-                check_vertices(faces, len(points), lambda _: "")
+                check_indices(faces, len(points), lambda bad: f"triangle {bad}")
             except InputError as error:
                 raise error.at(place=f"object '{name}'", source=source) from error
             vertices.append(points)
@@ -290,16 +290,16 @@ class Units:
             raise InputError("a unit names a triangle that the scene lacks", source=source)
 
 
-def check_vertices(triangles: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
-    """Raise InputError where one of (t, 3) `triangles` names a vertex that there is not; `place`
-    says of that triangle, by its number, where it is."""
-    if not triangles.size or 0 <= triangles.min() <= triangles.max() < vertex_count:
+def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
+    """Raise InputError where a vertex id, in an array of any shape, is none of the vertices;
+    `place` says where it stands, by its number in that array along the first axis."""
+    if not indices.size or 0 <= indices.min() <= indices.max() < vertex_count:
         return
-    outside = (triangles < 0) | (triangles >= vertex_count)
+    outside = ((indices < 0) | (indices >= vertex_count)).reshape(len(indices), -1)
     bad = int(np.argmax(outside.any(axis=1)))
-    vertex = triangles[bad][outside[bad]][0]
+    vertex = indices.reshape(len(indices), -1)[bad][outside[bad]][0]
     raise InputError(
-        f"triangle {bad} names vertex {vertex}: index out of range 0…{vertex_count - 1}",
+        f"it names vertex {vertex} of {vertex_count}: index out of range",
         place=place(bad),
         fix="mend the index buffer",
     )

@@ -16,7 +16,8 @@ import numpy as np
 from visref.errors import InputError
 from visref.findings import Code
 from visref.formats.placed import Mesh, Placed, compose
-from visref.scene import Float64, check_vertices
+from visref.formats.polygons import triangulated
+from visref.scene import Float64, Int64, check_indices
 
 # y_up_from_axis, by rows: what the new x, y and z are made of (COLLADA 1.4, "up_axis").
 _Y_UP = {
@@ -126,20 +127,43 @@ class _Reader:
     def mesh(self, geometry: Any, effects: dict[str, Any]) -> Mesh:
         parts = []
         for primitive in geometry.primitives:
-            if isinstance(primitive, self.collada.polylist.Polylist):
-                primitive = primitive.triangleset()
-            if not isinstance(primitive, self.collada.triangleset.TriangleSet):
+            polygons = isinstance(primitive, self.collada.polylist.Polylist)
+            if not polygons and not isinstance(primitive, self.collada.triangleset.TriangleSet):
                 continue
+            place = f"geometry '{geometry.id}'"
+            if polygons and any(child.tag.endswith("}ph") for child in primitive.xmlnode):
+                # pycollada passes over a polygon with holes.
+                raise InputError("a polygon has holes", place=place, fix="export triangles")
             if primitive.vertex is None or primitive.vertex_index is None:
                 continue
             positions = np.asarray(primitive.vertex)
-            triangles = np.asarray(primitive.vertex_index).reshape(-1, 3)
-            check_vertices(triangles, len(positions), lambda _: f"geometry '{geometry.id}'")
+            corners = np.asarray(primitive.vertex_index).reshape(-1).astype(np.int64)
+            try:
+                check_indices(corners, len(positions), lambda _: "")
+            except InputError as error:
+                raise error.at(place=place) from error
+            if polygons:
+                triangles = self.polygons(primitive, positions, corners, place)
+            else:
+                triangles = corners.reshape(-1, 3)
             effect = effects.get(primitive.material)
             one_sided = not (effect is not None and effect.double_sided)
             self.see_through += effect is not None and _see_through(effect)
             parts.append(Mesh.plain(positions, triangles, one_sided=one_sided))
         return Mesh.joined(parts)
+
+    def polygons(self, primitive: Any, positions: Any, corners: Int64, place: str) -> Int64:
+        """(t, 3) vertex ids of the polygons of a <polylist> or <polygons>."""
+        counts = np.asarray(primitive.vcounts, np.int64)
+        if counts.sum() != len(corners) or (counts < 0).any():
+            raise InputError(
+                f"its polygons have {counts.sum()} corners, and {len(corners)} are listed",
+                place=place,
+                fix="export the file anew",
+            )
+        return triangulated(
+            positions, corners, counts, lambda polygon: f"{place}, polygon {polygon}"
+        )[0]
 
 
 def _see_through(effect: Any) -> bool:

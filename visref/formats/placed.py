@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.scene import Alpha, Float64, Int64, Scene, check_vertices, unique_names
+from visref.scene import Alpha, Float64, Int64, Scene, check_indices, unique_names
 
 # How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.
 _BLOCK_VERTICES = 1 << 20
@@ -50,7 +50,7 @@ class Mesh:
 
         Raises InputError where a triangle names a vertex that there is not.
         """
-        check_vertices(triangles, len(positions), lambda _: "")
+        check_indices(triangles, len(positions), lambda bad: f"triangle {bad}")
         positions, triangles = _without_unused(positions, triangles)
         count = len(triangles)
         return cls(

@@ -1,6 +1,6 @@
 """Every other format goes through trimesh, with its clean-up switched off, since a verdict is
-about the triangles as given. (glTF, OBJ and COLLADA have readers of their own, whose modules say
-what trimesh gets wrong in them.)
+about the triangles as given. (glTF, OBJ, COLLADA, PLY and OFF have readers of their own, whose
+modules say what trimesh gets wrong in them.)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import trimesh
 from visref.errors import InputError
 from visref.findings import Code
 from visref.formats.placed import NO_MESH, Mesh, Placed, compose
-from visref.scene import Alpha, check_vertices
+from visref.scene import Alpha, check_indices
 
 
 def extensions() -> list[str]:
@@ -97,7 +97,7 @@ def from_trimesh(given: trimesh.Trimesh | trimesh.Scene) -> Placed:
 def _mesh(geometry: trimesh.Trimesh, name: str) -> Mesh:
     positions = np.asarray(geometry.vertices).reshape(-1, 3)
     triangles = np.asarray(geometry.faces).reshape(-1, 3)
-    check_vertices(triangles, len(positions), lambda _: f"object '{name}'")
+    check_indices(triangles, len(positions), lambda _: f"object '{name}'")
     material: Any = getattr(geometry.visual, "material", None)
     one_sided = not getattr(material, "doubleSided", None)
     alpha = Alpha.__members__.get(getattr(material, "alphaMode", None) or "", Alpha.OPAQUE)

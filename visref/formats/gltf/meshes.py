@@ -17,7 +17,7 @@ from visref.errors import InputError
 from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.document import MESHOPT, Document, Json
 from visref.formats.placed import Mesh
-from visref.scene import Alpha, Float64, check_vertices
+from visref.scene import Alpha, Float64, check_indices
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _DRACO = "KHR_draco_mesh_compression"
@@ -102,7 +102,7 @@ class _Primitive:
             triangles = corners[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
         else:
             triangles = corners[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
-        check_vertices(triangles, vertex_count, lambda _: (indices or self.json).place)
+        check_indices(triangles, vertex_count, lambda _: (indices or self.json).place)
         return triangles
 
     def morphed(self, positions: NDArray[Any], weights: list[float]) -> NDArray[Any]:
