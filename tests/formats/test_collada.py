@@ -76,6 +76,7 @@ def test_instanced_nodes_are_objects_and_primitives_are_not(tmp_path):
     library = f'<library_nodes><node id="tree" name="tree">{INSTANCE}</node></library_nodes>'
     scene = load(tmp_path, dae(nodes, more=library))
     assert scene.names == ("first", "b", "tree")
+    assert scene.paths == ("first", "first/b", "c/tree")
     assert np.diff(scene.object_offsets).tolist() == [3, 3, 3]
     starts = scene.vertices[scene.triangles[scene.object_offsets[:-1], 0]]
     assert starts.tolist() == [[0, 0, 0], [5, 0, 0], [0, 9, 0]]

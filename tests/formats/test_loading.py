@@ -739,6 +739,25 @@ def test_trimesh_nodes_come_depth_first_with_children_in_order():
     assert scene_from_trimesh(scene).names == ("a", "a1", "a2", "b", "b1")
 
 
+def test_trimesh_paths_leave_its_own_root_out():
+    box = trimesh.Trimesh(TRIANGLE, [[0, 1, 2]], process=False)
+    graph = trimesh.Scene()
+    graph.add_geometry(box, node_name="house")
+    graph.add_geometry(box, node_name="chair", parent_node_name="house")
+    assert scene_from_trimesh(graph).paths == ("house", "house/chair")
+
+
+def test_a_deep_nest_of_long_names_takes_no_memory_without_end(tmp_path):
+    gltf = one_triangle()
+    node = 0
+    for _ in range(400):
+        node = gltf.node(root=False, children=[node], name="n" * 100)
+    gltf.json["scenes"][0]["nodes"] = [node]
+    (path,) = load(gltf, tmp_path).paths
+    assert path.endswith("/part")
+    assert len(path) < 4096 + 200
+
+
 def test_trimesh_materials_say_alpha_and_sides():
     def part(**material) -> trimesh.Trimesh:
         visual = trimesh.visual.TextureVisuals(

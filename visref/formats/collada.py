@@ -76,7 +76,7 @@ class _Reader:
         if document.scene is None:
             raise InputError("the file has no scene", fix="export the file anew")
         for node in document.scene.nodes:
-            self.walk(node, "", _world_from_file(document.assetInfo))
+            self.walk(node, (), _world_from_file(document.assetInfo))
         for error in map(str, document.errors):
             if "eometry" in error:  # pycollada: "Unknown geometry tag", "Geometry … not found"
                 raise InputError(f"a geometry is lost: {error}", fix="export triangles")
@@ -96,10 +96,10 @@ class _Reader:
                 (Code.ANIMATION_IGNORED, f"{len(document.animations)} animations are not played")
             )
 
-    def walk(self, node: Any, name: str, world_from_parent: Float64) -> None:
+    def walk(self, node: Any, names: tuple[str, ...], world_from_parent: Float64) -> None:
         scene = self.collada.scene
         if isinstance(node, scene.GeometryNode):
-            self.place(node, node.geometry, name, world_from_parent)
+            self.place(node, node.geometry, names, world_from_parent)
         elif isinstance(node, scene.ControllerNode):
             self.skinned += 1
             controller = node.controller
@@ -107,22 +107,25 @@ class _Reader:
             geometry = getattr(controller, "geometry", None)
             geometry = geometry or getattr(controller, "source_geometry", None)
             if geometry is not None:
-                self.place(node, geometry, name, compose(world_from_parent, bind))
+                self.place(node, geometry, names, compose(world_from_parent, bind))
         elif isinstance(node, scene.Node):
             owner = node.node if isinstance(node, scene.NodeNode) else node
             world = world_from_parent
             for transform in owner.transforms:
                 world = compose(world, np.asarray(transform.matrix, np.float64))
             for child in owner.children:
-                self.walk(child, owner.name or owner.id or "", world)
+                self.walk(child, (*names, owner.name or owner.id or ""), world)
 
-    def place(self, node: Any, geometry: Any, name: str, world: Float64) -> None:
+    def place(self, node: Any, geometry: Any, names: tuple[str, ...], world: Float64) -> None:
         effects = {bound.symbol: bound.target.effect for bound in node.materials if bound.target}
         key = (id(geometry), *sorted((symbol, id(effect)) for symbol, effect in effects.items()))
         if key not in self.known:
             self.known[key] = len(self.placed.meshes)
             self.placed.meshes.append(self.mesh(geometry, effects))
-        self.placed.add(name or geometry.name or geometry.id or "", self.known[key], world)
+        above = [name for name in names[:-1] if name]
+        own = (names[-1] if names else "") or geometry.name or geometry.id or ""
+        path = "/".join([*above, own] if own else above)
+        self.placed.add(own or (above[-1] if above else ""), self.known[key], world, path=path)
 
     def mesh(self, geometry: Any, effects: dict[str, Any]) -> Mesh:
         parts = []

@@ -14,7 +14,7 @@ import trimesh
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.formats.placed import NO_MESH, Mesh, Placed, compose
+from visref.formats.placed import NO_MESH, Mesh, Placed, below, compose
 from visref.scene import Alpha, check_indices
 
 
@@ -75,12 +75,15 @@ def from_trimesh(given: trimesh.Trimesh | trimesh.Scene) -> Placed:
     children: dict[Any, list[Any]] = {}
     for child, parent in forest.parents.items():
         children.setdefault(parent, []).append(child)
-    waiting = [(loaded.graph.base_frame, np.eye(4))]
+    waiting = [(loaded.graph.base_frame, np.eye(4), "")]
     while waiting:
-        frame, world = waiting.pop()
+        frame, world, above = waiting.pop()
+        # The base frame is trimesh's own, and no part of the file's hierarchy.
+        path = below(above, str(frame))
+        prefix = "" if frame == loaded.graph.base_frame else path
         for child in reversed(children.get(frame, [])):
             matrix = forest.edge_data[(frame, child)].get("matrix", np.eye(4))
-            waiting.append((child, compose(world, np.asarray(matrix, np.float64))))
+            waiting.append((child, compose(world, np.asarray(matrix, np.float64)), prefix))
         name = forest.node_data.get(frame, {}).get("geometry")
         if name is None:
             continue
@@ -90,7 +93,7 @@ def from_trimesh(given: trimesh.Trimesh | trimesh.Scene) -> Placed:
             if isinstance(geometry, trimesh.Trimesh):
                 known[name] = len(placed.meshes)
                 placed.meshes.append(_mesh(geometry, str(frame)))
-        placed.add(str(frame), known[name], world)
+        placed.add(str(frame), known[name], world, path=path)
     return placed
 
 

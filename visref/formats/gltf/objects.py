@@ -12,7 +12,7 @@ from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.materials import open_questions
 from visref.formats.gltf.meshes import read_mesh
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
-from visref.formats.placed import NO_MESH, Placed, compose
+from visref.formats.placed import NO_MESH, Placed, below, compose
 from visref.scene import Float64
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -30,8 +30,13 @@ def read_objects(document: Document) -> Placed:
     placed = Placed()
     known: dict[tuple[int, int, tuple[float, ...]], int] = {}
     constant: set[int] = set()
+    entries = document.entries("nodes")
+    # The nearest name at or above each node, and the path down to it.
+    named: dict[int, tuple[str, str]] = {}
     for node in nodes.order:
-        entry = document.entries("nodes")[node]
+        entry = entries[node]
+        above, path = named.get(nodes.parent[node], ("", ""))
+        named[node] = (_name(entry) or above, below(path, _name(entry)))
         if "mesh" not in entry.value:
             continue
         mesh = document.entry("meshes", entry["mesh"])
@@ -52,7 +57,14 @@ def read_objects(document: Document) -> Placed:
             placed.meshes.append(read_mesh(document, mesh, weights, joints, constant))
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
-        placed.add(_name(entry) or _name(mesh), index, _instances(document, entry, world))
+        own = _name(entry) or _name(mesh)
+        placed.add(
+            own or above,
+            index,
+            _instances(document, entry, world),
+            path=below(path, own),
+            group=entry.extension(_INSTANCING) is not None,
+        )
     if constant:
         placed.notes.append(
             (
