@@ -68,10 +68,10 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
     names: list[str] = []
     offsets = [0]
     base = 0
-    for node, world_from_mesh in _depth_first(dataset.nodes, np.eye(4)):
+    for node, above, world_from_mesh in _depth_first(dataset.nodes, "", np.eye(4)):
         if node.mesh is None:
             continue
-        names.append(node.name or node.mesh.name or "object")
+        names.append(node.name or node.mesh.name or above or "object")
         mirrored = np.linalg.det(world_from_mesh[:3, :3]) < 0.0
         count = 0
         for primitive in node.mesh.primitives:
@@ -108,12 +108,13 @@ def _transformed(matrix: Float64, points: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def _depth_first(
-    nodes: tuple[Node, ...], world_from_parent: Float64
-) -> Iterator[tuple[Node, Float64]]:
+    nodes: tuple[Node, ...], above: str, world_from_parent: Float64
+) -> Iterator[tuple[Node, str, Float64]]:
+    """Each node, the name of its nearest named ancestor, and its transform."""
     for node in nodes:
         world_from_node = _product(world_from_parent, node.parent_from_node)
-        yield node, world_from_node
-        yield from _depth_first(node.children, world_from_node)
+        yield node, above, world_from_node
+        yield from _depth_first(node.children, node.name or above, world_from_node)
 
 
 def _product(a: Float64, b: Float64) -> Float64:

@@ -35,6 +35,16 @@ class Alpha(IntEnum):
     BLEND = 2
 
 
+@dataclass(frozen=True)
+class Group:
+    """Objects that a file names together (the instances of one node, say): a name, the path from
+    the root, and the object ids, ascending."""
+
+    name: str
+    path: str
+    objects: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Objects made of triangles.
@@ -51,6 +61,9 @@ class Scene:
     origin + vertex, and a camera's pose is taken relative to it (`Camera.relative_to`).
     `moved`: (v,) float32, how far rounding to float32 moved each vertex, in world units, rounded
     up; None where every vertex is what the file says.
+    `given_names`: n names as the file has them, which may repeat. `paths`: n paths from the root
+    of the scene graph, such as `house/kitchen/chair`, which may repeat too. Both are `names`
+    where a reader gives none. `groups`: what several objects are called together.
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
 
     Raises InputError where a value breaks these rules. The arrays become read-only.
@@ -67,6 +80,9 @@ class Scene:
     masks: Masks | None = None
     origin: Float64 = field(default_factory=lambda: np.zeros(3))
     moved: Float32 | None = None
+    given_names: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    groups: tuple[Group, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -79,6 +95,8 @@ class Scene:
             put(self, "one_sided", np.zeros(count, np.bool_))
         if count and not len(self.alpha):
             put(self, "alpha", np.zeros(count, np.uint8))
+        put(self, "given_names", tuple(self.given_names) or tuple(self.names))
+        put(self, "paths", tuple(self.paths) or tuple(self.names))
         self._check()
         for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha", "origin"):
             getattr(self, name).flags.writeable = False
@@ -94,13 +112,15 @@ class Scene:
             raise InputError("object_offsets decrease", source=self.source)
         if len(self.one_sided) != count or len(self.alpha) != count:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
+        if not len(self.given_names) == len(self.paths) == len(self.names):
+            raise InputError("given_names or paths is not one per object", source=self.source)
         if len(set(self.names)) != len(self.names):
             raise InputError("object names repeat", source=self.source, fix="use unique_names")
         try:
-            check_vertices(
+            check_indices(
                 self.triangles,
                 len(self.vertices),
-                lambda bad: f"object '{self.names[self._object_at(bad)]}'",
+                lambda bad: f"object '{self.names[self._object_at(bad)]}', triangle {bad}",
             )
         except InputError as error:
             raise error.at(source=self.source) from error
@@ -143,7 +163,7 @@ class Scene:
                 points = np.asarray(points, np.float32).reshape(-1, 3)
             faces = np.asarray(faces, np.int64).reshape(-1, 3)
             try:
-                check_vertices(faces, len(points), lambda _: "")
+                check_indices(faces, len(points), lambda bad: f"triangle {bad}")
             except InputError as error:
                 raise error.at(place=f"object '{name}'", source=source) from error
             vertices.append(points)
@@ -156,6 +176,8 @@ class Scene:
             object_offsets=np.array(offsets, np.int64),
             names=unique_names([name for name, _, _ in objects]),
             source=source,
+            given_names=tuple(name for name, _, _ in objects),
+            paths=tuple(name for name, _, _ in objects),
         )
 
     @property
@@ -300,16 +322,16 @@ class Units:
             raise InputError("a unit names a triangle that the scene lacks", source=source)
 
 
-def check_vertices(triangles: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
-    """Raise InputError where one of (t, 3) `triangles` names a vertex that there is not; `place`
-    says of that triangle, by its number, where it is."""
-    if not triangles.size or 0 <= triangles.min() <= triangles.max() < vertex_count:
+def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
+    """Raise InputError where a vertex id, in an array of any shape, is none of the vertices;
+    `place` says where it stands, by its number in that array along the first axis."""
+    if not indices.size or 0 <= indices.min() <= indices.max() < vertex_count:
         return
-    outside = (triangles < 0) | (triangles >= vertex_count)
+    outside = ((indices < 0) | (indices >= vertex_count)).reshape(len(indices), -1)
     bad = int(np.argmax(outside.any(axis=1)))
-    vertex = triangles[bad][outside[bad]][0]
+    vertex = indices.reshape(len(indices), -1)[bad][outside[bad]][0]
     raise InputError(
-        f"triangle {bad} names vertex {vertex}: index out of range 0…{vertex_count - 1}",
+        f"it names vertex {vertex} of {vertex_count}: index out of range",
         place=place(bad),
         fix="mend the index buffer",
     )

@@ -76,6 +76,7 @@ def test_instanced_nodes_are_objects_and_primitives_are_not(tmp_path):
     library = f'<library_nodes><node id="tree" name="tree">{INSTANCE}</node></library_nodes>'
     scene = load(tmp_path, dae(nodes, more=library))
     assert scene.names == ("first", "b", "tree")
+    assert scene.paths == ("first", "first/b", "c/tree")
     assert np.diff(scene.object_offsets).tolist() == [3, 3, 3]
     starts = scene.vertices[scene.triangles[scene.object_offsets[:-1], 0]]
     assert starts.tolist() == [[0, 0, 0], [5, 0, 0], [0, 9, 0]]
@@ -90,6 +91,46 @@ def test_double_sided_material_stays_two_sided(tmp_path):
     nodes = f'<node id="a">{INSTANCE}</node><node id="b">{bound}</node>'
     scene = load(tmp_path, dae(nodes), cull_backfaces=True)
     assert scene.one_sided.tolist() == [True] * 3 + [False] * 3
+
+
+STAR = "0 0 0 10 6 0 20 0 0 14 10 0 20 20 0 10 14 0 0 20 0 6 10 0"
+
+
+def star(primitive: str) -> str:
+    """A geometry of one polygon with eight corners, four of them turned inwards."""
+    text = dae(f'<node id="a">{INSTANCE}</node>')
+    text = text.replace("0 0 0 1 0 0 1 1 0 0 1 0", STAR).replace('count="12"', 'count="24"')
+    text = text.replace('count="4" stride', 'count="8" stride')
+    start, end = text.index("<triangles"), text.index("</polylist>") + len("</polylist>")
+    return text[:start] + primitive + text[end:]
+
+
+VERTEX = '<input semantic="VERTEX" source="#g-v" offset="0"/>'
+POLYGONS = f'<polygons count="1">{VERTEX}<p>0 1 2 3 4 5 6 7</p></polygons>'
+
+
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        POLYGONS,
+        f'<polylist count="1">{VERTEX}<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p></polylist>',
+    ],
+)
+def test_a_polygon_that_is_not_convex_has_its_own_area(tmp_path, primitive):
+    scene = load(tmp_path, star(primitive))
+    corners = scene.vertices[scene.triangles].astype(np.float64)
+    twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    assert (twice > 0).all()
+    assert twice.sum() == 2 * 160
+
+
+def test_polygons_with_holes_or_too_few_corners_are_errors(tmp_path):
+    hole = POLYGONS.replace("<p>", "<ph><p>").replace("</p>", "</p><h>0 2 4</h></ph>")
+    with pytest.raises(InputError, match="geometry 'g': a polygon has holes"):
+        load(tmp_path, star(POLYGONS + hole))
+    short = f'<polylist count="1">{VERTEX}<vcount>9</vcount><p>0 1 2 3 4 5 6 7</p></polylist>'
+    with pytest.raises(InputError, match="have 9 corners, and 8 are listed"):
+        load(tmp_path, star(short))
 
 
 def test_index_out_of_range_is_an_error(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from fractions import Fraction
 from pathlib import Path
@@ -15,9 +16,14 @@ from hypothesis import strategies as st
 import visref.formats.placed
 from tests.support.bad_input import BAD_INPUT, BAD_PATHS, BadInput, good_path, good_scene
 from tests.support.gltf_files import SQUARE, TRIANGLE, TWO, Gltf, one_triangle
+from visref.camera import Camera, look_at
+from visref.engines import make_engine
 from visref.errors import InputError
+from visref.findings import Code
 from visref.formats import load_path, load_scene, scene_from_trimesh
+from visref.formats.gltf.extensions import HARMLESS, READ
 from visref.scene import Alpha, Scene
+from visref.visibility import objects_seen
 
 ENGINE = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")
 
@@ -484,6 +490,123 @@ def test_alpha_mode_decides_what_a_triangle_hides(tmp_path, material, expected):
     assert scene.alpha.tolist() == ([] if expected is None else [expected])
 
 
+def glass(factor: float, **more) -> dict:
+    return {"extensions": {"KHR_materials_transmission": {"transmissionFactor": factor, **more}}}
+
+
+@pytest.mark.parametrize(
+    ("material", "expected"),
+    [
+        (glass(1.0), Alpha.BLEND),
+        (glass(0.01), Alpha.BLEND),
+        (glass(0.0), Alpha.OPAQUE),
+        ({"extensions": {"KHR_materials_transmission": {}}}, Alpha.OPAQUE),
+        ({"extensions": {"KHR_materials_volume": {"thicknessFactor": 1}}}, Alpha.OPAQUE),
+        ({"alphaMode": "BLEND", **glass(0.0)}, Alpha.BLEND),
+        ({"alphaMode": "MASK", **glass(0.5)}, Alpha.BLEND),
+        ({"alphaMode": "MASK", "pbrMetallicRoughness": CLEAR, **glass(0.5)}, None),
+        ({"alphaMode": "MASK", "pbrMetallicRoughness": TEXTURED, **glass(0.5)}, Alpha.BLEND),
+        (
+            {"extensions": {"ADOBE_materials_thin_transparency": {"transmissionFactor": 0.7}}},
+            Alpha.BLEND,
+        ),
+    ],
+)
+def test_what_transmits_light_is_glass_and_not_wall(tmp_path, material, expected):
+    gltf = one_triangle()
+    gltf.entry("materials", **material)
+    gltf.json["meshes"][0]["primitives"][0]["material"] = 0
+    gltf.json["extensionsUsed"] = ["KHR_materials_transmission", "KHR_materials_volume"]
+    scene = load(gltf, tmp_path)
+    assert scene.alpha.tolist() == ([] if expected is None else [expected])
+    assert "PARTLY_READ" not in codes(scene)
+
+
+def test_a_vase_behind_a_pane_of_glass_is_seen(tmp_path):
+    gltf = Gltf()
+    square = gltf.primitive(SQUARE, TWO)
+    gltf.entry("materials", **glass(1.0), pbrMetallicRoughness={"roughnessFactor": 0})
+    gltf.node(mesh=gltf.mesh({**square, "material": 0}), name="pane")
+    gltf.node(mesh=gltf.mesh(square), name="vase", translation=[0.25, 0.25, -1], scale=[0.5] * 3)
+    scene = load(gltf, tmp_path)
+    camera = Camera(look_at((0.501, 0.501, 5), (0.501, 0.501, 0)), 20, 20, near=0.1, ymag=0.5)
+    seen = objects_seen(make_engine("exact", scene).frame(camera), scene)
+    # One unit of the view is 20 samples; the pane is blended, and shows at 20 by 20.
+    assert dict(zip(scene.names, seen.pixels.tolist(), strict=True)) == {"pane": 400, "vase": 100}
+
+
+def test_what_a_transmission_texture_variants_and_levels_leave_open_is_said(tmp_path):
+    gltf = one_triangle()
+    gltf.entry("materials", **glass(0.5, transmissionTexture={"index": 0}))
+    gltf.entry("materials", name="plain")
+    gltf.entry("materials", name="as plain, in red", pbrMetallicRoughness=TEXTURED)
+    primitive = gltf.json["meshes"][0]["primitives"][0]
+    primitive["material"] = 1
+    used = gltf.json["extensionsUsed"] = ["KHR_materials_variants", "MSFT_lod"]
+
+    def variants(*materials: int) -> None:
+        mappings = [{"material": material, "variants": [0]} for material in materials]
+        primitive["extensions"] = {"KHR_materials_variants": {"mappings": mappings}}
+
+    variants(1, 2)
+    (texture,) = [text for _, text in load(gltf, tmp_path).notes]
+    assert "transmission texture" in texture
+    assert "materials[0]" in texture
+    variants(2, 0)
+    gltf.json["nodes"][0]["extensions"] = {"MSFT_lod": {"ids": [gltf.node(root=False, mesh=0)]}}
+    scene = load(gltf, tmp_path)
+    assert scene.names == ("part",)
+    assert codes(scene) == ["PARTLY_READ"] * 3
+    assert "meshes[0]" in scene.notes[1][1]
+    assert "nodes[0]" in scene.notes[2][1]
+    used.clear()
+
+
+@pytest.mark.parametrize(
+    ("pointer", "says"),
+    [
+        ("/meshes/0/weights", "1 animated nodes"),
+        ("/nodes/0/extensions/KHR_node_visibility/visible", "1 animated nodes"),
+        ("/materials/0/alphaCutoff", "1 materials"),
+        ("/materials/0/pbrMetallicRoughness/baseColorFactor", "1 materials"),
+        ("/materials/0/extensions/KHR_materials_transmission/transmissionFactor", "1 materials"),
+        ("/materials/0/emissiveFactor", None),
+        ("/cameras/0/perspective/yfov", None),
+    ],
+)
+def test_a_pointer_that_changes_what_is_seen_is_a_finding(tmp_path, pointer, says):
+    gltf = one_triangle()
+    animate(gltf, 0)
+    gltf.json["animations"][0]["channels"][0]["target"] = {
+        "path": "pointer",
+        "extensions": {"KHR_animation_pointer": {"pointer": pointer}},
+    }
+    notes = load(gltf, tmp_path).notes
+    if says is None:
+        assert notes == ()
+    else:
+        ((code, text),) = notes
+        assert code == Code.ANIMATION_IGNORED
+        assert text.startswith(says)
+
+
+def test_every_extension_that_is_known_is_documented_and_others_are_not():
+    page = (Path(__file__).parent.parent.parent / "docs" / "formats.md").read_text()
+    documented = set(re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", page, flags=re.M))
+    names = {name for row in documented for name in re.findall(r"`(\w+)`", row)}
+    extensions = {name for name in names if re.match(r"[A-Z]+_\w+", name)}
+    assert extensions == READ | HARMLESS
+    assert "KHR_materials_of_tomorrow" not in READ | HARMLESS
+    assert not READ & HARMLESS
+
+
+def test_every_known_extension_says_nothing_where_it_is_only_listed(tmp_path):
+    gltf = one_triangle()
+    gltf.json["extensionsUsed"] = sorted(READ | HARMLESS)
+    gltf.json["extensionsRequired"] = sorted(READ | HARMLESS)
+    assert load(gltf, tmp_path).notes == ()
+
+
 def test_vertex_alpha_leaves_a_mask_undecided_only_where_it_crosses_the_cutoff(tmp_path):
     gltf = Gltf()
     primitive = gltf.primitive(np.tile(TRIANGLE, (3, 1)), material=0)
@@ -614,6 +737,25 @@ def test_trimesh_nodes_come_depth_first_with_children_in_order():
     for name, parent in (("a", base), ("b", base), ("a1", "a"), ("b1", "b"), ("a2", "a")):
         scene.add_geometry(box, geom_name="box", node_name=name, parent_node_name=parent)
     assert scene_from_trimesh(scene).names == ("a", "a1", "a2", "b", "b1")
+
+
+def test_trimesh_paths_leave_its_own_root_out():
+    box = trimesh.Trimesh(TRIANGLE, [[0, 1, 2]], process=False)
+    graph = trimesh.Scene()
+    graph.add_geometry(box, node_name="house")
+    graph.add_geometry(box, node_name="chair", parent_node_name="house")
+    assert scene_from_trimesh(graph).paths == ("house", "house/chair")
+
+
+def test_a_deep_nest_of_long_names_takes_no_memory_without_end(tmp_path):
+    gltf = one_triangle()
+    node = 0
+    for _ in range(400):
+        node = gltf.node(root=False, children=[node], name="n" * 100)
+    gltf.json["scenes"][0]["nodes"] = [node]
+    (path,) = load(gltf, tmp_path).paths
+    assert path.endswith("/part")
+    assert len(path) < 4096 + 200
 
 
 def test_trimesh_materials_say_alpha_and_sides():

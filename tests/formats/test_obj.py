@@ -78,9 +78,11 @@ def test_chunks_change_nothing(tmp_path, monkeypatch, size):
     rng = np.random.default_rng(0)
     lines = []
     for k in range(60):
-        lines += ["v {} {} {}".format(*rng.normal(size=3).round(6)) for _ in range(3)]
+        # Any three points, and a fourth that makes a flat convex quad of them.
+        a, b, c = rng.normal(size=(3, 3)).round(6)
+        lines += ["v {} {} {}".format(*point.round(6)) for point in (a, b, a + (c - b) / 2, c)]
         lines += [f"o part{k}"] if k % 7 == 0 else []
-        lines += ["usemtl glass" if k % 2 else "usemtl stone", "f -3 \\", " -2 -1", "f 1 2 -1 -2"]
+        lines += ["usemtl glass" if k % 2 else "usemtl stone", "f -4 \\", " -3 -1", "f -4 -3 -1 -2"]
     (tmp_path / "m.mtl").write_text("newmtl glass\nd 0.5\n")
     text = "mtllib m.mtl\n" + "\n".join(lines)
     whole = load(tmp_path, text)

@@ -335,9 +335,11 @@ BAD_SCENES = [
     BadInput("OBJ 2D vertex", _scene("bad.obj", lambda: OBJ + b"v 1 2\n"), "line 4: a vertex has"),
     BadInput("OBJ without faces", _scene("bad.obj", lambda: OBJ), "there is no mesh"),
     BadInput("OBJ NaN", _scene("bad.obj", lambda: b"v nan 0 0\n" + OBJ + b"f 1 2 3\n"), "NaN"),
-    BadInput("OFF index", _scene("bad.off", lambda: OFF), "outside the range"),
+    BadInput("OFF index", _scene("bad.off", lambda: OFF), "face 0: it names vertex 7 of 3"),
     BadInput("cut STL", _scene("bad.stl", lambda: STL), "bad.stl"),
-    BadInput("cut PLY", _scene("bad.ply", lambda: PLY), "'.ply' file"),
+    BadInput(
+        "cut PLY", _scene("bad.ply", lambda: PLY), "truncated: it holds 0 of its 9 rows of 'vertex'"
+    ),
     BadInput("no COLLADA", _scene("bad.dae", lambda: b"<COLLADA>"), "not valid COLLADA"),
     BadInput("no zip", _scene("bad.zae", lambda: b"PK"), "not a zip archive"),
 ]

@@ -16,7 +16,8 @@ import numpy as np
 from visref.errors import InputError
 from visref.findings import Code
 from visref.formats.placed import Mesh, Placed, compose
-from visref.scene import Float64, check_vertices
+from visref.formats.polygons import triangulated
+from visref.scene import Float64, Int64, check_indices
 
 # y_up_from_axis, by rows: what the new x, y and z are made of (COLLADA 1.4, "up_axis").
 _Y_UP = {
@@ -75,7 +76,7 @@ class _Reader:
         if document.scene is None:
             raise InputError("the file has no scene", fix="export the file anew")
         for node in document.scene.nodes:
-            self.walk(node, "", _world_from_file(document.assetInfo))
+            self.walk(node, (), _world_from_file(document.assetInfo))
         for error in map(str, document.errors):
             if "eometry" in error:  # pycollada: "Unknown geometry tag", "Geometry … not found"
                 raise InputError(f"a geometry is lost: {error}", fix="export triangles")
@@ -95,10 +96,10 @@ class _Reader:
                 (Code.ANIMATION_IGNORED, f"{len(document.animations)} animations are not played")
             )
 
-    def walk(self, node: Any, name: str, world_from_parent: Float64) -> None:
+    def walk(self, node: Any, names: tuple[str, ...], world_from_parent: Float64) -> None:
         scene = self.collada.scene
         if isinstance(node, scene.GeometryNode):
-            self.place(node, node.geometry, name, world_from_parent)
+            self.place(node, node.geometry, names, world_from_parent)
         elif isinstance(node, scene.ControllerNode):
             self.skinned += 1
             controller = node.controller
@@ -106,40 +107,66 @@ class _Reader:
             geometry = getattr(controller, "geometry", None)
             geometry = geometry or getattr(controller, "source_geometry", None)
             if geometry is not None:
-                self.place(node, geometry, name, compose(world_from_parent, bind))
+                self.place(node, geometry, names, compose(world_from_parent, bind))
         elif isinstance(node, scene.Node):
             owner = node.node if isinstance(node, scene.NodeNode) else node
             world = world_from_parent
             for transform in owner.transforms:
                 world = compose(world, np.asarray(transform.matrix, np.float64))
             for child in owner.children:
-                self.walk(child, owner.name or owner.id or "", world)
+                self.walk(child, (*names, owner.name or owner.id or ""), world)
 
-    def place(self, node: Any, geometry: Any, name: str, world: Float64) -> None:
+    def place(self, node: Any, geometry: Any, names: tuple[str, ...], world: Float64) -> None:
         effects = {bound.symbol: bound.target.effect for bound in node.materials if bound.target}
         key = (id(geometry), *sorted((symbol, id(effect)) for symbol, effect in effects.items()))
         if key not in self.known:
             self.known[key] = len(self.placed.meshes)
             self.placed.meshes.append(self.mesh(geometry, effects))
-        self.placed.add(name or geometry.name or geometry.id or "", self.known[key], world)
+        above = [name for name in names[:-1] if name]
+        own = (names[-1] if names else "") or geometry.name or geometry.id or ""
+        path = "/".join([*above, own] if own else above)
+        self.placed.add(own or (above[-1] if above else ""), self.known[key], world, path=path)
 
     def mesh(self, geometry: Any, effects: dict[str, Any]) -> Mesh:
         parts = []
         for primitive in geometry.primitives:
-            if isinstance(primitive, self.collada.polylist.Polylist):
-                primitive = primitive.triangleset()
-            if not isinstance(primitive, self.collada.triangleset.TriangleSet):
+            polygons = isinstance(primitive, self.collada.polylist.Polylist)
+            if not polygons and not isinstance(primitive, self.collada.triangleset.TriangleSet):
                 continue
+            place = f"geometry '{geometry.id}'"
+            if polygons and any(child.tag.endswith("}ph") for child in primitive.xmlnode):
+                # pycollada passes over a polygon with holes.
+                raise InputError("a polygon has holes", place=place, fix="export triangles")
             if primitive.vertex is None or primitive.vertex_index is None:
                 continue
             positions = np.asarray(primitive.vertex)
-            triangles = np.asarray(primitive.vertex_index).reshape(-1, 3)
-            check_vertices(triangles, len(positions), lambda _: f"geometry '{geometry.id}'")
+            corners = np.asarray(primitive.vertex_index).reshape(-1).astype(np.int64)
+            try:
+                check_indices(corners, len(positions), lambda _: "")
+            except InputError as error:
+                raise error.at(place=place) from error
+            if polygons:
+                triangles = self.polygons(primitive, positions, corners, place)
+            else:
+                triangles = corners.reshape(-1, 3)
             effect = effects.get(primitive.material)
             one_sided = not (effect is not None and effect.double_sided)
             self.see_through += effect is not None and _see_through(effect)
             parts.append(Mesh.plain(positions, triangles, one_sided=one_sided))
         return Mesh.joined(parts)
+
+    def polygons(self, primitive: Any, positions: Any, corners: Int64, place: str) -> Int64:
+        """(t, 3) vertex ids of the polygons of a <polylist> or <polygons>."""
+        counts = np.asarray(primitive.vcounts, np.int64)
+        if counts.sum() != len(corners) or (counts < 0).any():
+            raise InputError(
+                f"its polygons have {counts.sum()} corners, and {len(corners)} are listed",
+                place=place,
+                fix="export the file anew",
+            )
+        return triangulated(
+            positions, corners, counts, lambda polygon: f"{place}, polygon {polygon}"
+        )[0]
 
 
 def _see_through(effect: Any) -> bool:

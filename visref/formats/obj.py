@@ -5,9 +5,9 @@ the objects in reverse, joins objects of one name, counts relative indices from 
 file instead of from their line, and takes index 0 for 1.
 
 An object is what an `o` line starts; in a file without any, what `g` lines name. Polygons
-become fans. Materials say only how transparent they are: `d` below 1 is blended, a `map_d`
-texture is alpha-masked and so undecided. (`Tr` is not read: its writers disagree whether 0 or
-1 is opaque.)
+become triangles (`visref.formats.polygons`). Materials say only how transparent they are: `d`
+below 1 is blended, a `map_d` texture is alpha-masked and so undecided. (`Tr` is not read: its
+writers disagree whether 0 or 1 is opaque.)
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from visref.errors import InputError
 from visref.files import map_file
 from visref.findings import Code
 from visref.formats.placed import Mesh, Placed
-from visref.scene import Alpha, Int64, check_vertices
+from visref.formats.polygons import triangulated
+from visref.scene import Alpha, Int64, check_indices
 
 # Bytes at a time: the index arrays of a chunk take some twenty times as much.
 _CHUNK_BYTES = 1 << 23
@@ -34,16 +35,18 @@ Marks = list[tuple[int, str]]
 
 @dataclass
 class _Reading:
-    """What has been read so far. `marks`: by keyword, (triangle it starts at, argument)."""
+    """What has been read so far. `corners`: vertex ids, face after face; `counts` and `lines`: of
+    each face. `marks`: by keyword, (face it starts at, argument)."""
 
     vertices: list[NDArray[np.float64]] = field(default_factory=list)
-    triangles: list[Int64] = field(default_factory=list)
+    corners: list[Int64] = field(default_factory=list)
+    counts: list[Int64] = field(default_factory=list)
     lines: list[Int64] = field(default_factory=list)
     marks: dict[str, Marks] = field(
         default_factory=lambda: {"o": [], "g": [], "usemtl": [], "mtllib": []}
     )
     vertex_count: int = 0
-    triangle_count: int = 0
+    face_count: int = 0
     line: int = 1
 
 
@@ -63,12 +66,11 @@ def read_obj(path: Path) -> Placed:
             chunk = chunk[:end]
         at += len(chunk)
         _read_chunk(reading, chunk)
-    triangles = np.concatenate([np.zeros((0, 3), np.int64), *reading.triangles])
-    _check_indices(reading, triangles)
     vertices = np.concatenate([np.zeros((0, 3)), *reading.vertices])
+    triangles, face = _triangles(reading, vertices)
     placed = Placed()
-    alpha = _alpha(reading, path, placed)
-    names, owner = _objects(reading)
+    alpha = _alpha(reading, path, placed)[face]
+    names, owner = _objects(reading, face)
     order = np.argsort(owner, kind="stable")
     offsets = np.searchsorted(owner[order], np.arange(len(names) + 1))
     for index, name in enumerate(names):
@@ -125,24 +127,20 @@ def _read_chunk(reading: _Reading, chunk: bytes) -> None:
             "vertex index 0, and OBJ counts from 1", place=f"line {bad}", fix="mend the line"
         )
     corners = np.where(corners < 0, corners + np.repeat(before, counts[rows]), corners - 1)
-    fans = np.maximum(counts[rows] - 2, 0)
-    base = np.repeat(np.cumsum(counts[rows]) - counts[rows], fans)
-    step = _ranges(fans)
-    reading.triangles.append(
-        np.stack([corners[base], corners[base + step + 1], corners[base + step + 2]], axis=1)
-    )
-    reading.lines.append(np.repeat(line_of[rows], fans))
+    reading.corners.append(corners)
+    reading.counts.append(counts[rows])
+    reading.lines.append(line_of[rows])
 
-    done = np.cumsum(np.bincount(rows, fans, len(first)).astype(np.int64))
+    done = np.cumsum(is_face)
     named = ~(is_vertex | is_face) & np.isin(letter, np.frombuffer(b"ogum", np.uint8))
     for row in np.flatnonzero(named):
         keyword = text[starts[first[row]] : ends[first[row]]].decode("utf-8", "replace")
         if keyword in reading.marks:
             stop = text.index(b"\n", ends[first[row]])
             argument = text[ends[first[row]] : stop].decode("utf-8", "replace").strip()
-            reading.marks[keyword].append((reading.triangle_count + int(done[row]), argument))
+            reading.marks[keyword].append((reading.face_count + int(done[row]), argument))
     reading.vertex_count += int(is_vertex.sum())
-    reading.triangle_count += int(fans.sum())
+    reading.face_count += len(rows)
     reading.line += newlines
 
 
@@ -195,16 +193,19 @@ def _is_number(word: NDArray[np.uint8], dtype: type) -> bool:
     return True
 
 
-def _check_indices(reading: _Reading, triangles: Int64) -> None:
-    check_vertices(
-        triangles,
-        reading.vertex_count,
-        lambda bad: f"line {np.concatenate(reading.lines)[bad]}",
-    )
+def _triangles(reading: _Reading, vertices: NDArray[np.float64]) -> tuple[Int64, Int64]:
+    """(t, 3) vertex ids, and (t,) the face of each."""
+    none = np.zeros(0, np.int64)
+    corners = np.concatenate([none, *reading.corners])
+    counts = np.concatenate([none, *reading.counts])
+    lines = np.concatenate([none, *reading.lines])
+    face = np.repeat(np.arange(len(counts)), counts)
+    check_indices(corners, len(vertices), lambda at: f"line {lines[face[at]]}")
+    return triangulated(vertices, corners, counts, lambda at: f"line {lines[at]}")
 
 
-def _objects(reading: _Reading) -> tuple[list[str], Int64]:
-    """The objects' names, and the object of each triangle.
+def _objects(reading: _Reading, face: Int64) -> tuple[list[str], Int64]:
+    """The objects' names, and the object of each triangle, whose face `face` says.
 
     Each `o` line starts an object, with triangles or without. `g` lines name one group
     wherever they stand, and groups without triangles (`g default`) are not objects.
@@ -213,13 +214,13 @@ def _objects(reading: _Reading) -> tuple[list[str], Int64]:
     if marks:
         names = ["object", *(name for _, name in marks)]
         starts = np.array([0, *(start for start, _ in marks)])
-        owner = np.searchsorted(starts, np.arange(reading.triangle_count), side="right") - 1
+        owner = np.searchsorted(starts, face, side="right") - 1
         if marks[0][0] == 0:
             return names[1:], owner - 1
         return names, owner
     marks = [(0, "object"), *reading.marks["g"]]
     starts = np.array([start for start, _ in marks])
-    piece = np.searchsorted(starts, np.arange(reading.triangle_count), side="right") - 1
+    piece = np.searchsorted(starts, face, side="right") - 1
     used = [marks[i][1] for i in np.unique(piece)]
     names = list(dict.fromkeys(used))
     number = {name: i for i, name in enumerate(names)}
@@ -228,7 +229,7 @@ def _objects(reading: _Reading) -> tuple[list[str], Int64]:
 
 
 def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
-    """(t,) uint8, by the materials of the MTL files; a missing one is a note."""
+    """(f,) uint8 of each face, by the materials of the MTL files; a missing one is a note."""
     materials: dict[str, Alpha] = {}
     for _, named in reading.marks["mtllib"]:
         file = path.parent / named
@@ -253,7 +254,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
                 materials[current] = Alpha.BLEND
     marks = [(0, ""), *reading.marks["usemtl"]]
     starts = np.array([start for start, _ in marks])
-    piece = np.searchsorted(starts, np.arange(reading.triangle_count), side="right") - 1
+    piece = np.searchsorted(starts, np.arange(reading.face_count), side="right") - 1
     table = np.array([materials.get(name, Alpha.OPAQUE) for _, name in marks], np.uint8)
     return table[piece]
 

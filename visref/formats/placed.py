@@ -18,9 +18,10 @@ from visref.findings import Code
 from visref.scene import (
     Alpha,
     Float64,
+    Group,
     Int64,
     Scene,
-    check_vertices,
+    check_indices,
     origin_of,
     unique_names,
 )
@@ -58,7 +59,7 @@ class Mesh:
 
         Raises InputError where a triangle names a vertex that there is not.
         """
-        check_vertices(triangles, len(positions), lambda _: "")
+        check_indices(triangles, len(positions), lambda bad: f"triangle {bad}")
         positions, triangles = _without_unused(positions, triangles)
         count = len(triangles)
         return cls(
@@ -89,21 +90,47 @@ class Mesh:
 
 @dataclass
 class Placed:
-    """The objects of a file, in order: a name, a mesh (`NO_MESH` for none) and
-    `world_from_object` (4, 4) float64 of each; `notes` as in `Scene.notes`."""
+    """The objects of a file, in order: a name, a path, a mesh (`NO_MESH` for none) and
+    `world_from_object` (4, 4) float64 of each; `groups` and `notes` as in `Scene`."""
 
     meshes: list[Mesh] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    paths: list[str] = field(default_factory=list)
     mesh_of_object: list[int] = field(default_factory=list)
     world_from_object: list[Float64] = field(default_factory=list)
+    groups: list[Group] = field(default_factory=list)
     notes: list[tuple[Code, str]] = field(default_factory=list)
 
-    def add(self, name: str, mesh: int, world_from_object: Float64) -> None:
-        """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4)."""
+    def add(
+        self,
+        name: str,
+        mesh: int,
+        world_from_object: Float64,
+        *,
+        path: str = "",
+        group: bool = False,
+    ) -> None:
+        """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4).
+
+        `path`: from the scene graph's root, names with slashes between; by default the name.
+        `group`: whether the name stands for all these instances together.
+        """
         matrices = world_from_object.reshape(-1, 4, 4)
-        self.names.extend([name or "object"] * len(matrices))
+        name = name or "object"
+        path = path or name
+        if group:
+            start = len(self.names)
+            self.groups.append(Group(name, path, tuple(range(start, start + len(matrices)))))
+        self.names.extend([name] * len(matrices))
+        self.paths.extend([path] * len(matrices))
         self.mesh_of_object.extend([mesh] * len(matrices))
         self.world_from_object.append(matrices)
+
+
+def below(path: str, name: str) -> str:
+    """The path of what is called `name` below `path`; either may be empty. Below a path of 4,096
+    characters a new one starts: nodes nested without end would take memory without end."""
+    return f"{path}/{name}" if path and name and len(path) < 4096 else name or path
 
 
 def compose(a: Float64, b: Float64) -> Float64:
@@ -192,6 +219,9 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         tuple(notes),
         origin=origin,
         moved=moved if moved.any() else None,
+        given_names=tuple(placed.names),
+        paths=tuple(placed.paths),
+        groups=tuple(placed.groups),
     )
 
 

@@ -1,6 +1,6 @@
 """Every other format goes through trimesh, with its clean-up switched off, since a verdict is
-about the triangles as given. (glTF, OBJ and COLLADA have readers of their own, whose modules say
-what trimesh gets wrong in them.)
+about the triangles as given. (glTF, OBJ, COLLADA, PLY and OFF have readers of their own, whose
+modules say what trimesh gets wrong in them.)
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import trimesh
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.formats.placed import NO_MESH, Mesh, Placed, compose
-from visref.scene import Alpha, check_vertices
+from visref.formats.placed import NO_MESH, Mesh, Placed, below, compose
+from visref.scene import Alpha, check_indices
 
 
 def extensions() -> list[str]:
@@ -75,12 +75,15 @@ def from_trimesh(given: trimesh.Trimesh | trimesh.Scene) -> Placed:
     children: dict[Any, list[Any]] = {}
     for child, parent in forest.parents.items():
         children.setdefault(parent, []).append(child)
-    waiting = [(loaded.graph.base_frame, np.eye(4))]
+    waiting = [(loaded.graph.base_frame, np.eye(4), "")]
     while waiting:
-        frame, world = waiting.pop()
+        frame, world, above = waiting.pop()
+        # The base frame is trimesh's own, and no part of the file's hierarchy.
+        path = below(above, str(frame))
+        prefix = "" if frame == loaded.graph.base_frame else path
         for child in reversed(children.get(frame, [])):
             matrix = forest.edge_data[(frame, child)].get("matrix", np.eye(4))
-            waiting.append((child, compose(world, np.asarray(matrix, np.float64))))
+            waiting.append((child, compose(world, np.asarray(matrix, np.float64)), prefix))
         name = forest.node_data.get(frame, {}).get("geometry")
         if name is None:
             continue
@@ -90,14 +93,14 @@ def from_trimesh(given: trimesh.Trimesh | trimesh.Scene) -> Placed:
             if isinstance(geometry, trimesh.Trimesh):
                 known[name] = len(placed.meshes)
                 placed.meshes.append(_mesh(geometry, str(frame)))
-        placed.add(str(frame), known[name], world)
+        placed.add(str(frame), known[name], world, path=path)
     return placed
 
 
 def _mesh(geometry: trimesh.Trimesh, name: str) -> Mesh:
     positions = np.asarray(geometry.vertices).reshape(-1, 3)
     triangles = np.asarray(geometry.faces).reshape(-1, 3)
-    check_vertices(triangles, len(positions), lambda _: f"object '{name}'")
+    check_indices(triangles, len(positions), lambda _: f"object '{name}'")
     material: Any = getattr(geometry.visual, "material", None)
     one_sided = not getattr(material, "doubleSided", None)
     alpha = Alpha.__members__.get(getattr(material, "alphaMode", None) or "", Alpha.OPAQUE)

@@ -1,8 +1,8 @@
 """Recorded visible sets: somebody's engine, judged without being linked to us.
 
 JSON Lines, a line a frame: `{"frame": 0, "visible": [3, "name", …], "stats": {…}}`, where an
-integer is an object id and a string an object's name. The same as CSV or Parquet with columns
-`frame` and `object_id` or `object`. Frames come in any order, each once.
+integer is an object id and a string a name (`visref.recordings.names`). The same as CSV or Parquet
+with columns `frame` and `object_id` or `object`. Frames come in any order, each once.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from visref.culler import (
 )
 from visref.errors import InputError
 from visref.files import parse_json
+from visref.recordings.names import Names
 from visref.scene import Int32, Scene, Units
-from visref.wording import did_you_mean
 
 _WHOLE = re.compile(r"\s*[+-]?[0-9]+\s*")
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
@@ -152,24 +152,26 @@ def _gather(
             place="frame",
             fix='write a line for each frame, "visible": [] where nothing was drawn',
         )
+    places: dict[str, str] = {}
+    for frame in frames:
+        for entry in by_frame[frame].objects:
+            if isinstance(entry, str):
+                places.setdefault(entry, by_frame[frame].place)
+    named = Names(scene).resolved(places, source) if places else {}
     drawn = {}
     for frame in frames:
         row = by_frame[frame]
-        ids = [_object_id(entry, scene, source, row.place) for entry in row.objects]
+        ids: list[int] = []
+        for entry in row.objects:
+            if isinstance(entry, str):
+                ids.extend(named[entry])
+            else:
+                ids.append(_object_id(entry, scene, source, row.place))
         drawn[frame] = np.unique(np.array(ids, np.int32))
     return VisibleSets(drawn, {frame: by_frame[frame].stats for frame in frames})
 
 
-def _object_id(entry: int | str, scene: Scene, source: str, place: str) -> int:
-    if isinstance(entry, str):
-        if entry in scene.id_of_name:
-            return scene.id_of_name[entry]
-        raise InputError(
-            f"the scene has no object named {entry!r}",
-            source=source,
-            place=place,
-            fix=did_you_mean(entry, scene.names, "use the names of `visref objects`"),
-        )
+def _object_id(entry: int, scene: Scene, source: str, place: str) -> int:
     if not 0 <= entry < scene.object_count:
         raise InputError(
             f"object id {entry} is not in the scene (0…{scene.object_count - 1})",

@@ -15,28 +15,11 @@ import numpy as np
 
 from visref.errors import InputError
 from visref.files import Bytes, map_file, parse_json
+from visref.formats.gltf.extensions import MESHOPT, is_known
 
 _GLB_MAGIC = b"glTF"
 _CHUNK_JSON = 0x4E4F534A
 _CHUNK_BIN = 0x004E4942
-MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-
-# Read here, or without any influence on which triangles stand where.
-_HANDLED = {
-    "KHR_draco_mesh_compression",
-    "EXT_mesh_gpu_instancing",
-    "KHR_mesh_quantization",
-    "KHR_node_visibility",
-    "KHR_materials_pbrSpecularGlossiness",
-    *MESHOPT,
-}
-_HARMLESS = re.compile(
-    r"KHR_(materials|texture|lights|xmp|environment|audio)_?\w*|KHR_animation_pointer"
-    r"|EXT_(texture|lights|materials)_\w+|EXT_(mesh_features|structural_metadata)"
-    r"|EXT_(instance_features|mesh_manifold)|MSFT_(texture_dds|packing_\w+|lod|lighting\w*)"
-    r"|AGI_articulations|AGI_stk_metadata|CESIUM_primitive_outline|FB_geometry_metadata"
-    r"|ADOBE_materials_\w+|GOOGLE_texture_basis"
-)
 
 
 class Json:
@@ -58,6 +41,11 @@ class Json:
         if name not in self.value:
             return None
         return Json(self.value[name], f"{self.place}.{name}" if self.place else name)
+
+    def extension(self, name: str) -> Json | None:
+        """An extension of this object, or None where it has none of that name."""
+        extensions = self.get("extensions")
+        return None if extensions is None else extensions.get(name)
 
     def __getitem__(self, name: str) -> Json:
         member = self.get(name)
@@ -133,7 +121,8 @@ class Document:
         self._buffers: dict[int, Bytes] = {}
         self._lists: dict[str, list[Json]] = {}
         self._check_asset()
-        self.unknown_extensions = self._check_extensions()
+        self.used_extensions = self._check_extensions()
+        self.unknown_extensions = [name for name in self.used_extensions if not is_known(name)]
 
     def entries(self, kind: str) -> list[Json]:
         """The file's top-level list `kind` ("nodes", "meshes", …), empty where it is absent."""
@@ -215,21 +204,16 @@ class Document:
             )
 
     def _check_extensions(self) -> list[str]:
-        """Refuse what is required and not understood; return what is merely used."""
+        """Refuse what is required and not known; return what is used."""
         required = self.root.get("extensionsRequired")
         for name in required.items() if required is not None else []:
-            if not _understood(name.text()):
+            if not is_known(name.text()):
                 name.fail(
                     f"the file requires extension {name.text()}, which visref does not know",
                     "export without it",
                 )
         used = self.root.get("extensionsUsed")
-        names = [name.text() for name in used.items()] if used is not None else []
-        return [name for name in names if not _understood(name)]
-
-
-def _understood(extension: str) -> bool:
-    return extension in _HANDLED or _HARMLESS.fullmatch(extension) is not None
+        return [name.text() for name in used.items()] if used is not None else []
 
 
 def _integer(owner: Json, name: str, default: int) -> int:

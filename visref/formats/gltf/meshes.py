@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
-from visref.formats.gltf.document import MESHOPT, Document, Json
+from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.extensions import MESHOPT
+from visref.formats.gltf.materials import transmission
 from visref.formats.placed import Mesh
-from visref.scene import Alpha, Float64, check_vertices
+from visref.scene import Alpha, Float64, check_indices
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _DRACO = "KHR_draco_mesh_compression"
@@ -102,7 +104,7 @@ class _Primitive:
             triangles = corners[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
         else:
             triangles = corners[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
-        check_vertices(triangles, vertex_count, lambda _: (indices or self.json).place)
+        check_indices(triangles, vertex_count, lambda _: (indices or self.json).place)
         return triangles
 
     def morphed(self, positions: NDArray[Any], weights: list[float]) -> NDArray[Any]:
@@ -159,8 +161,10 @@ class _Primitive:
         mode = named.text() if named is not None else "OPAQUE"
         if mode not in Alpha.__members__:
             material["alphaMode"].fail(f"'{mode}' is not OPAQUE, MASK or BLEND")
+        glass, _ = transmission(material)
         if mode != "MASK":
-            return Mesh.plain(positions, triangles, one_sided=one_sided, alpha=Alpha[mode])
+            alpha = Alpha.BLEND if glass else Alpha[mode]
+            return Mesh.plain(positions, triangles, one_sided=one_sided, alpha=alpha)
         cutoff = material.get("alphaCutoff")
         level = _DEFAULT_CUTOFF if cutoff is None else cutoff.number()
         factor, textured = _base_alpha(material)
@@ -177,15 +181,15 @@ class _Primitive:
         if not textured:
             self.constant.add(reference.integer())
             mesh.alpha[low[kept] >= level] = Alpha.OPAQUE
+        if glass:
+            # Through its holes as through what is left of it, one sees what is behind.
+            mesh.alpha[:] = Alpha.BLEND
         return mesh
 
 
 def _base_alpha(material: Json) -> tuple[float, bool]:
     """The constant factor of a material's alpha, and whether a texture multiplies it."""
-    extensions = material.get("extensions")
-    specular = (
-        extensions.get("KHR_materials_pbrSpecularGlossiness") if extensions is not None else None
-    )
+    specular = material.extension("KHR_materials_pbrSpecularGlossiness")
     if specular is not None:
         owner, factor_name, texture_name = specular, "diffuseFactor", "diffuseTexture"
     else:

@@ -9,9 +9,10 @@ import numpy as np
 from visref.findings import Code
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.materials import open_questions
 from visref.formats.gltf.meshes import read_mesh
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
-from visref.formats.placed import NO_MESH, Placed, compose
+from visref.formats.placed import NO_MESH, Placed, below, compose
 from visref.scene import Float64
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -29,8 +30,13 @@ def read_objects(document: Document) -> Placed:
     placed = Placed()
     known: dict[tuple[int, int, tuple[float, ...]], int] = {}
     constant: set[int] = set()
+    entries = document.entries("nodes")
+    # The nearest name at or above each node, and the path down to it.
+    named: dict[int, tuple[str, str]] = {}
     for node in nodes.order:
-        entry = document.entries("nodes")[node]
+        entry = entries[node]
+        above, path = named.get(nodes.parent[node], ("", ""))
+        named[node] = (_name(entry) or above, below(path, _name(entry)))
         if "mesh" not in entry.value:
             continue
         mesh = document.entry("meshes", entry["mesh"])
@@ -51,7 +57,14 @@ def read_objects(document: Document) -> Placed:
             placed.meshes.append(read_mesh(document, mesh, weights, joints, constant))
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
-        placed.add(_name(entry) or _name(mesh), index, _instances(document, entry, world))
+        own = _name(entry) or _name(mesh)
+        placed.add(
+            own or above,
+            index,
+            _instances(document, entry, world),
+            path=below(path, own),
+            group=entry.extension(_INSTANCING) is not None,
+        )
     if constant:
         placed.notes.append(
             (
@@ -63,6 +76,7 @@ def read_objects(document: Document) -> Placed:
         (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
     )
+    placed.notes.extend((Code.PARTLY_READ, text) for text in open_questions(document))
     _note_animation(document, nodes, placed)
     return placed
 
@@ -100,8 +114,7 @@ def _joints(document: Document, skin: Json, world_from_node: Float64) -> Float64
 
 def _instances(document: Document, node: Json, world: Float64) -> Float64:
     """(k, 4, 4) float64: one matrix, or those of EXT_mesh_gpu_instancing."""
-    extensions = node.get("extensions")
-    extension = extensions.get(_INSTANCING) if extensions is not None else None
+    extension = node.extension(_INSTANCING)
     if extension is None:
         return world[None]
     attributes = extension["attributes"]
@@ -124,10 +137,24 @@ def _instances(document: Document, node: Json, world: Float64) -> Float64:
 
 def _note_animation(document: Document, nodes: Nodes, placed: Placed) -> None:
     """Say how many objects an animation would move (DESIGN: the rest pose is used)."""
+    entries = document.entries("nodes")
+    pointed = _pointed(document)
+    changed = {number for kind, number, path in pointed if kind == "materials" and _hides(path)}
+    if changed:
+        placed.notes.append(
+            (
+                Code.ANIMATION_IGNORED,
+                f"{len(changed)} materials' animated alpha or transmission stands as written,"
+                f" first materials[{min(changed)}]",
+            )
+        )
     moved = {node for animation in document.entries("animations") for node in targets(animation)}
+    meshes = {number for kind, number, _ in pointed if kind == "meshes"}
+    for node in nodes.order:
+        if "mesh" in entries[node].value and entries[node]["mesh"].integer() in meshes:
+            moved.add(node)
     if not moved:
         return
-    entries = document.entries("nodes")
     carried: set[int] = set()
     for node in nodes.order:
         if node in moved or nodes.parent[node] in carried:
@@ -156,10 +183,31 @@ def targets(animation: Json) -> list[int]:
         node = target.get("node")
         if node is not None:
             result.append(node.integer())
-            continue
-        extensions = target.get("extensions")
-        pointer = extensions.get("KHR_animation_pointer") if extensions is not None else None
-        parts = pointer["pointer"].text().split("/") if pointer is not None else []
-        if len(parts) > 2 and parts[1] == "nodes" and parts[2].isdecimal():
-            result.append(int(parts[2]))
+        elif (pointer := _pointer(target)) is not None and pointer[0] == "nodes":
+            result.append(pointer[1])
     return result
+
+
+def _pointed(document: Document) -> list[tuple[str, int, str]]:
+    """What KHR_animation_pointer's channels change, in all animations."""
+    found = []
+    for animation in document.entries("animations"):
+        for channel in animation["channels"].items():
+            pointer = _pointer(channel["target"])
+            if pointer is not None:
+                found.append(pointer)
+    return found
+
+
+def _pointer(target: Json) -> tuple[str, int, str] | None:
+    """The list, the number in it and the rest of a JSON pointer `/KIND/NUMBER/REST`."""
+    extension = target.extension("KHR_animation_pointer")
+    parts = extension["pointer"].text().split("/", 3) if extension is not None else []
+    if len(parts) > 2 and parts[2].isdecimal():
+        return parts[1], int(parts[2]), "/".join(parts[3:])
+    return None
+
+
+def _hides(path: str) -> bool:
+    """Whether a material's property at `path` changes what it hides."""
+    return path.endswith(("alphaCutoff", "baseColorFactor", "diffuseFactor", "transmissionFactor"))
