@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.masks.store import Masks
 
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
@@ -46,6 +47,8 @@ class Scene:
     `one_sided`: (t,) bool, True where a triangle seen from behind covers nothing.
     `alpha`: (t,) uint8, an `Alpha` each.
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
+    `masks`: the alpha masks, a row for each triangle, or None. A MASK triangle without one,
+    because its `masks.row` is -1 or there are no `masks`, may be solid or a hole anywhere.
 
     Raises InputError where a value breaks these rules. The arrays become read-only.
     """
@@ -58,6 +61,7 @@ class Scene:
     alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
     source: str = "scene"
     notes: tuple[tuple[str, str], ...] = ()
+    masks: Masks | None = None
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -82,6 +86,12 @@ class Scene:
             raise InputError("object_offsets decrease", source=self.source)
         if len(self.one_sided) != count or len(self.alpha) != count:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
+        if self.masks is not None and len(self.masks.row) != count:
+            raise InputError(
+                f"masks have {len(self.masks.row)} rows for {count} triangles",
+                source=self.source,
+                fix="take the masks of the triangles that are left (Masks.take)",
+            )
         if len(set(self.names)) != len(self.names):
             raise InputError("object names repeat", source=self.source, fix="use unique_names")
         if count and (self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices)):
@@ -229,6 +239,8 @@ class Scene:
             state.update(str(array.shape).encode())
             state.update(np.ascontiguousarray(array).view(np.uint8).data)
         state.update("\0".join(self.names).encode())
+        if self.masks is not None:
+            state.update(b"\0masks" + self.masks.digest)
         return state.hexdigest()
 
 

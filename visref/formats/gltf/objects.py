@@ -6,6 +6,7 @@ import numpy as np
 
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.meshes import read_mesh
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.formats.placed import NO_MESH, Placed, compose
@@ -20,7 +21,7 @@ def read_objects(document: Document) -> Placed:
     world_from_node = nodes.world_from_node()
     placed = Placed()
     known: dict[tuple[int, int, tuple[float, ...]], int] = {}
-    constant: set[int] = set()
+    masks = MaskReader(document, placed.masks)
     for node in nodes.order:
         entry = document.entries("nodes")[node]
         if "mesh" not in entry.value:
@@ -40,14 +41,11 @@ def read_objects(document: Document) -> Placed:
         else:
             joints = None if skin is None else _joints(document, skin, world_from_node)
             index = known[key] = len(placed.meshes)
-            placed.meshes.append(read_mesh(document, mesh, weights, joints, constant))
+            placed.meshes.append(read_mesh(document, mesh, weights, joints, masks))
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
         placed.add(_name(entry) or _name(mesh), index, _instances(document, entry, world))
-    if constant:
-        placed.notes.append(
-            ("ALPHA_MASK_CONSTANT", f"{len(constant)} materials, first materials[{min(constant)}]")
-        )
+    placed.notes.extend(masks.notes())
     placed.notes.extend(
         ("PARTLY_READ", f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
