@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.formats.masked import MaskRows, MaskTable, MeshMasks
+from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.scene import Alpha, Float64, Int64, Scene, unique_names
 
 # How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.

@@ -16,7 +16,7 @@ import numpy as np
 
 from visref.errors import InputError
 from visref.formats.gltf.document import Document, Json
-from visref.formats.masked import MaskTable
+from visref.masks.instances import MaskTable
 from visref.masks.materials import MaskMaterial, Sampler, TextureTransform, Wrap
 from visref.masks.textures import AlphaImage, UndecodableImage, decode_alpha
 

@@ -18,8 +18,8 @@ from visref.errors import InputError
 from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.document import MESHOPT, Document, Json
 from visref.formats.gltf.masks import MaskReader
-from visref.formats.masked import MeshMasks
 from visref.formats.placed import Mesh
+from visref.masks.instances import MeshMasks
 from visref.scene import Alpha, Float64
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
