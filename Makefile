@@ -1,4 +1,4 @@
-# demo, test, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# demo, test, test-fast, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +10,7 @@ SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libg
 # Only the tests: real models that nobody here wrote, and a browser for the pages.
 TEST_PACKAGES := assimp-testmodels chromium
 
-.PHONY: demo test lint bench tables setup clean
+.PHONY: demo test test-fast lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -33,6 +33,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+test-fast: setup
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.options import Option as Option
 from visref.scene import Int32, Scene, Units
 
 
@@ -40,6 +41,11 @@ class Promise(StrEnum):
     def convicts(self) -> bool:
         """Whether a confirmed miss is a violation, or only measured."""
         return self in (Promise.EXACT, Promise.CONSERVATIVE)
+
+    @property
+    def may_draw_hidden(self) -> bool:
+        """Whether drawing what is hidden only costs, or breaks the promise."""
+        return self in (Promise.CONSERVATIVE, Promise.APPROXIMATE)
 
     @property
     def statement(self) -> str:
@@ -143,18 +149,6 @@ class Raster(ABC):
 
         None where the rasteriser is known by its declaration alone (a replayed engine's).
         """
-
-
-@dataclass(frozen=True)
-class Option:
-    """One option of a culler or an engine, for `NAME:option=value` and `visref cullers`.
-
-    Its type is its default's; `choices`, where given, are all it may be.
-    """
-
-    default: bool | int | float | str
-    help: str
-    choices: tuple[str | int, ...] = ()
 
 
 class Culler(ABC):

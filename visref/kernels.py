@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -81,54 +81,100 @@ def undrawn_samples(
     return result
 
 
+# What `judge_samples` says of a sample at which something was left out: nothing, or all that it
+# shows is lost for certain, or whether anything is lost hangs on an alpha mask.
+KEPT, LOST, UNDECIDED = 0, 1, 2
+
+
+class Owned(NamedTuple):
+    """Who owns which samples of a frame: `triangle`, flat, -1 for none; further triangles at
+    the owner's depth, `tie_triangle` at `tie_sample`, ascending; and at the samples
+    `doubt_sample`, ascending, the triangles that may be seen before the owner,
+    `doubt_triangle[doubt_offsets[i]:doubt_offsets[i + 1]]`."""
+
+    triangle: NDArray[np.int32]
+    tie_sample: NDArray[np.int64]
+    tie_triangle: NDArray[np.int32]
+    doubt_sample: NDArray[np.int64]
+    doubt_offsets: NDArray[np.int64]
+    doubt_triangle: NDArray[np.int32]
+
+
+class Tally(NamedTuple):
+    """What a drawn set shows and loses, (n,) arrays over objects, filled in by `judge_samples`:
+    `shows`, `lost`, `lost_sample`, and `charged`: an object's samples, lost for certain,
+    at which a mask leaves open whether it would be seen itself. `lost_triangle`: (t,) bool, those
+    that own a lost sample."""
+
+    shows: NDArray[np.bool_]
+    lost: NDArray[np.int64]
+    lost_sample: NDArray[np.int64]
+    charged: NDArray[np.int64]
+    lost_triangle: NDArray[np.bool_]
+
+
 @numba.njit(cache=True, nogil=True)
 def judge_samples(
-    triangle: NDArray[Any],
-    decided: NDArray[Any],
-    tie_sample: NDArray[Any],
-    tie_triangle: NDArray[Any],
+    owned: Owned,
     drawn: NDArray[Any],
     object_of_triangle: NDArray[Any],
-    shows: NDArray[Any],
-    lost: NDArray[Any],
-    lost_sample: NDArray[Any],
-) -> int:
-    """One pass over a frame's samples; returns how many are missed.
+    tally: Tally,
+    lost_at: NDArray[Any],
+) -> tuple[int, int]:
+    """One pass over a frame's samples; returns how many are lost, and how many undecided.
 
-    `shows[o]` becomes True where a sample owned by object o has o's triangle drawn;
-    `lost[o]` counts o's samples at which nothing at the nearest depth was drawn, and
-    `lost_sample[o]` is the first of them. Ties are sorted by sample.
+    A decided sample is lost if no triangle at its nearest depth was drawn. Where a mask leaves
+    the owner open, the sample is kept if all that may be seen was drawn, lost if none of it was
+    and the last of it is certain, and undecided otherwise. `lost_at`: (samples,) uint8, what
+    was said where anything was left out.
     """
-    missed = 0
-    k = 0
-    for s in range(triangle.size):
+    lost_samples, undecided = 0, 0
+    k, d = 0, 0
+    for s in range(owned.triangle.size):
         start = k
-        while k < tie_sample.size and tie_sample[k] == s:
+        while k < owned.tie_sample.size and owned.tie_sample[k] == s:
             k += 1
-        t = triangle[s]
-        if t < 0 or not decided[s]:
-            continue
-        shown = drawn[t]
+        t = owned.triangle[s]
+        shown = t >= 0 and drawn[t]
         for j in range(start, k):
-            shown = shown or drawn[tie_triangle[j]]
+            shown = shown or drawn[owned.tie_triangle[j]]
+        in_doubt = d < owned.doubt_sample.size and owned.doubt_sample[d] == s
+        if in_doubt:
+            any_before, all_before = False, True
+            for j in range(owned.doubt_offsets[d], owned.doubt_offsets[d + 1]):
+                here = drawn[owned.doubt_triangle[j]]
+                any_before, all_before = any_before or here, all_before and here
+            d += 1
+            if all_before and (t < 0 or shown):
+                continue
+            if any_before or t < 0 or shown:
+                undecided += 1
+                lost_at[s] = UNDECIDED
+                continue
+        elif t < 0:
+            continue
         if not shown:
-            missed += 1
+            lost_samples += 1
+            lost_at[s] = LOST
         for j in range(start - 1, k):
-            u = t if j < start else tie_triangle[j]
+            u = t if j < start else owned.tie_triangle[j]
             o = object_of_triangle[u]
             if drawn[u]:
-                shows[o] = True
+                tally.shows[o] = True
             elif not shown:
-                if lost_sample[o] < 0:
-                    lost_sample[o] = s
-                # Samples arrive in order, so this counts each sample once an object.
+                tally.lost_triangle[u] = True
+                if tally.lost_sample[o] < 0:
+                    tally.lost_sample[o] = s
+                # Ties at a sample are sorted by triangle, so each object counts once.
                 repeated = False
                 for i in range(start - 1, j):
-                    earlier = t if i < start else tie_triangle[i]
+                    earlier = t if i < start else owned.tie_triangle[i]
                     repeated = repeated or object_of_triangle[earlier] == o
                 if not repeated:
-                    lost[o] += 1
-    return missed
+                    tally.lost[o] += 1
+                    if in_doubt:
+                        tally.charged[o] += 1
+    return lost_samples, undecided
 
 
 @numba.njit(cache=True, nogil=True)

@@ -245,3 +245,18 @@ def _add_blended(
     witness = order[where[fresh]]
     sample[objects[fresh]] = blend.sample[witness]
     at[objects[fresh]] = blend.depth[witness]
+
+
+def hit_depths(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
+    """(h,) float64 view depths of (sample, triangle) hits, for putting them in order."""
+    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64) - camera.eye
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    y, x = np.divmod(sample, camera.width)
+    side = camera.column_a[x, None] * camera.right_step + camera.row_b[y, None] * camera.up_step
+    if camera.is_perspective:
+        start, direction = corners[:, 0], camera.forward + side
+    else:
+        start, direction = corners[:, 0] - side, np.broadcast_to(camera.forward, side.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth: Float64 = (normal * start).sum(axis=1) / (normal * direction).sum(axis=1)
+    return np.nan_to_num(depth, nan=np.inf)

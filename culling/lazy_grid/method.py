@@ -42,8 +42,9 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.boxes.conservative import FARTHEST_QUERY, nearest_depth
 from visref_culling.gl.item_buffer import GLRaster
-from visref_culling.gl.view import FARTHEST_QUERY, View
+from visref_culling.gl.view import View
 from visref_culling.lazy_grid.boxes import triangle_boxes
 from visref_culling.lazy_grid.coverage import add_coverage
 from visref_culling.lazy_grid.grid import DepthGrid, Grid, OcclusionGrid
@@ -186,7 +187,7 @@ class LazyGridCulling(GLCuller):
 
     def nearest(self, view: View, boxes: Float64) -> Float64:
         """(k,) least view depth."""
-        return view.nearest_depth(boxes)
+        return nearest_depth(view, boxes)
 
     def test_key(self, walk: Walk, node: int) -> float:
         return walk.near[node]

@@ -12,29 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.mutants.bad_cullers import COMMON
-from tests.mutants.bad_three_pass import (
-    BOXES,
-    EQUIVALENT,
-    MUTANTS,
-    MUTANTS_OF_THREE_PASS,
-    NOT_HERE,
-    PUBLISHED,
-    SAFE,
-    SMALL,
-    WASTEFUL_OF_THREE_PASS,
-    NotCleared,
-)
-from tests.mutants.three_pass_contract import CONTRACTS, broken, pieces, watch
+from tests.mutants.harness import Method, departures, watch
+from tests.mutants.three_pass.contract import SUITE, depths_left_and_afresh, pieces
+from tests.mutants.three_pass.mutants import BOXES, PUBLISHED, SAFE, SMALL, NotCleared
 from tests.property.test_every_culler import QUIET
 from tests.support import strategies
-from tests.support.convictions import assert_only_the_mutant_is_convicted
 from visref.camera import Camera, look_at
 from visref.cli.main import main
 from visref.conformance.suite import (
     assert_conforms,
     case,
-    conformance_checks,
     exact_truths,
     judge_on,
 )
@@ -53,10 +40,6 @@ from visref_datasets_gen.dataset import scene_of
 from visref_datasets_gen.seismic import seismic
 
 pytestmark = pytest.mark.gl
-
-CHECKS = {check.name: check for check in conformance_checks()}
-UNSAFE = [mutant for mutant in MUTANTS if mutant.caught_by]
-CONTRACTED = [mutant for mutant in MUTANTS if mutant.contract]
 
 # Conservative, with what the catalogue of options does not try: its whole numbers.
 CONSERVATIVE = [
@@ -80,56 +63,27 @@ def survey():
     return scene_of(made), made.path.resized(160, 120)
 
 
-# Mutants.
-
-
-@pytest.mark.parametrize("mutant", UNSAFE, ids=str)
-def test_unsafe_mutant_is_convicted_and_the_sound_method_is_not(mutant):
-    assert_only_the_mutant_is_convicted(mutant, CHECKS)
-
-
-def watched() -> list[tuple[Scene, list[Camera]]]:
-    scene, path = case("torn_layers")
-    return [(scene, list(path.frames))]
-
-
-@pytest.mark.parametrize("mutant", CONTRACTED, ids=str)
-def test_wasteful_mutant_breaks_its_contract(mutant):
-    found = set()
-    for scene, cameras in watched():
-        found |= broken(mutant.make(), scene, cameras)
-    assert mutant.contract in found
+# What the mutants leave open.
 
 
 @pytest.mark.parametrize(
     "options", [{}, {"scale": 4}, {"threshold": 5}, {"reduction": 10}], ids=str
 )
-def test_published_mode_keeps_every_contract(options, survey):
-    for scene, cameras in [*watched(), (survey[0], list(survey[1].frames[:4]))]:
-        culler = ThreePassCulling(**{**PUBLISHED.options, **options})
-        assert broken(culler, scene, cameras) == set()
-
-
-def test_every_contract_has_a_mutant_that_breaks_it():
-    assert {mutant.contract for mutant in CONTRACTED} == set(CONTRACTS)
+def test_published_mode_keeps_every_contract_on_a_survey(options, survey):
+    scene, path = survey
+    method = Method("survey", ThreePassCulling, {**PUBLISHED.options, **options}, SUITE)
+    assert departures(method, [(scene, path.frames[:4])]) == {}
 
 
 @pytest.mark.parametrize("method", SAFE, ids=str)
 def test_without_the_second_clear_the_conservative_picture_is_the_same_bit_for_bit(method, survey):
     """Why U3 is equivalent there."""
     kind = type("NotCleared", (NotCleared, ThreePassCulling), {})
-    for scene, cameras in [*watched(), (survey[0], list(survey[1].frames[::3]))]:
-        for trace in watch(kind(**method.options), scene, cameras):
-            assert np.array_equal(trace.depth, trace.expected)
-
-
-def test_every_mutant_is_tried_or_has_a_reason():
-    tried = {(mutant.id, mutant.method.name) for mutant in MUTANTS}
-    known = tried | set(EQUIVALENT) | set(NOT_HERE)
-    wanted = {(id, m.name) for id in (*COMMON, *MUTANTS_OF_THREE_PASS) for m in SAFE}
-    assert sorted(wanted - known) == []
-    assert not tried & (set(EQUIVALENT) | set(NOT_HERE))
-    assert set(WASTEFUL_OF_THREE_PASS) <= {mutant.id for mutant in CONTRACTED}
+    broken = Method("not cleared", kind, method.options, SUITE)
+    for scene, cameras in [*SUITE.watched_scenes(), (survey[0], survey[1].frames[::3])]:
+        for trace in watch(broken, scene, cameras):
+            left, afresh = depths_left_and_afresh(trace)
+            assert np.array_equal(left, afresh)
 
 
 # The conservative mode is safe.

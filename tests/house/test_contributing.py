@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants import bad_cullers, bad_occupancy_map, contracts
+from tests.mutants import common, harness
+from tests.mutants.occupancy_map import contract, mutants
 from visref_culling.method import GLCuller
 from visref_culling.occupancy_map import OccupancyMapCulling
 
@@ -40,14 +41,18 @@ def test_its_mutants_and_its_contract_are_those_of_the_suite():
     for code in PYTHON:
         for node in ast.walk(ast.parse(code)):
             if isinstance(node, ast.ClassDef) and node.name != "OccupancyMapCulling":
-                real = getattr(bad_occupancy_map, node.name)
+                real = getattr(mutants, node.name)
                 (step,) = (part.name for part in node.body if isinstance(part, ast.FunctionDef))
                 assert step in vars(real)
                 assert " ".join(real.__doc__.split()) == ast.get_docstring(node)
             elif isinstance(node, ast.FunctionDef) and node.args.args[0].arg == "trace":
-                assert node.name in contracts.OCCUPANCY_MAP
-    for name in ("COMMON", "EQUIVALENT", "common", "mutant", "not_here"):
-        assert hasattr(bad_cullers, name)
+                assert node.name in contract.SUITE.contracts
+    for name in ("COMMON", "common"):
+        assert hasattr(common, name)
+    for name in ("mutant", "not_here", "equivalent", "breaks"):
+        assert hasattr(harness, name)
+    for name in ("method", "scene", "contract", "kept_by"):
+        assert hasattr(harness.Suite, name)
 
 
 def test_steps_that_it_names_exist():

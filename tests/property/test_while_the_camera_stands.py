@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
-from tests.mutants.bad_cullers import Method
-from tests.mutants.bad_n_buffer import ALL, MUTANTS
+from tests.mutants.harness import Method, mutant_named
+from tests.mutants.n_buffer.methods import ALL
 from tests.support import strategies
 from visref.camera_path import CameraPath
 from visref.conformance.scenes import Case
@@ -91,7 +91,7 @@ def test_nothing_is_missed_that_hypothesis_puts_in_view(built: Case, method: Met
 )
 def test_a_standing_camera_convicts_the_broken(found: str) -> None:
     """Or the properties above would hold of anything."""
-    mutant = next(mutant for mutant in MUTANTS if str(mutant) == found)
+    mutant = mutant_named(found)
 
     def convicted(built: Case) -> bool:
         problems = problems_while_standing(mutant.make, built)

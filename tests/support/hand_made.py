@@ -10,7 +10,7 @@ from visref.judging.disputes import Rulings
 from visref.judging.judge import judge
 from visref.judging.settle import with_rulings
 from visref.scene import Scene, Units
-from visref.visibility import FrameTruth, Ties, VisibilityBuffer
+from visref.visibility import Doubt, FrameTruth, Ties, VisibilityBuffer
 
 SHAPE = (2, 4)
 
@@ -44,10 +44,11 @@ def truth(
     owners: list[list[int]],
     *,
     ties: list[tuple[int, int]] = (),
-    undecided: list[int] = (),
+    doubt: list[tuple[int, int]] = (),
     depth: float = 5.0,
 ) -> FrameTruth:
-    """A truth from triangle ids (-1 for none); `ties` are (sample, triangle) pairs."""
+    """A truth from triangle ids (-1 for none); `ties` are (sample, triangle) pairs, and
+    so are `doubt`: a triangle that a mask may leave as owner before the one given."""
     triangle = np.array(owners, np.int32)
     pairs = sorted(ties)
     return FrameTruth(
@@ -56,7 +57,10 @@ def truth(
         VisibilityBuffer(triangle, np.where(triangle >= 0, depth, np.inf)),
         Ties(np.array([s for s, _ in pairs], np.int64), np.array([t for _, t in pairs], np.int32)),
         ties_complete=True,
-        undecided=np.array(undecided, np.int64),
+        doubt=Doubt.of(
+            np.array([s for s, _ in sorted(doubt)], np.int64),
+            np.array([t for _, t in sorted(doubt)], np.int32),
+        ),
     )
 
 
@@ -78,6 +82,9 @@ def triangle_units(scene: Scene) -> Units:
 
 def judged(scene, frame, units, drawn, promise=Promise.CONSERVATIVE, rulings=None):
     """The verdict on units drawn, the truth taken at its word but for `rulings`."""
-    drawn = np.array(drawn, np.int32)
-    shown = units.mask(drawn, scene.triangle_count)
-    return judge(with_rulings(scene, frame, shown, rulings or Rulings()), units, drawn, promise)
+    return judge(settled(scene, frame, units, drawn, rulings), promise)
+
+
+def settled(scene, frame, units, drawn, rulings=None):
+    """Units drawn, the truth taken at its word but for `rulings`."""
+    return with_rulings(scene, frame, units, np.array(drawn, np.int32), rulings or Rulings())

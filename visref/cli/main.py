@@ -496,7 +496,7 @@ def _print_outcome(outcome: RunOutcome) -> None:
             str(totals.superfluous),
             str(totals.missed),
             str(totals.violations),
-            "FAILED" if record.failed else record.exit.status.replace("_", " "),
+            "FAILED" if record.failed else record.status.replace("_", " "),
         )
     _OUT.print(table)
     shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]

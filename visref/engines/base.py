@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from visref.camera import Camera
-from visref.culler import Option
+from visref.options import Option
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 

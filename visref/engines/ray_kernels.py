@@ -10,9 +10,9 @@ A denominator below zero is a front face (counter-clockwise seen from the eye); 
 triangle edge-on or degenerate, which covers nothing.
 
 A float32 ray library names the nearest triangle and no more. What it cannot filter (near and
-far on float64 depth, one-sided triangles from behind, all blended layers) `splat` decides by
-testing each triangle against the samples under it: the same rays and the same closed
-triangles, in float64, so that no layer hides another.
+far on float64 depth, one-sided triangles from behind, masked and blended layers) `splat` and
+`layers` decide by testing each triangle against the samples under it: the same rays and the same
+closed triangles, in float64, so that no layer hides another.
 """
 
 from __future__ import annotations
@@ -41,9 +41,6 @@ PLANE_ROUNDING = 16.0 * 2.0**-53
 # Outward: too large a rectangle only costs time.
 RECTANGLE_MARGIN_PX = 1.0
 
-# What `splat` does with a sample that a triangle covers.
-OWN, MASK, BLEND = 0, 1, 2
-
 
 class Mesh(NamedTuple):
     """What the loops read of a `Scene`, world space."""
@@ -69,21 +66,6 @@ class Grid(NamedTuple):
     column_a: NDArray[np.float64]
     row_b: NDArray[np.float64]
     scattered: bool = False
-
-
-class Layers(NamedTuple):
-    """What `splat` writes. Flat arrays over samples: the buffer; `mark` (bool: the samples to
-    decide for OWN, the undecided ones for MASK and BLEND); `stamp` (int32, the last object
-    counted at a sample). Arrays over objects, for BLEND: samples seen, and the nearest."""
-
-    triangle: NDArray[np.int32]
-    depth: NDArray[np.float64]
-    mark: NDArray[np.bool_]
-    stamp: NDArray[np.int32]
-    pixels: NDArray[np.int64]
-    nearest_sample: NDArray[np.int64]
-    nearest_triangle: NDArray[np.int32]
-    nearest_depth: NDArray[np.float64]
 
 
 @numba.njit(inline="always")
@@ -335,25 +317,39 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
     )
 
 
+@numba.njit(inline="always")
+def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
+    """Whether a ray meets the closed triangle, from a side that counts."""
+    e0, e1, e2 = edges
+    s0 = e0[0] + (a * e0[1] + b * e0[2])
+    s1 = e1[0] + (a * e1[1] + b * e1[2])
+    s2 = e2[0] + (a * e2[1] + b * e2[2])
+    if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
+        return False
+    denominator = _plane(facet, grid, a, b)[1]
+    return denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t])
+
+
+@numba.njit(inline="always")
+def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
+    """`_rectangle`, cut to `window`."""
+    x0, x1, y0, y1 = _rectangle(grid, corners)
+    return max(x0, window[0]), min(x1, window[1]), max(y0, window[2]), min(y1, window[3])
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def splat(
-    mode: int,
     which: NDArray[Any],
     mesh: Mesh,
     grid: Grid,
     window: tuple[int, int, int, int],
-    layers: Layers,
+    mark: NDArray[Any],
+    triangle: NDArray[Any],
+    depth: NDArray[Any],
 ) -> None:
     """Test the triangles `which` (ascending ids) against the samples of `window` (x0, x1, y0,
-    y1; x1, y1 excluded). Closed triangles, closed range; one-sided ones from behind do not count.
-
-    OWN: at marked samples the nearest triangle becomes the owner.
-    MASK: mark samples where a triangle lies at or before the owner, and set its object's `pixels`
-    to 1. Errs to undecided: depths whose error bounds overlap count.
-    BLEND: count for each object the samples at which it lies before the owner, unless they are
-    marked or the owner is its own. Errs to unseen: depths whose error bounds overlap do not
-    count.
-    """
+    y1; x1, y1 excluded): where `mark`, the nearest becomes the owner. Closed triangles, closed
+    range; one-sided ones from behind do not count. `mark`, `triangle`, `depth`: (samples,)."""
     m = grid.axes
     eye = (m[0, 0], m[0, 1], m[0, 2])
     width = len(grid.column_a)
@@ -361,60 +357,82 @@ def splat(
         p0 = _minus(_corner(mesh, t, 0), eye)
         p1 = _minus(_corner(mesh, t, 1), eye)
         p2 = _minus(_corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = _rectangle(grid, (p0, p1, p2))
-        x0, x1 = max(x0, window[0]), min(x1, window[1])
-        y0, y1 = max(y0, window[2]), min(y1, window[3])
+        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
-        e0, e1, e2 = _edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0)
+        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
         facet = _facet(mesh, grid, t)
-        o = mesh.object_of_triangle[t]
         for y in range(y0, y1):
             b = grid.row_b[y]
             for x in range(x0, x1):
                 s = y * width + x
-                if mode == MASK:
-                    if layers.mark[s] and layers.pixels[o] > 0:
-                        continue
-                elif layers.mark[s] != (mode == OWN):
-                    continue
                 a = grid.column_a[x]
-                s0 = e0[0] + (a * e0[1] + b * e0[2])
-                s1 = e1[0] + (a * e1[1] + b * e1[2])
-                s2 = e2[0] + (a * e2[1] + b * e2[2])
-                if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
+                if not mark[s] or not _meets(edges, facet, mesh, grid, t, a, b):
                     continue
-                denominator = _plane(facet, grid, a, b)[1]
-                if denominator == 0.0 or (mesh.one_sided[t] and denominator > 0.0):
+                z = _depth_interval(facet, grid, a, b)[0]
+                if z >= grid.near and z <= grid.far and z < depth[s]:
+                    triangle[s] = t
+                    depth[s] = z
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def layers(
+    which: NDArray[Any],
+    mesh: Mesh,
+    grid: Grid,
+    window: tuple[int, int, int, int],
+    owner: NDArray[Any],
+    doubtful: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+    """Every hit of the triangles `which` that lies before its sample's `owner`, (samples,), in
+    `window` as `splat`: sample, triangle, view depth and a bound of its error, (h,) each.
+
+    Depths whose error bounds overlap count with `doubtful`, and do not without.
+    """
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    width = len(grid.column_a)
+    sample, triangle = np.empty(1024, np.int64), np.empty(1024, np.int32)
+    depth, bound = np.empty(1024), np.empty(1024)
+    count = 0
+    for t in which:
+        p0 = _minus(_corner(mesh, t, 0), eye)
+        p1 = _minus(_corner(mesh, t, 1), eye)
+        p2 = _minus(_corner(mesh, t, 2), eye)
+        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
+        facet = _facet(mesh, grid, t)
+        for y in range(y0, y1):
+            b = grid.row_b[y]
+            for x in range(x0, x1):
+                a = grid.column_a[x]
+                if not _meets(edges, facet, mesh, grid, t, a, b):
                     continue
                 z, error = _depth_interval(facet, grid, a, b)
                 if not (z >= grid.near and z <= grid.far):
                     continue
-                owner = layers.triangle[s]
-                if mode == OWN:
-                    if z < layers.depth[s]:
-                        layers.triangle[s] = t
-                        layers.depth[s] = z
-                    continue
-                owner_z, owner_error = np.inf, 0.0
-                if owner >= 0:
-                    owner_z, owner_error = _depth_interval(_facet(mesh, grid, owner), grid, a, b)
-                if mode == MASK:
-                    if z - error <= owner_z + owner_error:
-                        layers.mark[s] = True
-                        layers.pixels[o] = 1
-                    continue
-                if not z + error < owner_z - owner_error:
-                    continue
-                if owner >= 0 and mesh.object_of_triangle[owner] == o:
-                    continue
-                if layers.stamp[s] != o:
-                    layers.stamp[s] = o
-                    layers.pixels[o] += 1
-                if z < layers.nearest_depth[o]:
-                    layers.nearest_depth[o] = z
-                    layers.nearest_sample[o] = s
-                    layers.nearest_triangle[o] = t
+                s = y * width + x
+                if owner[s] >= 0:
+                    behind, slack = _depth_interval(_facet(mesh, grid, owner[s]), grid, a, b)
+                    sure = z + error < behind - slack
+                    if not (sure or (doubtful and z - error <= behind + slack)):
+                        continue
+                if count == len(sample):
+                    sample = np.concatenate((sample, np.empty(count, np.int64)))
+                    triangle = np.concatenate((triangle, np.empty(count, np.int32)))
+                    depth = np.concatenate((depth, np.empty(count)))
+                    bound = np.concatenate((bound, np.empty(count)))
+                sample[count], triangle[count] = s, t
+                depth[count], bound[count] = z, error
+                count += 1
+    return (
+        sample[:count].copy(),
+        triangle[:count].copy(),
+        depth[:count].copy(),
+        bound[:count].copy(),
+    )
 
 
 @numba.njit(inline="always")

@@ -18,7 +18,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +26,17 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.ray_kernels import BLEND, MASK, OWN, PENDING, Grid, Layers, Mesh
+from visref.engines.ray_kernels import PENDING, Grid, Mesh
 from visref.errors import InputError
+from visref.exact.layers import mask_states
+from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.scene import Alpha, Float32, Float64, Int32, Scene
 from visref.threads import available_threads
-from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, FrameTruth, VisibilityBuffer
 
 T = TypeVar("T")
+# Hits of masked or blended triangles, a column an array.
+Layers = tuple[NDArray[Any], ...]
 
 # A scene is moved to the origin where its core lies further out than this many times its own
 # size: nearer than that, float32 loses less than three bits to the distance.
@@ -101,21 +105,11 @@ class RayEngine(TruthEngine):
         grid = sample_grid(camera)
         if self._cast(grid, triangle, depth):
             self._settle(grid, triangle, depth)
-        undecided, masked = np.zeros(0, np.int64), np.zeros(0, np.int32)
-        mark = np.zeros(samples if len(self._masked) or len(self._blended) else 0, np.bool_)
-        if len(self._masked):
-            layers = _layers(triangle, depth, mark, objects=self.scene.object_count)
-            self._splat(MASK, self._masked, grid, _whole(grid), lambda: layers)
-            undecided = np.flatnonzero(mark).astype(np.int64)
-            masked = np.flatnonzero(layers.pixels).astype(np.int32)
-        blend = BlendVisibility()
-        if len(self._blended):
-            blend = self._blend(grid, triangle, depth, mark)
+        doubt = self._mask(camera, grid, triangle, depth)
+        blend = self._blend(grid, triangle, doubt)
         shape = (camera.height, camera.width)
         buffer = VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape))
-        return FrameTruth(
-            camera, self.name, buffer, undecided=undecided, masked=masked, blend=blend
-        )
+        return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend)
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
         """Who is seen at any points of the continuous image, as `frame` sees its samples.
@@ -226,52 +220,68 @@ class RayEngine(TruthEngine):
         triangle[mark] = BACKGROUND
         rows, columns = np.divmod(np.flatnonzero(mark), len(grid.column_a))
         window = (int(columns.min()), int(columns.max()) + 1, int(rows[0]), int(rows[-1]) + 1)
-        layers = _layers(triangle, depth, mark)
-        self._splat(OWN, self._solid, grid, window, lambda: layers)
 
-    def _blend(
-        self, grid: Grid, triangle: Int32, depth: Float64, undecided: NDArray[np.bool_]
-    ) -> BlendVisibility:
-        stamp = np.full(len(triangle), -1, np.int32)
-        objects = self.scene.object_count
-        bands = self._splat(
-            BLEND,
-            self._blended,
-            grid,
-            _whole(grid),
-            lambda: _layers(triangle, depth, undecided, stamp, objects),
-        )
-        pixels = np.sum([band.pixels for band in bands], axis=0)
-        seen = np.flatnonzero(pixels)
-        # The nearest sample of each object; of equal ones the first, whatever the bands.
-        depths = np.stack([band.nearest_depth[seen] for band in bands])
-        triangles = np.stack([band.nearest_triangle[seen] for band in bands])
-        at = np.stack([band.nearest_sample[seen] for band in bands])
-        best = np.lexsort((at, triangles, depths), axis=0)[0], np.arange(len(seen))
-        return BlendVisibility(
-            seen.astype(np.int32), pixels[seen], at[best], triangles[best], depths[best]
-        )
+        def work(part: tuple[int, int, int, int]) -> None:
+            ray_kernels.splat(self._solid, self._mesh, grid, part, mark, triangle, depth)
 
-    def _splat(
-        self,
-        mode: int,
-        which: Int32,
-        grid: Grid,
-        window: tuple[int, int, int, int],
-        make_layers: Callable[[], Layers],
-    ) -> list[Layers]:
-        """`ray_kernels.splat` on all cores, a band of rows each; the layers of each band."""
+        self._in_bands(window, work)
+
+    def _mask(
+        self, camera: Camera, grid: Grid, triangle: Int32, depth: Float64
+    ) -> tuple[Doubt, Float64]:
+        """Let masked triangles own the samples where they are solid, in place, and return the
+        samples that they leave open, with the least depth of what may be seen at each."""
+        if not len(self._masked):
+            return Doubt(), np.zeros(0)
+
+        def work(part: tuple[int, int, int, int]) -> Layers:
+            found = ray_kernels.layers(self._masked, self._mesh, grid, part, triangle, True)
+            state = mask_states(self.scene, camera, found[0], found[1])
+            kept = state != HOLE
+            return (*(column[kept] for column in found), state[kept])
+
+        sample, which, z, error, state = _joined(self._in_bands(_whole(grid), work))
+        order = np.lexsort((which, z, sample))
+        solid = order[state[order] == SOLID]
+        at, first = np.unique(sample[solid], return_index=True)
+        nearest = solid[first]
+        nearer = z[nearest] < depth[at]
+        at, nearest = at[nearer], nearest[nearer]
+        triangle[at], depth[at] = which[nearest], z[nearest]
+        behind = np.full(len(triangle), np.inf)
+        behind[at] = z[nearest] + error[nearest]
+        open_ = order[(state[order] == BETWEEN) & (z - error <= behind[sample])[order]]
+        doubt = Doubt.of(sample[open_], which[open_])
+        least = np.minimum.reduceat((z - error)[open_], doubt.offsets[:-1]) if len(doubt) else z[:0]
+        return doubt, least
+
+    def _blend(self, grid: Grid, triangle: Int32, open_: tuple[Doubt, Float64]) -> BlendVisibility:
+        """Blended triangles that lie before the owners, and before all that a mask leaves open."""
+        if not len(self._blended):
+            return BlendVisibility()
+
+        def work(part: tuple[int, int, int, int]) -> Layers:
+            found: Layers = ray_kernels.layers(
+                self._blended, self._mesh, grid, part, triangle, False
+            )
+            return found
+
+        sample, which, z, error = _joined(self._in_bands(_whole(grid), work))
+        doubt, least = open_
+        kept = np.ones(len(sample), np.bool_)
+        if len(doubt):
+            place = np.minimum(np.searchsorted(doubt.sample, sample), len(doubt) - 1)
+            kept = (doubt.sample[place] != sample) | (z + error < least[place])
+        return BlendVisibility.of(self.scene, sample[kept], which[kept], z[kept])
+
+    def _in_bands(
+        self, window: tuple[int, int, int, int], work: Callable[[tuple[int, int, int, int]], T]
+    ) -> list[T]:
+        """What `work` gives for each band of a window's rows, on all cores."""
         x0, x1, y0, y1 = window
-        bands = min(self._workers, y1 - y0)
+        bands = max(1, min(self._workers, y1 - y0))
         edges = [y0 + (y1 - y0) * band // bands for band in range(bands + 1)]
-
-        def work(band: int) -> Layers:
-            layers = make_layers()
-            rows = (x0, x1, edges[band], edges[band + 1])
-            ray_kernels.splat(mode, which, self._mesh, grid, rows, layers)
-            return layers
-
-        return self._on_all(work, bands)
+        return self._on_all(lambda band: work((x0, x1, edges[band], edges[band + 1])), bands)
 
     def _on_all(self, work: Callable[[int], T], workers: int) -> list[T]:
         if self._pool is None or workers == 1:
@@ -325,20 +335,6 @@ def _of_alpha(scene: Scene, alpha: Alpha) -> Int32:
     return np.flatnonzero(scene.alpha == alpha).astype(np.int32)
 
 
-def _layers(
-    triangle: Int32,
-    depth: Float64,
-    mark: NDArray[np.bool_],
-    stamp: Int32 | None = None,
-    objects: int = 0,
-) -> Layers:
-    return Layers(
-        triangle,
-        depth,
-        mark,
-        np.zeros(0, np.int32) if stamp is None else stamp,
-        np.zeros(objects, np.int64),
-        np.zeros(objects, np.int64),
-        np.zeros(objects, np.int32),
-        np.full(objects, np.inf),
-    )
+def _joined(bands: list[Layers]) -> Layers:
+    """Each column of the bands' hits, one after another."""
+    return tuple(np.concatenate(column) for column in zip(*bands, strict=True))

@@ -21,12 +21,14 @@ from visref.exact import raster, screen
 from visref.exact.contests import Contest, crown, group, level_groups
 from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
+from visref.exact.layers import blended, masked
 from visref.exact.rational import ExactFrame, lowest_bit, plane_names
 from visref.scene import Alpha, Float64, Int32, Int64, Scene
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
+    Doubt,
     FrameTruth,
     Ties,
     VisibilityBuffer,
@@ -115,33 +117,35 @@ class ExactScene:
             rational=rational,
         )
 
-    def certify(self, camera: Camera) -> FrameTruth:
+    def certify(self, camera: Camera, samples: Int64 | None = None) -> FrameTruth:
         """A whole frame in which every sample's owner is exact and every tie is listed.
 
         Of tied triangles the least id is in the visibility buffer. Depths are the exact ones
-        rounded to nearest.
+        rounded to nearest. With `samples`, (k,) flat indices, only what is said of those holds.
         """
-        everything = np.zeros((0, 0), np.bool_)
-        owner, at, triangle, _, bounds = self._owners(camera, everything, None)
+        wanted = np.zeros((0, 0), np.bool_)
+        if samples is not None:
+            wanted = np.zeros((camera.height, camera.width), np.bool_)
+            wanted.reshape(-1)[samples] = True
+        owner, at, triangle, _, bounds = self._owners(camera, wanted, None)
         flat = owner.reshape(-1)
-        depth = self._depth(camera, self._in_tiles(camera), flat)
-        undecided, blend = np.zeros(0, np.int64), BlendVisibility()
-        masked = np.zeros(0, np.int32)
+        ties, doubt, blend = Ties(at, triangle), Doubt(), BlendVisibility()
+        moved = np.zeros(0, np.int64)
         if self.scene.has_mask:
-            before = self._before(camera, Alpha.MASK, flat, bounds, closed=True)
-            undecided = np.unique(before.sample)
-            masked = np.unique(self.scene.object_of_triangle[before.triangle])
+            hits = self.before(camera, Alpha.MASK, flat, bounds, wanted, moved, closed=True)
+            ties, doubt, moved = masked(self, camera, hits, flat, ties)
         if self.scene.has_blend:
-            seen = self._before(camera, Alpha.BLEND, flat, bounds, closed=False)
-            blend = self._by_object(camera, seen, flat, Ties(at, triangle), undecided)
+            hits = self.before(camera, Alpha.BLEND, flat, bounds, wanted, moved, closed=False)
+            blend = blended(self, camera, hits, doubt)
+        where = self._in_tiles(camera) if samples is None else np.flatnonzero(wanted)
+        depth = self._depth(camera, where, flat)
         return FrameTruth(
             camera=camera,
             engine="exact",
             buffer=VisibilityBuffer(owner, depth.reshape(owner.shape)),
-            ties=Ties(at, triangle),
+            ties=ties,
             ties_complete=True,
-            undecided=undecided,
-            masked=masked,
+            doubt=doubt,
             blend=blend,
         )
 
@@ -346,57 +350,58 @@ class ExactScene:
             self._tile_order = size, np.concatenate(tiles)
         return self._tile_order[1]
 
-    def _before(
+    def before(
         self,
         camera: Camera,
         alpha: Alpha,
         owner: Int32,
         bounds: tuple[Float64, Float64],
+        wanted: Bool,
+        moved: Int64,
         *,
         closed: bool,
     ) -> Contest:
-        """Every hit of a triangle of this alpha that lies before its sample's opaque owner, or
-        with `closed` level with it too."""
-        everything = np.zeros((0, 0), np.bool_)
-        _, contest = self._contend(
-            camera, everything, self.scene.alpha == alpha, bounds, collect=True
-        )
+        """Every hit of a triangle of this alpha that lies before its sample's owner, or with
+        `closed` level with it too. `moved`: the samples whose owner `bounds` do not speak of."""
+        _, contest = self._contend(camera, wanted, self.scene.alpha == alpha, bounds, collect=True)
         contest, _ = self._covering(camera, contest)
-        behind = owner[contest.sample]
+        known = np.ones(camera.samples, np.bool_)
+        known[moved] = False
+        open_ = (contest.state != raster.NEARER) | ~known[contest.sample]
         kept = np.ones(len(contest.sample), np.bool_)
-        close = np.flatnonzero((contest.state != raster.NEARER) & (behind != BACKGROUND))
-        result, _ = self._compare(
-            camera, contest.triangle[close], behind[close], contest.sample[close]
+        close = np.flatnonzero(open_ & (owner[contest.sample] != BACKGROUND))
+        result = self.compare(
+            camera, contest.triangle[close], owner[contest.sample[close]], contest.sample[close]
         )
         kept[close] = result <= 0 if closed else result < 0
         return contest.where(kept)
 
-    def _by_object(
-        self, camera: Camera, seen: Contest, owner: Int32, ties: Ties, undecided: Int64
-    ) -> BlendVisibility:
-        """Gather hits of blended triangles by object: at decided samples that the object does
-        not own or share anyway, each sample once, with the nearest hit as the witness."""
-        owners = self.scene.object_of_triangle
-        objects = owners[seen.triangle].astype(np.int64)
-        pair = seen.sample * self.scene.object_count + objects
-        tied = ties.sample * self.scene.object_count + owners[ties.triangle]
-        behind = owner[seen.sample]
-        own = (behind != BACKGROUND) & (owners[behind] == objects)
-        kept = ~own & ~np.isin(seen.sample, undecided) & ~np.isin(pair, tied)
-        sample, triangle, objects = seen.sample[kept], seen.triangle[kept], objects[kept]
-        ids, pixels = np.unique(np.unique(pair[kept]) % self.scene.object_count, return_counts=True)
-        depth = self._depth_by_layer(camera, sample, triangle)
-        order = np.lexsort((sample, triangle, depth, objects))
-        nearest = order[np.searchsorted(objects[order], ids)]
-        return BlendVisibility(
-            object=ids.astype(np.int32),
-            pixels=pixels.astype(np.int64),
-            sample=sample[nearest],
-            triangle=triangle[nearest],
-            depth=depth[nearest],
-        )
+    def hits(self, camera: Camera, usable: Bool) -> Contest:
+        """Every (sample, triangle) that a triangle of `usable`, (t,) bool, covers in the camera's
+        range, whatever lies before it and whatever its material."""
+        bounds = tuple(np.full((camera.height, camera.width), -np.inf) for _ in range(2))
+        everything = np.zeros((0, 0), np.bool_)
+        _, contest = self._contend(camera, everything, usable, (bounds[0], bounds[1]), collect=True)
+        return self._covering(camera, contest)[0]
 
-    def _depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
+    def compare(
+        self, camera: Camera, first: Int32, second: Int32, samples: Int64
+    ) -> NDArray[np.int8]:
+        """(k,) int8: -1, 0 or 1 as the first triangle is nearer than, level with or farther than
+        the second, exactly; each pair covers its sample."""
+        return self._compare(camera, first, second, samples)[0]
+
+    def front(self, camera: Camera, contest: Contest, owner: Int32) -> tuple[Int64, Int32]:
+        """Let covering triangles contend with the owners so far: the least id of the nearest
+        goes to `owner`, (samples,) int32, the further ones are returned, sorted by sample."""
+        grouped = Contest(*group(*contest, owner, raster.COVERING))
+        level = self._level(grouped)
+        if not level.all():
+            level[~level] = self._nearest(camera, grouped.where(~level))[0]
+        further: tuple[Int64, Int32] = crown(grouped.sample, grouped.triangle, level, owner)
+        return further
+
+    def depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
         """The view depths of (sample, triangle) pairs, exact ones rounded to nearest."""
         depth = np.empty(len(sample))
         order = np.argsort(sample, kind="stable")

@@ -1,11 +1,16 @@
-"""The judge: a frame's truth and a drawn set in, a verdict out. Pure; nothing is read or kept.
+"""The judge: a settled frame in, a verdict out. Pure; nothing is read or kept.
 
-- A sample is *missed* if no triangle at its nearest depth was drawn.
-- An object is *missed* if it is visible and none of its owned samples shows it because its
-  triangles there were not drawn. A miss is a *tie* if every sample of the object shows a
-  co-owner at exactly the same depth; *within raster tolerance* if the rulings say so; else
-  *confirmed*. So missed = confirmed + ties + within_raster_tolerance.
-- A unit is *superfluous* if it was drawn and none of its triangles is visible.
+- A sample is *lost* if no triangle at its nearest depth was drawn. Where an alpha mask leaves the
+  nearest depth open, it is lost only if nothing that may be seen there was drawn, down to a
+  certain hit; it is undecided if some of it was.
+- An object is *missed* if it is visible and shows nowhere, because its triangles there were not
+  drawn; *partly missed* if it shows somewhere and loses samples elsewhere. Glass is lost at a
+  sample where none of the object's glass that is seen there was drawn.
+- A miss is a *tie* if every sample of the object shows a co-owner at exactly the same depth;
+  *within raster tolerance* if the rulings say so; else *confirmed*. So
+  missed + partly missed = confirmed + ties + within raster tolerance.
+- A unit is *missed* if it was not drawn and samples that it owns are lost by that, *superfluous*
+  if it was drawn and none of its triangles is visible.
 """
 
 from __future__ import annotations
@@ -16,29 +21,31 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from visref import kernels
 from visref.culler import Promise
-from visref.judging.disputes import Rulings, blended_triangles
 from visref.judging.settle import SettledFrame
-from visref.judging.walk import SampleWalk
-from visref.scene import Alpha, Int32, Scene, Units
-from visref.visibility import FrameTruth, ObjectVisibility
+from visref.judging.superfluous import Superfluous
+from visref.scene import Int32, Scene
+from visref.visibility import FrameTruth
 
 
 class MissKind(StrEnum):
-    """The three parts of `missed`."""
+    """What a miss is put down to; each is counted once, as the first that holds."""
 
-    CONFIRMED = "confirmed"
     TIE = "tie"
     WITHIN_RASTER = "within_raster_tolerance"
+    SMALL = "small"
+    LATE = "late"
+    WAIVED = "waived"
+    CONFIRMED = "confirmed"
 
 
 @dataclass(frozen=True)
 class Miss:
-    """A visible object that was not drawn, with the sample that witnesses it.
+    """A visible object that was not drawn, or (`partly`) not all of it that is seen, with the
+    sample that witnesses it.
 
-    `pixels`: samples lost (0 for a tie); `owned`: samples it owns. `sample` is a flat index,
-    `depth` view depth there. Margins are None where they were not computed.
+    `pixels`: samples lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
+    index, `depth` view depth there. Margins are None where they were not computed.
     """
 
     object: int
@@ -50,101 +57,124 @@ class Miss:
     depth: float
     margin_px: float | None = None
     margin_depth: float | None = None
+    partly: bool = False
 
 
 @dataclass(frozen=True)
 class Counts:
     """The numbers of `verdict.json`, for a frame or summed over frames.
 
-    `visible`, `missed` and its parts, `violations` and `undecided` count objects; `drawn` and
-    `superfluous` count units; `missed_pixels` counts samples.
+    `visible`, `missed`, `partly_missed`, their kinds and `undecided` count objects; `drawn`,
+    `superfluous`, `superfluous_confirmed` and `missed_units` count units; `missed_pixels`,
+    `owned_samples` (all that something owns or may own) and `undecided_samples` (those of them
+    on which the verdict hangs and which a mask leaves open) count samples. `violations` is what
+    the promise forbids of these.
     """
 
     visible: int = 0
     missed: int = 0
+    partly_missed: int = 0
     confirmed: int = 0
     ties: int = 0
     within_raster_tolerance: int = 0
+    small: int = 0
+    late: int = 0
+    waived: int = 0
     violations: int = 0
     undecided: int = 0
     missed_pixels: int = 0
+    owned_samples: int = 0
+    undecided_samples: int = 0
     drawn: int = 0
     superfluous: int = 0
+    superfluous_confirmed: int = 0
+    missed_units: int = 0
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(**{name: getattr(self, name) + getattr(other, name) for name in vars(self)})
 
 
+def violations(promise: Promise, confirmed: int, superfluous_confirmed: int) -> int:
+    """What a promise forbids of what was confirmed."""
+    return {
+        Promise.CONSERVATIVE: confirmed,
+        Promise.EXACT: confirmed + superfluous_confirmed,
+        Promise.AGGRESSIVE: superfluous_confirmed,
+        Promise.APPROXIMATE: 0,
+    }[promise]
+
+
 @dataclass(frozen=True, eq=False)
 class FrameVerdict:
-    """What the judge says of one frame. `misses` come with the most samples lost first; `owned`:
-    how many decided samples anything owns, None where the truth on file does not say.
-    `superfluous_units` ascend."""
+    """What the judge says of one frame. `misses` come with the most samples lost first;
+    `superfluous_units` ascend. `owned`: how many samples something owns for certain, None where
+    the truth on file does not say. `confirmed_superfluous`: those that a promise forbids."""
 
     counts: Counts
     misses: tuple[Miss, ...] = ()
     superfluous_units: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     undecided_objects: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     owned: int | None = None
+    confirmed_superfluous: tuple[Superfluous, ...] = ()
 
 
-def judge(frame: SettledFrame, units: Units, drawn_units: Int32, promise: Promise) -> FrameVerdict:
-    """Judge one frame's drawn set, settled against its truth."""
-    scene, truth, seen, walk = frame.scene, frame.truth, frame.seen, frame.walk
-    drawn, rulings = frame.drawn, frame.rulings
-    shows = walk.shows.copy()
-    for object_id in truth.blend.object:
-        shows[object_id] |= bool(drawn[blended_triangles(scene, int(object_id))].any())
-    missed = np.flatnonzero(seen.visible & ~shows)
-    misses = [_miss(scene, truth, seen, rulings, int(o), walk) for o in missed]
+def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
+    """Judge one drawn set, settled against its truth."""
+    walk, seen = frame.walk, frame.seen
+    # What is lost for certain behind a mask is seen for certain, if anything is.
+    visible = seen.visible | (walk.charged > 0)
+    loses = (walk.lost > 0) | (walk.lost_blended > 0) | (walk.blended_hit >= 0)
+    left_out = np.flatnonzero(visible & (loses | ~walk.shows))
+    misses = [_miss(frame, int(o)) for o in left_out]
     misses.sort(key=lambda miss: (-miss.pixels, miss.object))
 
-    superfluous = _superfluous(scene, truth, units, drawn_units)
-    undecided = _undecided(scene, truth, seen, drawn)
+    superfluous = frame.superfluous
+    undecided = _undecided(frame, visible)
     kinds = [miss.kind for miss in misses]
     confirmed = kinds.count(MissKind.CONFIRMED)
+    partly = sum(miss.partly for miss in misses)
+    may_own = frame.truth.doubt.sample
     counts = Counts(
-        visible=int(np.count_nonzero(seen.visible)),
-        missed=len(misses),
+        visible=int(np.count_nonzero(visible)),
+        missed=len(misses) - partly,
+        partly_missed=partly,
         confirmed=confirmed,
         ties=kinds.count(MissKind.TIE),
         within_raster_tolerance=kinds.count(MissKind.WITHIN_RASTER),
-        violations=confirmed if promise.convicts else 0,
+        violations=violations(promise, confirmed, len(frame.confirmed)),
         undecided=len(undecided),
-        missed_pixels=walk.missed_pixels,
-        drawn=len(drawn_units),
+        missed_pixels=len(walk.lost_samples),
+        owned_samples=seen.owned + len(may_own),
+        undecided_samples=len(walk.undecided_samples),
+        drawn=len(frame.drawn_units),
         superfluous=len(superfluous),
+        superfluous_confirmed=len(frame.confirmed),
+        missed_units=_missed_units(frame),
     )
-    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned)
+    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned, frame.confirmed)
 
 
-def _miss(
-    scene: Scene,
-    truth: FrameTruth,
-    seen: ObjectVisibility,
-    rulings: Rulings,
-    object_id: int,
-    walk: SampleWalk,
-) -> Miss:
-    owned = int(seen.pixels[object_id])
-    lost = int(walk.lost[object_id])
+def _miss(frame: SettledFrame, object_id: int) -> Miss:
+    scene, truth, rulings, walk = frame.scene, frame.truth, frame.rulings, frame.walk
+    owned = int(frame.seen.pixels[object_id]) + int(walk.charged[object_id])
+    opaque, glass = int(walk.lost[object_id]), int(walk.blended_hit[object_id])
+    partly = bool(walk.shows[object_id])
     within_raster = object_id in rulings.within_raster
-    blended = np.flatnonzero(truth.blend.object == object_id)
-    if len(blended) and (lost == 0 or within_raster):
-        # A blended part owns no sample of the visibility buffer, and no tolerance excuses it.
-        at = int(blended[0])
+    if glass >= 0 and (opaque == 0 or within_raster):
+        # Glass owns no sample of the visibility buffer, and no tolerance excuses it.
+        blend = truth.blend
         return Miss(
             object_id,
             MissKind.CONFIRMED,
-            int(truth.blend.pixels[at]),
+            opaque + int(walk.lost_blended[object_id]),
             owned,
-            int(truth.blend.sample[at]),
-            int(truth.blend.triangle[at]),
-            float(truth.blend.depth[at]),
+            int(blend.sample[glass]),
+            int(blend.triangle[glass]),
+            float(blend.depth[glass]),
+            partly=partly,
         )
-    if lost == 0:
-        sample = int(seen.sample[object_id])
-        kind = MissKind.TIE
+    if opaque == 0:
+        sample, kind = int(frame.seen.sample[object_id]), MissKind.TIE
     else:
         sample = rulings.best_sample.get(object_id, int(walk.lost_sample[object_id]))
         kind = MissKind.WITHIN_RASTER if within_raster else MissKind.CONFIRMED
@@ -152,13 +182,14 @@ def _miss(
     return Miss(
         object_id,
         kind,
-        lost,
+        opaque + int(walk.lost_blended[object_id]),
         owned,
         sample,
         _own_triangle(scene, truth, sample, object_id),
         float(truth.buffer.depth.reshape(-1)[sample]),
         margin_px,
         margin_depth,
+        partly,
     )
 
 
@@ -172,44 +203,27 @@ def _own_triangle(scene: Scene, truth: FrameTruth, sample: int, object_id: int) 
     return int(tied[scene.object_of_triangle[tied] == object_id][0])
 
 
-def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
-    """(t,) bool, True where a triangle is, or may be, visible.
-
-    Besides owners and their ties: the owner of an undecided sample, every masked triangle of
-    a frame with undecided samples, and the blended triangles of a visible blended object.
-    Doubt never makes a unit superfluous.
-    """
-    visible = np.zeros(scene.triangle_count, np.bool_)
-    owner = truth.buffer.triangle.reshape(-1)
-    kernels.owned_triangles(owner, np.ones(len(owner), np.bool_), visible)
-    visible[truth.ties.triangle] = True
-    if len(truth.undecided):
-        visible |= scene.alpha == Alpha.MASK
-    if len(truth.blend.object):
-        of_visible = np.zeros(scene.object_count, np.bool_)
-        of_visible[truth.blend.object] = True
-        visible |= of_visible[scene.object_of_triangle] & (scene.alpha == Alpha.BLEND)
-    return visible
+def _missed_units(frame: SettledFrame) -> int:
+    """How many undrawn units hold a triangle that owns a lost sample, or is lost glass."""
+    units = frame.units
+    lost = frame.walk.lost_triangle
+    if not lost.any():
+        return 0
+    total = np.concatenate([[0], np.cumsum(lost[units.triangles], dtype=np.int64)])
+    missed = total[units.offsets[1:]] > total[units.offsets[:-1]]
+    missed[frame.drawn_units] = False
+    return int(np.count_nonzero(missed))
 
 
-def _superfluous(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int32) -> Int32:
-    visible = visible_triangles(scene, truth)[units.triangles]
-    total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
-    drawn = np.sort(drawn_units)
-    hidden: Int32 = drawn[total[units.offsets[drawn + 1]] == total[units.offsets[drawn]]]
-    return hidden
-
-
-def _undecided(
-    scene: Scene, truth: FrameTruth, seen: ObjectVisibility, drawn: NDArray[np.bool_]
-) -> Int32:
-    """Objects that nobody saw for certain and that were not drawn where they may be visible:
-    owners of undecided samples, and objects with a masked triangle there."""
-    owner = truth.buffer.triangle.reshape(-1)[truth.undecided]
-    owner = owner[owner >= 0]
-    behind = scene.object_of_triangle[owner[~drawn[owner]]]
-    masks = drawn & (scene.alpha == Alpha.MASK)
-    foliage = np.setdiff1d(truth.masked, scene.object_of_triangle[masks])
-    objects: Int32 = np.union1d(behind, foliage).astype(np.int32)
-    undecided: Int32 = objects[~seen.visible[objects]]
+def _undecided(frame: SettledFrame, visible: NDArray[np.bool_]) -> Int32:
+    """Objects that nobody saw for certain and that were not drawn where they may be visible, at
+    samples that a mask leaves open."""
+    scene, truth, drawn = frame.scene, frame.truth, frame.drawn
+    open_ = frame.walk.undecided_samples
+    owner = truth.buffer.triangle.reshape(-1)[open_]
+    may = np.concatenate(
+        [owner[owner >= 0], truth.doubt.triangle[np.isin(truth.doubt.at(), open_)]]
+    )
+    objects: Int32 = np.unique(scene.object_of_triangle[may[~drawn[may]]]).astype(np.int32)
+    undecided: Int32 = objects[~visible[objects]]
     return undecided

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from visref.culler import Promise, QueryStats
 from visref.findings import Finding
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
-from visref.judging.status import CullerOutcome, Exit, decide, status_of
+from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
 from visref.scene import Scene
 
 
@@ -50,7 +50,11 @@ class CullerRecord:
 
     @property
     def exit(self) -> Exit:
-        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed))
+        return self.status.exit
+
+    @property
+    def status(self) -> Status:
+        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed, self.promise))
 
     def losses(self) -> list[tuple[int, int, Miss]]:
         """Confirmed misses by object: (samples lost over all frames, frame, worst miss),
@@ -76,8 +80,12 @@ class RunOutcome:
     findings: list[Finding] = field(default_factory=list)
 
     @property
+    def status(self) -> Status:
+        return run_status(culler.status for culler in self.cullers)
+
+    @property
     def exit(self) -> Exit:
-        return decide(culler.exit for culler in self.cullers)
+        return self.status.exit
 
 
 def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, object]:
@@ -95,6 +103,7 @@ def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, 
         "owned": miss.owned,
         "margin_px": _finite(miss.margin_px),
         "margin_depth": _finite(miss.margin_depth),
+        "partly": miss.partly,
     }
 
 
@@ -114,11 +123,11 @@ def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> d
             "frames": len(record.frames),
             "unit_kind": record.unit_kind,
             **vars(record.totals),
-            "status": record.exit.status,
+            "status": record.status.value,
             "worst": worst,
         }
     return {
-        "status": outcome.exit.status,
+        "status": outcome.status.value,
         "exit_status": int(outcome.exit),
         "cullers": cullers,
         "findings": [

@@ -30,13 +30,14 @@ from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
-from visref.findings import Finding
+from visref.findings import Code, Finding
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.settle import SettledFrame, settle
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
+from visref.wording import counted
 
 Cast = tuple[FrameTruth, ObjectVisibility]
 
@@ -149,7 +150,7 @@ class Referee:
                 units = replace(units, kind="unit")
         except NothingToJudge as error:
             record.failed = True
-            outcome.findings.append(Finding("NO_GL", str(error), culler=spec))
+            outcome.findings.append(Finding(Code.NO_GL, str(error), culler=spec))
             return None
         except InputError:
             raise
@@ -174,7 +175,7 @@ class Referee:
     ) -> None:
         record.failed = True
         text = str(error) if isinstance(error, CullerError) else f"{type(error).__name__}: {error}"
-        outcome.findings.append(Finding("CULLER_FAILED", text, culler=record.spec, frame=frame))
+        outcome.findings.append(Finding(Code.CULLER_FAILED, text, culler=record.spec, frame=frame))
 
     def _frame(
         self,
@@ -223,15 +224,17 @@ class Referee:
                 settled = settle(
                     self.scene,
                     truth,
-                    drawn,
+                    job.units,
+                    drawn_units,
                     exact=self._arithmetic,
                     raster=job.culler.raster,
                     seen=seen,
+                    only_visible=not job.record.promise.may_draw_hidden,
                 )
             except CullerError as error:  # its rasteriser's picture is the plug-in's too
                 self._fail(job.record, outcome, frame, error)
                 return
-            verdict = judge(settled, job.units, drawn_units, job.record.promise)
+            verdict = judge(settled, job.record.promise)
         differ = None
         if self.image_check is not None:
             differ = self.image_check.pixels_differ(camera, drawn)
@@ -295,10 +298,10 @@ class Referee:
         if caster is not None and not caster.exact:
             name = caster.engine if isinstance(caster, RecordedTruth) else caster.name
             outcome.findings.append(
-                Finding("ENGINE_BLIND_SPOTS", f"the truth was cast by '{name}'")
+                Finding(Code.ENGINE_BLIND_SPOTS, f"the truth was cast by '{name}'")
             )
         if engine is not None and not getattr(engine, "rebase_exact", True):
-            outcome.findings.append(Finding("REBASE_INEXACT", "the scene spans too far"))
+            outcome.findings.append(Finding(Code.REBASE_INEXACT, "the scene spans too far"))
 
 
 def _promise(spec: str, culler: Culler) -> Promise:
@@ -323,27 +326,35 @@ def _clean_verdict(
     if not np.isin(rows.objects, drawn_units).all():
         return None
     superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
-    counts = Counts(visible=len(rows.objects), drawn=len(drawn_units), superfluous=len(superfluous))
+    superfluous = superfluous[job.units.sizes[superfluous] > 0]
+    if len(superfluous) and not job.record.promise.may_draw_hidden:
+        return None
+    counts = Counts(
+        visible=len(rows.objects),
+        owned_samples=rows.owned or 0,
+        drawn=len(drawn_units),
+        superfluous=len(superfluous),
+    )
     return FrameVerdict(counts, (), superfluous, owned=rows.owned)
 
 
 _CODES = {
-    MissKind.TIE: "MISSED_TIE",
-    MissKind.WITHIN_RASTER: "MISSED_WITHIN_RASTER",
+    MissKind.TIE: Code.MISSED_TIE,
+    MissKind.WITHIN_RASTER: Code.MISSED_WITHIN_RASTER,
 }
 
 
 def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     """One finding an object and kind, and what else a reader of the numbers should know."""
     found: list[Finding] = []
-    confirmed = "MISSED_OBJECT" if record.promise.convicts else "MISSED_DECLARED"
+    confirmed = Code.MISSED_OBJECT if record.promise.convicts else Code.MISSED_DECLARED
     frames_of: dict[int, int] = {}
     for row in record.frames:
         for miss in row.verdict.misses:
             if miss.kind is MissKind.CONFIRMED:
                 frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
     for pixels, frame, miss in record.losses():
-        lost, seen = _count(pixels, "sample"), _count(frames_of[miss.object], "frame")
+        lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
@@ -362,22 +373,20 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         for obj in row.verdict.undecided_objects:
             undecided.setdefault(int(obj), row.frame)
     found += [
-        Finding("UNDECIDED_OBJECT", f"first in frame {frame}", record.spec, frame, scene.names[obj])
+        Finding(
+            Code.UNDECIDED_OBJECT, f"first in frame {frame}", record.spec, frame, scene.names[obj]
+        )
         for obj, frame in sorted(undecided.items())
     ]
     corrections = sum(row.corrections for row in record.frames)
     if corrections:
-        found.append(Finding("ENGINE_CORRECTED", _count(corrections, "sample"), record.spec))
+        found.append(Finding(Code.ENGINE_CORRECTED, counted(corrections, "sample"), record.spec))
     differ = [row for row in record.frames if row.image_pixels_differ]
     if differ:
         pixels = sum(row.image_pixels_differ or 0 for row in differ)
-        text = f"{_count(pixels, 'pixel')} over {_count(len(differ), 'frame')}"
-        found.append(Finding("IMAGE_DIFFERS", text, record.spec, differ[0].frame))
+        text = f"{counted(pixels, 'pixel')} over {counted(len(differ), 'frame')}"
+        found.append(Finding(Code.IMAGE_DIFFERS, text, record.spec, differ[0].frame))
     if not record.failed and not record.totals.visible:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
-        found.append(Finding("NOTHING_JUDGED", text, record.spec))
+        found.append(Finding(Code.NOTHING_JUDGED, text, record.spec))
     return found
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

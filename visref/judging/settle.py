@@ -16,8 +16,9 @@ from visref.culler import Raster
 from visref.exact import ExactScene
 from visref.judging.disputes import Rulings, corrected, decide, find_disputes
 from visref.judging.margins import with_margins
+from visref.judging.superfluous import Superfluous, confirm, superfluous_units
 from visref.judging.walk import SampleWalk, walk_samples
-from visref.scene import Int64, Scene
+from visref.scene import Int32, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
 
@@ -25,58 +26,72 @@ from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 class SettledFrame:
     """What the verdict on one drawn set rests on.
 
-    `truth`: the corrected one. `seen`: who is visible by it. `drawn`: (t,) bool. `walk`: what
-    `drawn` shows and loses of each object. `rulings`: what exact arithmetic said.
+    `truth`: the corrected one. `seen`: who is visible by it. `drawn`: (t,) bool, the triangles
+    of `drawn_units`. `walk`: what is shown and lost of each object. `rulings`: what exact
+    arithmetic said. `confirmed`: the superfluous units that it confirmed, where the culler
+    promises to draw none.
     """
 
     scene: Scene
     truth: FrameTruth
     seen: ObjectVisibility
+    units: Units
+    drawn_units: Int32
     drawn: NDArray[np.bool_]
     walk: SampleWalk
     rulings: Rulings
+    confirmed: tuple[Superfluous, ...] = ()
 
     @cached_property
-    def lost_samples(self) -> Int64:
-        """Flat indices, ascending, of the decided samples at which nothing at the nearest depth
-        was drawn."""
-        if not self.walk.missed_pixels:
-            return np.zeros(0, np.int64)
-        return find_disputes(self.truth, self.scene, self.drawn).samples
+    def superfluous(self) -> Int32:
+        """The drawn units that show nowhere, ascending."""
+        return superfluous_units(self.scene, self.truth, self.units, self.drawn_units)
 
 
 def settle(
     scene: Scene,
     truth: FrameTruth,
-    drawn: NDArray[np.bool_],
+    units: Units,
+    drawn_units: Int32,
     *,
     exact: Callable[[], ExactScene],
     raster: Raster | None = None,
     seen: ObjectVisibility | None = None,
+    only_visible: bool = False,
 ) -> SettledFrame:
-    """Decide every dispute between a truth and `drawn`, (t,) bool.
+    """Decide every dispute between a truth and the drawn units, and ask of every loss that stays
+    whether the culler's rasteriser could have lost it by itself.
 
     `exact` is asked only if there is any. `raster`: the rasteriser behind the culler's depth
     buffer, None if it has none. `seen`: `objects_seen` of `truth`, where it is known.
+    `only_visible`: the culler promises to draw nothing hidden, so that is confirmed too.
     """
-    disputes = find_disputes(truth, scene, drawn)
-    if not disputes:
-        return with_rulings(scene, truth, drawn, Rulings(), seen=seen)
-    frame = with_rulings(scene, truth, drawn, decide(exact(), truth, disputes), seen=seen)
-    rulings = with_margins(exact(), frame.truth, frame.walk, disputes, raster, frame.rulings)
-    return replace(frame, rulings=rulings)
+    frame = with_rulings(scene, truth, units, drawn_units, Rulings(), seen=seen)
+    samples = find_disputes(frame.walk)
+    if len(samples):
+        rulings = decide(exact(), truth, samples)
+        if rulings.exact is not None:
+            frame = with_rulings(scene, truth, units, drawn_units, rulings)
+        frame = replace(frame, rulings=with_margins(exact(), frame, raster))
+    if only_visible and len(frame.superfluous):
+        frame = replace(frame, confirmed=confirm(exact(), frame.truth, units, frame.superfluous))
+    return frame
 
 
 def with_rulings(
     scene: Scene,
     truth: FrameTruth,
-    drawn: NDArray[np.bool_],
+    units: Units,
+    drawn_units: Int32,
     rulings: Rulings,
     *,
     seen: ObjectVisibility | None = None,
 ) -> SettledFrame:
-    """The frame settled by these rulings."""
+    """The frame settled by these rulings. `seen`: `objects_seen` of the corrected truth, where it
+    is known."""
     right = corrected(truth, rulings)
-    if seen is None or right is not truth:
+    drawn = units.mask(drawn_units, scene.triangle_count)
+    if seen is None:
         seen = objects_seen(right, scene)
-    return SettledFrame(scene, right, seen, drawn, walk_samples(right, scene, drawn), rulings)
+    walk = walk_samples(right, scene, drawn)
+    return SettledFrame(scene, right, seen, units, drawn_units, drawn, walk, rulings)

@@ -9,38 +9,110 @@ from numpy.typing import NDArray
 
 from visref import kernels
 from visref.scene import Int64, Scene
-from visref.visibility import FrameTruth
+from visref.visibility import BlendVisibility, FrameTruth, blended_beside
 
 
 @dataclass(frozen=True, eq=False)
 class SampleWalk:
-    """One pass over a frame's decided samples, (n,) arrays over all objects.
+    """One pass over a frame's samples, (n,) arrays over all objects.
 
-    `shows` bool: one of the object's own triangles was drawn where it is nearest. `lost`
-    int64: its samples at which nothing at the nearest depth was drawn; `lost_sample` int64:
-    the first of them, -1 if none. `missed_pixels`: such samples, each counted once.
+    `shows` bool: one of the object's own triangles was drawn where it is nearest, or seen as
+    glass. `lost` int64: its samples at which nothing at the nearest depth was drawn;
+    `lost_sample` int64: the first of them, -1 if none. `lost_blended` int64: further samples at
+    which it is seen as glass and none of its glass there was drawn, `blended_hit` int64: the
+    nearest such hit in `truth.blend`, -1 if none. `charged` int64: those of `lost` at which a
+    mask leaves open whether the object or a leaf before it is seen.
+
+    `lost_triangle`: (t,) bool, the triangles that own a lost sample, or are glass of an object
+    that loses one by it. `lost_samples`, `lost_blended_samples` (where glass is lost, whoever owns
+    the sample), `undecided_samples`: flat indices, ascending, each once.
     """
 
     shows: NDArray[np.bool_]
     lost: Int64
     lost_sample: Int64
-    missed_pixels: int
+    lost_blended: Int64
+    blended_hit: Int64
+    charged: Int64
+    lost_triangle: NDArray[np.bool_]
+    lost_samples: Int64
+    lost_blended_samples: Int64
+    undecided_samples: Int64
 
 
 def walk_samples(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> SampleWalk:
     """What `drawn` ((t,) bool) shows of each object, and what it loses."""
     count = scene.object_count
-    shows, lost = np.zeros(count, np.bool_), np.zeros(count, np.int64)
-    lost_sample = np.full(count, -1, np.int64)
-    missed_pixels = kernels.judge_samples(
+    tally = kernels.Tally(
+        np.zeros(count, np.bool_),
+        np.zeros(count, np.int64),
+        np.full(count, -1, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(scene.triangle_count, np.bool_),
+    )
+    owned = kernels.Owned(
         truth.buffer.triangle.reshape(-1),
-        truth.decided,
         truth.ties.sample,
         truth.ties.triangle,
-        drawn,
-        scene.object_of_triangle,
-        shows,
-        lost,
-        lost_sample,
+        truth.doubt.sample,
+        truth.doubt.offsets,
+        truth.doubt.triangle,
     )
-    return SampleWalk(shows, lost, lost_sample, int(missed_pixels))
+    lost_at = np.zeros(truth.camera.samples, np.uint8)
+    kernels.judge_samples(owned, drawn, scene.object_of_triangle, tally, lost_at)
+    lost_blended, blended_hit = np.zeros(count, np.int64), np.full(count, -1, np.int64)
+    through = np.zeros(0, np.int64)
+    if len(truth.blend.object):
+        through = _walk_blended(truth, scene, drawn, tally, lost_at, lost_blended, blended_hit)
+    return SampleWalk(
+        tally.shows,
+        tally.lost,
+        tally.lost_sample,
+        lost_blended,
+        blended_hit,
+        tally.charged,
+        tally.lost_triangle,
+        np.flatnonzero(lost_at == kernels.LOST),
+        through,
+        np.flatnonzero(lost_at == kernels.UNDECIDED),
+    )
+
+
+def _walk_blended(
+    truth: FrameTruth,
+    scene: Scene,
+    drawn: NDArray[np.bool_],
+    tally: kernels.Tally,
+    lost_at: NDArray[np.uint8],
+    lost_blended: Int64,
+    blended_hit: Int64,
+) -> Int64:
+    """A sample is lost to an object that is seen there as glass if none of that glass is drawn.
+    Returns such samples."""
+    blend = truth.blend
+    starts = np.flatnonzero(
+        np.append(True, (np.diff(blend.object) != 0) | (np.diff(blend.sample) != 0))
+    )
+    here = drawn[blend.triangle]
+    any_drawn = np.logical_or.reduceat(here, starts)
+    np.logical_or.at(tally.shows, blend.object, here)
+    sizes = np.diff(np.append(starts, len(here)))
+    lost = np.repeat(~any_drawn, sizes)
+    tally.lost_triangle[blend.triangle[lost]] = True
+    hits = np.flatnonzero(lost)
+    order = hits[np.lexsort((blend.sample[hits], blend.depth[hits], blend.object[hits]))]
+    objects, first = np.unique(blend.object[order], return_index=True)
+    blended_hit[objects] = order[first]
+    # A sample that the object loses as an opaque owner besides is counted there.
+    counted = (lost_at[blend.sample] == kernels.LOST) & ~_beside(truth, scene)
+    where = starts[~any_drawn & ~counted[starts]]
+    lost_blended += np.bincount(blend.object[where], minlength=len(lost_blended))
+    return np.unique(blend.sample[lost])
+
+
+def _beside(truth: FrameTruth, scene: Scene) -> NDArray[np.bool_]:
+    """(h,) bool: which blended hits lie at samples that their object does not own besides."""
+    kept: BlendVisibility = blended_beside(truth, scene)
+    count = scene.object_count
+    pairs = truth.blend.sample * count + truth.blend.object
+    return np.isin(pairs, kept.sample * count + kept.object)

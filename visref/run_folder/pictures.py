@@ -17,10 +17,10 @@ from PIL import Image
 
 from visref import kernels
 from visref.camera import Camera
-from visref.judging.disputes import find_disputes
 from visref.judging.judge import FrameVerdict, MissKind
+from visref.judging.settle import SettledFrame
 from visref.run_folder.silhouettes import silhouettes
-from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
 
 # Wide enough for half a laptop's screen; wider costs a page that carries dozens of these.
@@ -78,10 +78,7 @@ class _Ring:
 def draw_pictures(
     folder: Path,
     stem: str,
-    scene: Scene,
-    truth: FrameTruth,
-    units: Units,
-    drawn_units: Int32,
+    settled: SettledFrame,
     verdict: FrameVerdict,
     *,
     culler: str,
@@ -93,6 +90,8 @@ def draw_pictures(
     through the scene, missed samples as they are, with rings around small patches.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    scene, truth, units = settled.scene, settled.truth, settled.units
+    missed = settled.walk.lost_samples
     camera = truth.camera
     shape = page_shape(camera)
     shaded = _shade(scene, truth)
@@ -105,8 +104,6 @@ def draw_pictures(
 
     save("picture", f"frame-{frame:05d}.jpg", _resized(shaded, shape))
     superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
-    drawn = units.mask(drawn_units, scene.triangle_count)
-    missed = find_disputes(truth, scene, drawn).samples
     missed_px = _shrunk(missed, camera, shape)
     rings = _rings(scene, truth, verdict, missed, shape)
     overlay = _overlay(shaded, truth, superfluous, missed_px, rings, shape)

@@ -167,15 +167,12 @@ class Recorder:
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
             drawn[record.frame] = judged.drawn_units
-        if judged.truth is not None and self._wants_picture(job.spec, record.frame, verdict):
+        if judged.settled is not None and self._wants_picture(job.spec, record.frame, verdict):
             self._pictures.append(
                 draw_pictures(
                     self._folder / "pictures",
                     slug(job.spec),
-                    self._scene,
-                    judged.truth,
-                    job.units,
-                    judged.drawn_units,
+                    judged.settled,
                     verdict,
                     culler=job.spec,
                     frame=record.frame,

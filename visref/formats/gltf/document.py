@@ -119,7 +119,7 @@ class Document:
     """An open glTF or GLB file. Bytes are mapped, not read: images that no mask
     needs cost nothing.
 
-    Raises InputError (without the file's name; `visref.formats.loading` adds it).
+    Raises InputError (without the file's name; `visref.formats` adds it).
     """
 
     def __init__(self, path: Path) -> None:

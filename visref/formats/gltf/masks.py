@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visref.errors import InputError
+from visref.findings import Code
 from visref.formats.gltf.document import Document, Json
 from visref.masks.instances import MaskTable
 from visref.masks.materials import MaskMaterial, Sampler, TextureTransform, Wrap
@@ -98,16 +99,16 @@ class MaskReader:
         """A material without a texture was decided by its constant alpha."""
         self._constant.add(material.index)
 
-    def notes(self) -> Iterator[tuple[str, str]]:
+    def notes(self) -> Iterator[tuple[Code, str]]:
         """What was found, as in `Scene.notes`: one note for each reason."""
         if self._constant:
             first = f"first materials[{min(self._constant)}]"
-            yield "ALPHA_MASK_CONSTANT", f"{len(self._constant)} materials, {first}"
+            yield Code.ALPHA_MASK_CONSTANT, f"{len(self._constant)} materials, {first}"
         for reason, materials in self._unknown.items():
             count = "an alpha mask" if len(materials) == 1 else f"{len(materials)} alpha masks"
             example = f"; {self._examples[reason]}" if reason in self._examples else ""
             first = f"first materials[{min(materials)}]"
-            yield "PARTLY_READ", f"{count} cannot be looked up, {first}: {reason}{example}"
+            yield Code.PARTLY_READ, f"{count} cannot be looked up, {first}: {reason}{example}"
 
     def _read(self, index: int, material: Json) -> MaskedMaterial:
         cutoff = material.get("alphaCutoff")

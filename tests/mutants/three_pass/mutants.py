@@ -1,8 +1,5 @@
-"""Three-pass cullers with one step broken: U1 ... U8 of the conservative mode, the common mutants
-that apply, and wasteful ones.
-
-The unsafe are convicted by the verdict. The wasteful draw what they should, and break one of the
-contracts in `tests/mutants/three_pass_contract.py`.
+"""Three-pass culling with one step broken: the conservative mode, which the verdict convicts, and
+the published one, which promises nothing and keeps contracts.
 """
 
 from __future__ import annotations
@@ -11,77 +8,47 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.mutants.bad_cullers import (
-    GlassOccludes,
-    Method,
-    MirroredCornersUnsorted,
-    Mutant,
-    QueryWithTheEyeInside,
-    ResolvedMultisamples,
-    TwoCornersTransformed,
-    UnfinishedQueryReadAsZero,
-    registrar,
-)
+from tests.mutants.common import COMMON, GlassOccludes, common
+from tests.mutants.harness import equivalent, mutant, not_here
+from tests.mutants.three_pass.contract import SUITE
 from visref_culling.gl.geometry import Geometry
 from visref_culling.queries.mesh_query import ask_meshes
 from visref_culling.three_pass import ThreePassCulling
 from visref_culling.three_pass.method import PrePass
 from visref_culling.three_pass.stand_ins import stand_ins
 
-MUTANTS_OF_THREE_PASS = {
-    "U1": "LESS in pass two",
-    "U2": "writes on in pass two",
-    "U3": "no clear before pass three",
-    "U4": "tile indices of low and high shifted",
-    "U5": "threshold off by one",
-    "U6": "transparent slice as occluder",
-    "U7": "small image with another aspect",
-    "U8": "tile outside its own proxy",
-}
-WASTEFUL_OF_THREE_PASS = {
-    "W9": "stand-ins at another reduction",
-    "W10": "a stand-in drawn and asked twice",
-    "W11": "a wait for each query",
-    "W12": "answers ignored",
-}
 
-CONSERVATIVE = {"mode": "conservative", "reduction": 1}
+def conservative(name: str, **options):
+    return SUITE.method(
+        f"three-pass-{name}", ThreePassCulling, mode="conservative", reduction=1, **options
+    )
+
+
 # Objects that are asked themselves; boxes of their parts; the same in an image of a 4th the side.
-WHOLE = Method("three-pass-whole", ThreePassCulling, CONSERVATIVE)
-BOXES = Method("three-pass-boxes", ThreePassCulling, {**CONSERVATIVE, "extra": 0})
-SMALL = Method("three-pass-small", ThreePassCulling, {**CONSERVATIVE, "extra": 0, "scale": 4})
+WHOLE = conservative("whole")
+BOXES = conservative("boxes", extra=0)
+SMALL = conservative("small", extra=0, scale=4)
 SAFE = (WHOLE, BOXES, SMALL)
 
 # The published mode, on meshes that it simplifies.
-PUBLISHED = Method("three-pass-published", ThreePassCulling, {"reduction": 4, "extra": 0})
+PUBLISHED = SUITE.method("three-pass-published", ThreePassCulling, reduction=4, extra=0)
+SUITE.kept_by(PUBLISHED)
+SUITE.kept_by(PUBLISHED, scale=4)
+SUITE.kept_by(PUBLISHED, threshold=5)
+SUITE.kept_by(PUBLISHED, reduction=10)
 
-MUTANTS: list[Mutant] = []
-# (id, method's name) -> the reason.
-EQUIVALENT: dict[tuple[str, str], str] = {}
-NOT_HERE: dict[tuple[str, str], str] = {}
-
-mutant = registrar(MUTANTS)
-
-
-def not_here(ids: str, of: tuple[Method, ...], reason: str) -> None:
-    NOT_HERE.update({(id, method.name): reason for id in ids.split() for method in of})
-
-
-def equivalent(ids: str, of: tuple[Method, ...], reason: str) -> None:
-    EQUIVALENT.update({(id, method.name): reason for id in ids.split() for method in of})
-
-
-mutant("G2", of=(BOXES, SMALL), caught_by="eye_inside_an_object")(QueryWithTheEyeInside)
-mutant("G10", of=(BOXES, SMALL), caught_by="rotated_and_mirrored_plates")(TwoCornersTransformed)
-mutant("G10", of=(BOXES, SMALL), caught_by="walk_through_a_city")(MirroredCornersUnsorted)
-mutant("G12", of=(WHOLE, BOXES), caught_by="peeking_by_a_pixel")(ResolvedMultisamples)
-mutant("G13", of=SAFE, caught_by="glass")(GlassOccludes)
-mutant("G14", of=SAFE, caught_by="stacks_of_sheets")(UnfinishedQueryReadAsZero)
+common("G2", of=(BOXES, SMALL))
+common("G10", of=(BOXES, SMALL))
+common("G12", of=(WHOLE, BOXES))
+common("G13 G14", of=SAFE)
 not_here("G2 G10", (WHOLE,), "no box is asked: an object is, with the faces that it is drawn with")
 not_here("G12", (SMALL,), "its depth is the window's, read a pixel at a time")
 not_here("G1 G5 G6", SAFE, "the rasteriser projects the boxes and compares the depths")
 not_here("G3 G4 G7", (WHOLE, BOXES), "no rectangle is rounded, no depth copied or read back")
 not_here("G11", SAFE, "nothing is kept from one frame to the next")
+UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W") and id != "U3"]
+not_here(" ".join(UNSAFE), (PUBLISHED,), "it promises nothing: what it leaves out is measured")
+not_here("W9 W10 W11 W12", SAFE, "the contracts are those of the published mode")
 
 
 @mutant("U1", of=(WHOLE,), caught_by="crowd")

@@ -1,57 +1,45 @@
-"""Occupancy maps with one step broken: U1 ... W12 and the common mutants that apply.
+"""Occupancy maps with one step broken.
 
-The unsafe are convicted by the verdict. The wasteful draw the right picture, and break one of
-the contracts in `tests/mutants/contracts.py`.
+Staneker, Bartz, Meissner 2003: a map can never cull, it only skips queries. So it is safe if
+queries are, and if each shape is decided exactly once.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tests.mutants.bad_cullers import EQUIVALENT, Method, common, mutant, not_here
-from tests.mutants.stepwise_occupancy_map import StepwiseOccupancyMap
+from tests.mutants.common import common
+from tests.mutants.harness import breaks, equivalent, mutant, not_here
+from tests.mutants.occupancy_map.contract import SUITE, TILES
+from tests.mutants.occupancy_map.stepwise import StepwiseOccupancyMap
 from visref_culling.occupancy_map import OUTSIDE, OccupancyMapCulling
 
-MUTANTS_OF_THE_MAP = {
-    "U1": "depth mask left on in a batch",
-    "U2": "results shifted by one",
-    "U3": "a shape that passes map 4 is dropped instead of joining list 5",
-    "W4": "an empty clipped rectangle counts as all set (only a query too many)",
-    "U5": "last list not flushed",
-    "W6": "skipped shapes not marked",
-    "W7": "map not cleared",
-    "W8": "tiles rounded inward when marking",
-    "W9": "any and all swapped",
-    "W10": "wrong bit stride",
-    "W11": "arranging map not marked",
-    "W12": "back-to-front order",
-}
-
-FIVE = Method("occupancy-map", OccupancyMapCulling)
-INSTANCED = Method("occupancy-map-instanced", OccupancyMapCulling, {"query": "instanced"})
-ONE = Method("occupancy-map-one", OccupancyMapCulling, {"maps": 1})
-ONE_BATCH = Method("occupancy-map-one-batch", OccupancyMapCulling, {"maps": 1, "query": "batch"})
+FIVE = SUITE.method("occupancy-map", OccupancyMapCulling)
+INSTANCED = SUITE.method("occupancy-map-instanced", OccupancyMapCulling, query="instanced")
+ONE = SUITE.method("occupancy-map-one", OccupancyMapCulling, maps=1)
+ONE_BATCH = SUITE.method("occupancy-map-one-batch", OccupancyMapCulling, maps=1, query="batch")
 MAPS = (FIVE, INSTANCED, ONE, ONE_BATCH)
 
 # The same decisions a step at a time, for what the shipped loop does in one go.
-FIVE_STEPS = Method("occupancy-map", StepwiseOccupancyMap)
-ONE_STEPS = Method("occupancy-map-one", StepwiseOccupancyMap, {"maps": 1})
+FIVE_STEPS = SUITE.method("occupancy-map", StepwiseOccupancyMap)
+ONE_STEPS = SUITE.method("occupancy-map-one", StepwiseOccupancyMap, maps=1)
 STEPS = (FIVE_STEPS, ONE_STEPS)
 
 
-common("G2 G9 G10 G12 G13 G14", of=(FIVE, ONE))
-not_here("G5 G6 G7", (FIVE, ONE), "the rasteriser compares the depths: none is tested or read back")
-not_here("G8", (FIVE, ONE), "an object's own depth is not there when its box is asked")
-not_here("G11", (FIVE, ONE), "maps and image are emptied at a frame's start (see W7)")
-for name in ("occupancy-map", "occupancy-map-one"):
-    EQUIVALENT["G3", name] = (
-        "a shape is left out if its rectangle meets no pixel; rounded to nearest it meets none "
-        "only if it holds no pixel's centre, and then no sample can be the shape's. A tile too "
-        "few under it costs a query"
-    )
+common("G2 G9 G10 G12 G13 G14", of=MAPS)
+not_here("G5 G6 G7", MAPS, "the rasteriser compares the depths: none is tested or read back")
+not_here("G8", MAPS, "an object's own depth is not there when its box is asked")
+not_here("G11", MAPS, "maps and image are emptied at a frame's start (see W7)")
+equivalent(
+    "G3",
+    MAPS,
+    "a shape is left out if its rectangle meets no pixel; rounded to nearest it meets none only if "
+    "it holds no pixel's centre, and then no sample can be the shape's. A tile too few under it "
+    "costs a query",
+)
 
 
-@mutant("G1", of=(FIVE, ONE), caught_by="object_crossing_the_near_plane")
+@mutant("G1", of=MAPS, caught_by="object_crossing_the_near_plane")
 class CornersBehindTheEye:
     """The rectangle spans all eight corners' projections, those behind the eye included."""
 
@@ -68,7 +56,7 @@ class CornersBehindTheEye:
         return result
 
 
-@mutant("G4", of=(FIVE, ONE), caught_by="rows_and_columns_at_the_border")
+@mutant("G4", of=MAPS, caught_by="rows_and_columns_at_the_border")
 class LastRowAndColumnLeftOut:
     """The window is taken to end before its last row and column."""
 
@@ -198,3 +186,85 @@ class BackToFront:
 
 not_here("W6 W8 W9 W10 W11", (INSTANCED,), "the ways of asking share the traversal")
 not_here("W6 W8 W9 W10", (ONE_BATCH,), "the ways of asking share the traversal")
+
+
+# What the other contracts see.
+
+
+@breaks("bits_are_only_ever_set", of=(FIVE,))
+class UnsetsABit:
+    def mark_drawn(self, *tiles):
+        super().mark_drawn(*tiles)
+        self.maps[0, self.maps[0].nonzero()[0][:1]] = 0
+
+
+@breaks("rectangles_hold_the_box_and_little_more", of=(FIVE,))
+class RectanglesTooSmall:
+    def rectangles(self, frame):
+        return super().rectangles(frame) + np.array([1, 0, -1, 0], np.int32)
+
+
+@breaks("rectangles_hold_the_box_and_little_more", of=(FIVE,))
+class RectanglesTooLarge:
+    def rectangles(self, frame):
+        found = super().rectangles(frame)
+        found[:, :2] = np.maximum(found[:, :2] - 2, 0)
+        return found
+
+
+@breaks("tiles_hold_every_pixel_of_the_rectangle", of=(FIVE,))
+class TilesOfTheNextRow:
+    def tiles_under(self, frame, rectangles):
+        return super().tiles_under(frame, rectangles) + np.array([0, 1, 0, 1], np.int32)
+
+
+@breaks("marks_hold_every_triangle_and_no_more_than_the_box", of=(FIVE,))
+class MarksHalfItsParts:
+    def tiles(self, frame, rectangles):
+        found = super().tiles(frame, rectangles)
+        found.parts[::2] = (0, 0, -1, -1)
+        return found
+
+
+@breaks("marks_hold_every_triangle_and_no_more_than_the_box", of=(FIVE,))
+class MarksTheWholeWindow:
+    def tiles(self, frame, rectangles):
+        found = super().tiles(frame, rectangles)
+        found.parts[:] = (0, 0, TILES - 1, TILES - 1)
+        return found
+
+
+@breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
+class AsksTwice:
+    def query(self, frame, places, **how):
+        super().query(frame, places, **how)
+        return super().query(frame, places, **how)
+
+
+@breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
+class DrawsTwice:
+    def draw(self, frame, places):
+        super().draw(frame, places)
+        super().draw(frame, places[:1])
+
+
+@breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
+class IgnoresAnswers:
+    def query(self, frame, places, **how):
+        return np.ones_like(super().query(frame, places, **how))
+
+
+@breaks("no_more_batches_than_lists", of=(FIVE,))
+class AsksOneAtATime:
+    def ask(self, frame, tiles, places):
+        for place in places:
+            super().ask(frame, tiles, np.array([place]))
+
+
+SUITE.kept_by(*MAPS, *STEPS)
+for variant in (FIVE, FIVE_STEPS):
+    SUITE.kept_by(variant, query="instanced", backfaces=True)
+    SUITE.kept_by(variant, corners=True)
+    SUITE.kept_by(variant, scale="scene", depth=32, parts=1)
+    SUITE.kept_by(variant, maps=1, scale="scene", corners=True)
+SUITE.kept_by(ONE_STEPS, query="batch")

@@ -1,81 +1,59 @@
 """What the three passes promise to save, checked by watching them.
 
-Each contract reads what the method told its observer, its counters and its picture, and yields a
-line for each departure. None uses the method's own code: pieces, reductions and pictures are
-computed afresh.
+Each contract reads what the method told its observer, its counters and its picture. None uses the
+method's own code: pieces, reductions and pictures are computed afresh.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from visref.camera import Camera
-from visref.culler import QueryStats
-from visref.scene import Scene
+from tests.mutants.harness import Suite, Trace
 from visref_culling.gl.device import device
 from visref_culling.gl.item_buffer import ItemBuffer
-from visref_culling.three_pass import ThreePassCulling
+
+SUITE = Suite(
+    {
+        "U1": "LESS in pass two",
+        "U2": "writes on in pass two",
+        "U3": "no clear before pass three",
+        "U4": "tile indices of low and high shifted",
+        "U5": "threshold off by one",
+        "U6": "transparent slice as occluder",
+        "U7": "small image with another aspect",
+        "U8": "tile outside its own proxy",
+        "W9": "stand-ins at another reduction",
+        "W10": "a stand-in drawn and asked twice",
+        "W11": "a wait for each query",
+        "W12": "answers ignored",
+    },
+    watched=("torn_layers",),
+)
 
 # A rectangle cannot be left by an edge collapse that keeps its border: it may stay four triangles.
 LEAST_TRIANGLES = 4
 
 
-@dataclass
-class Trace:
-    """One frame, as its observer saw it. `sizes`: triangles of each stand-in; `depth`,
-    `expected`: (height, width) window depth of the picture that the method left, and of one
-    drawn afresh from its drawn set."""
-
-    culler: ThreePassCulling
-    scene: Scene
-    sizes: list[int]
-    events: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
-    drawn: list[int] = field(default_factory=list)
-    stats: QueryStats = field(default_factory=QueryStats)
-    depth: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    expected: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-
-    def of(self, step: str) -> list[dict[str, Any]]:
-        return [data for name, data in self.events if name == step]
+def stand_in_sizes(trace: Trace) -> list[int]:
+    """Triangles of each stand-in, none in the conservative mode."""
+    low = trace.culler.low
+    return low.units.sizes.tolist() if low is not None else []
 
 
-Contract = Callable[[Trace], Iterator[str]]
-CONTRACTS: dict[str, Contract] = {}
-
-
-def _contract(check: Contract) -> Contract:
-    CONTRACTS[check.__name__] = check
-    return check
-
-
-def broken(culler: ThreePassCulling, scene: Scene, cameras: Iterable[Camera]) -> set[str]:
-    """The names of the contracts that some frame departs from."""
-    traces = watch(culler, scene, cameras)
-    return {name for name, check in CONTRACTS.items() if any(any(check(t)) for t in traces)}
-
-
-def watch(culler: ThreePassCulling, scene: Scene, cameras: Iterable[Camera]) -> list[Trace]:
-    culler.prepare(scene)
-    sizes = culler.low.units.sizes.tolist() if culler.low is not None else []
-    items = ItemBuffer(device(), scene, culler.depth_bits)
-    traces = []
-    for camera in cameras:
-        trace = Trace(culler, scene, sizes)
-        traces.append(trace)
-        culler.observer = lambda step, data, trace=trace: trace.events.append((step, dict(data)))
-        answer = culler.cull(camera)
-        trace.drawn, trace.stats = answer.unit_ids.tolist(), answer.stats
-        trace.depth = culler.target_for(camera).read_depth().copy()
-        items.image(camera, culler.units.mask(answer.unit_ids, scene.triangle_count))
-        target = device().target(camera.width, camera.height, culler.depth_bits, dtype="i4")
-        trace.expected = target.read_depth().copy()
+def depths_left_and_afresh(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    """(height, width) window depth of the picture that the method left, and of one drawn afresh
+    from its drawn set."""
+    culler, camera = trace.culler, trace.camera
+    left = culler.target_for(camera).read_depth().copy()
+    items = ItemBuffer(device(), trace.scene, culler.depth_bits)
+    drawn = np.array(trace.drawn, np.int32)
+    items.image(camera, culler.units.mask(drawn, trace.scene.triangle_count))
+    target = device().target(camera.width, camera.height, culler.depth_bits, dtype="i4")
+    afresh = target.read_depth().copy()
     items.release()
-    culler.close()
-    return traces
+    return left, afresh
 
 
 def pieces(triangles: np.ndarray, vertices: np.ndarray) -> int:
@@ -92,11 +70,11 @@ def pieces(triangles: np.ndarray, vertices: np.ndarray) -> int:
             return len(np.unique(label))
 
 
-@_contract
+@SUITE.contract
 def stand_ins_have_the_reduction(trace: Trace) -> Iterator[str]:
     """At most one triangle for `reduction` of the object's, as far as its pieces allow."""
     scene = trace.scene
-    for unit, found in enumerate(trace.sizes):
+    for unit, found in enumerate(stand_in_sizes(trace)):
         own = scene.triangles[scene.object_offsets[unit] : scene.object_offsets[unit + 1]]
         if len(own) <= trace.culler.extra:
             most = len(own)
@@ -107,7 +85,7 @@ def stand_ins_have_the_reduction(trace: Trace) -> Iterator[str]:
             yield f"object {unit}: {found} triangles stand in for {len(own)}, not {most}"
 
 
-@_contract
+@SUITE.contract
 def each_stand_in_is_drawn_once_and_asked_once(trace: Trace) -> Iterator[str]:
     filled = np.concatenate([data["units"] for data in trace.of("fill")])
     asked = np.concatenate([data["units"] for data in trace.of("query")])
@@ -120,14 +98,14 @@ def each_stand_in_is_drawn_once_and_asked_once(trace: Trace) -> Iterator[str]:
         yield f"{trace.stats.queries} queries for {len(asked)} stand-ins"
 
 
-@_contract
+@SUITE.contract
 def pipeline_stalls_once(trace: Trace) -> Iterator[str]:
     asked = sum(len(data["units"]) for data in trace.of("query"))
     if trace.stats.batches != min(asked, 1):
         yield f"{trace.stats.batches} waits for {asked} queries"
 
 
-@_contract
+@SUITE.contract
 def only_what_shows_is_drawn(trace: Trace) -> Iterator[str]:
     shown = {
         unit
@@ -139,8 +117,9 @@ def only_what_shows_is_drawn(trace: Trace) -> Iterator[str]:
         yield f"{len(trace.drawn)} objects drawn, of which {len(shown)} showed"
 
 
-@_contract
+@SUITE.contract
 def third_pass_draws_on_empty_buffers(trace: Trace) -> Iterator[str]:
-    differ = int(np.count_nonzero(trace.depth != trace.expected))
+    left, afresh = depths_left_and_afresh(trace)
+    differ = int(np.count_nonzero(left != afresh))
     if differ:
         yield f"{differ} pixels have another depth than the drawn set's own picture"

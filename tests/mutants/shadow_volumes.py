@@ -1,7 +1,5 @@
-"""Effects broken on purpose, one step each; the image protocol has to convict them.
-
-By name: the class, its base first. `tests/mutants/test_effect_mutants.py` says on which scene.
-"""
+"""Clamped shadow volumes with one step broken. They draw no set of objects: the verdict is that of
+the image protocol."""
 
 from __future__ import annotations
 
@@ -10,104 +8,33 @@ from typing import ClassVar
 
 import numpy as np
 
+from tests.mutants.harness import Suite, image_check, mutant
+from tests.support.effect_scenes import eye_in_shadow, flat, pedestals, shadow_verdict
 from tests.support.shader_edits import edited
-from visref_culling.gl import device
+from visref_culling.gl.device import device
 from visref_culling.n_buffer.gpu import NBufferTexture
-from visref_culling.n_buffer.particles import Particles
 from visref_culling.shadow_volumes import ShadowVolumes
 from visref_culling.shadow_volumes.casters import Faces
 from visref_culling.shadow_volumes.litmaps import Litmaps
 
+SUITE = Suite(
+    {},
+    says=("violation",),
+    checks=[
+        image_check("pedestals", lambda make: shadow_verdict(pedestals(2), make)),
+        image_check("coarse", lambda make: shadow_verdict(pedestals(2, lexels=5), make)),
+        image_check("flat", lambda make: shadow_verdict(flat(), make)),
+        image_check("eye_in_shadow", lambda make: shadow_verdict(eye_in_shadow(), make)),
+    ],
+)
+VOLUMES = (SUITE.method("shadow-volumes", ShadowVolumes),)
+
 
 def compute(shader, *changes):
-    return device.device().context.compute_shader(edited(shader, *changes))
+    return device().context.compute_shader(edited(shader, *changes))
 
 
-# Particles.
-
-
-class EditedParticles(Particles):
-    """Its vertex shader with some changes."""
-
-    changes: tuple[tuple[str, str], ...] = ()
-
-    def load_program(self):
-        return self.device.context.program(
-            vertex_shader=edited("particle.vert", *self.changes),
-            geometry_shader=device.shader_source("particle.geom"),
-            fragment_shader=device.shader_source("plain.frag"),
-        )
-
-
-class SquareRoundedInward(EditedParticles):
-    """A row and a column of pixels less on each side."""
-
-    changes = (
-        ("max(corner_px, ivec2(0))", "max(corner_px + 1, ivec2(0))"),
-        ("image_px) - 1);", "image_px) - 2);"),
-    )
-
-
-class SquareOnePixelShort(EditedParticles):
-    """The last row and column left out."""
-
-    changes = (("image_px) - 1);", "image_px) - 2);"),)
-
-
-class CentreAlone(EditedParticles):
-    """Only the pixel of the centre is tested: popping at silhouettes, as the paper warns."""
-
-    changes = (("n_buffer_one(r)", "n_buffer_one((r + r.zwxy) / 2)"),)
-
-
-class LevelTooSmall(EditedParticles):
-    """A level below the one whose squares hold the sprite."""
-
-    changes = (("n_buffer_one(r)", "n_buffer_square(r.xy, findMSB(r.z - r.x + 1) - 1)"),)
-
-
-class SquareUnclipped(EditedParticles):
-    """The square starts outside the image, where no texel is."""
-
-    changes = (("max(corner_px, ivec2(0))", "corner_px"),)
-
-
-class RowsFromTheBottom(EditedParticles):
-    """The lookup takes rows from the bottom."""
-
-    changes = (
-        (
-            "n_buffer_one(r)",
-            "n_buffer_one(ivec4(r.x, image_px.y - 1 - r.w, r.z, image_px.y - 1 - r.y))",
-        ),
-    )
-
-
-class FarSideOfTheSprite(Particles):
-    """As if the sprite lay a little farther than it does."""
-
-    def depth_shift(self, view):
-        return -(2.0**-9)
-
-
-class NearestDepthOfTheSquare(Particles):
-    """Minimum for maximum."""
-
-    def make_levels(self, width, height):
-        return NBufferTexture(self.device, width, height, farthest=False)
-
-
-class DepthOfTheFrameBefore(Particles):
-    """The N-buffer is built once, and kept."""
-
-    def build(self, target):
-        if self.levels is None:
-            super().build(target)
-
-
-# Shadow volumes.
-
-
+@mutant("S", of=VOLUMES, caught_by="flat")
 class NoFootprint(ShadowVolumes):
     """Samples are points, and GL does not err."""
 
@@ -119,6 +46,7 @@ class NoFootprint(ShadowVolumes):
         return Points(self.device, self.light)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class LexelCentresAlone(ShadowVolumes):
     """As a litmap drawn from the light: what is seen between lexel centres is not in it."""
 
@@ -138,6 +66,7 @@ class LexelCentresAlone(ShadowVolumes):
         return Centres(self.device, self.light)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class LevelsSwapped(ShadowVolumes):
     """The greatest of the nearest distances in a rectangle, and the least of the farthest."""
 
@@ -157,6 +86,7 @@ class LevelsSwapped(ShadowVolumes):
         return litmaps
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class LitmapOfTheFrameBefore(ShadowVolumes):
     """The litmaps are made once, and kept."""
 
@@ -172,23 +102,27 @@ class LitmapOfTheFrameBefore(ShadowVolumes):
         return Kept(self.device, self.light)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class RectanglesRoundedInward(ShadowVolumes):
     def rectangles(self):
         low, high = self.casters.rectangle[:, :2], self.casters.rectangle[:, 2:]
         return np.concatenate([np.ceil(low), np.floor(high) - 1.0], axis=1).astype(np.int32)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class RectanglesRoundedToNearest(ShadowVolumes):
     def rectangles(self):
         low, high = self.casters.rectangle[:, :2], self.casters.rectangle[:, 2:]
         return np.concatenate([np.rint(low), np.rint(high) - 1.0], axis=1).astype(np.int32)
 
 
+@mutant("S", of=VOLUMES, caught_by="coarse")
 class LastRowLeftOut(ShadowVolumes):
     def rectangles(self):
         return super().rectangles() - np.array([0, 0, 0, 1], np.int32)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class RowsFlipped(ShadowVolumes):
     def rectangles(self):
         x0, y0, x1, y1 = super().rectangles().T
@@ -196,6 +130,7 @@ class RowsFlipped(ShadowVolumes):
         return np.stack([x0, height - 1 - y1, x1, height - 1 - y0], axis=1).astype(np.int32)
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class LightCapMovedVertexByVertex(ShadowVolumes):
     """The paper's rule: what is farther than the plane stays, what is nearer is projected."""
 
@@ -203,6 +138,7 @@ class LightCapMovedVertexByVertex(ShadowVolumes):
         return compute("volume_extents.comp", ("if (range.y <= least)", "if (true)"))
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class DarkPlaneAtTheNearest(ShadowVolumes):
     """The volume ends where it begins to be needed."""
 
@@ -212,6 +148,7 @@ class DarkPlaneAtTheNearest(ShadowVolumes):
         )
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class HiddenCastersCulled(ShadowVolumes):
     """A caster that is not seen itself casts nothing."""
 
@@ -235,18 +172,21 @@ def _some(faces, kept):
     return Faces(faces.indices[kept], np.concatenate([[0], np.cumsum(counts)]))
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class NoDarkCap(EditedCasters):
     def changed(self, casters):
         dark = (casters.body.indices >= len(casters.caster)).all(axis=1)
         return replace(casters, body=_some(casters.body, ~dark))
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class NoLightCapOfBackFaces(EditedCasters):
     def changed(self, casters):
         none = np.zeros(len(casters.caps_back.indices), np.bool_)
         return replace(casters, caps_back=_some(casters.caps_back, none))
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class SilhouetteByParity(EditedCasters):
     """An edge of two sheets is inside, whichever way they fold: the rule for closed meshes."""
 
@@ -284,6 +224,7 @@ class OtherDepthTest(ShadowVolumes):
             del self.device.apply
 
 
+@mutant("S", of=VOLUMES, caught_by="pedestals")
 class CapsInFrontOfTheirSurface(OtherDepthTest):
     """A light cap at the visible surface's depth does not count as behind it: every lit surface
     shadows itself."""
@@ -291,6 +232,7 @@ class CapsInFrontOfTheirSurface(OtherDepthTest):
     depth_funcs: ClassVar = {">=": ">"}
 
 
+@mutant("S", of=VOLUMES, caught_by="eye_in_shadow")
 class CountedInFront(OtherDepthTest):
     """Faces before the surface are counted ("z-pass"), as if the eye were never in a volume."""
 

@@ -1,149 +1,37 @@
-"""Deliberately broken lazy grids, one step each, and the small scenes that convict them.
+"""Lazy grids with one step broken, on the scenes of `tests.mutants.lazy_grid.scenes` beside the
+conformance suite's.
 
-`caught_by` names a scene, of `visref.conformance` or of `OWN` below, on which the verdict
-convicts the mutant of each variant it belongs to; `contract` says that only
-`tests.mutants.lazy_grid_contract` can see it.
+Hey, Tobler, Purgathofer 2001: with depths, a cell's z_far is never nearer than the true farthest
+depth; with the occlusion buffer, also, every object drawn lies wholly before the box tested.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
-from tests.mutants.bad_cullers import Method, Mutant, registrar
-from visref.camera import Camera
-from visref.conformance.scenes import Case, SceneMaker, box, camera, case, panel, pixel_panel
-from visref.conformance.scenes import together as merged
-from visref.scene import Alpha
+from tests.mutants.common import common
+from tests.mutants.harness import breaks, equivalent, mutant, not_here
+from tests.mutants.lazy_grid.contract import SUITE
 from visref_culling.lazy_grid import LazyGridCulling
 from visref_culling.lazy_grid.grid import FULL, OUTDATED, UNKNOWN, OcclusionGrid
 from visref_culling.lazy_grid.nodes import corners_of, pixel_bounds
+from visref_culling.queries.software_depth import SoftwareBuffer
 
-
-def method(name: str, **options: Any) -> Method:
-    return Method(f"lazy-grid-{name}", LazyGridCulling, {"cell": 8, **options})
-
-
-OCCLUSION = method("occlusion")
-Z = method("z", buffer="z")
-SOFTWARE = method("software", query="software")
-SOFTWARE_Z = method("software-z", query="software", buffer="z")
-GL = method("gl", query="gl")
-GL_Z = method("gl-z", query="gl", buffer="z")
+OCCLUSION = SUITE.method("lazy-grid-occlusion", LazyGridCulling, cell=8)
+Z = SUITE.method("lazy-grid-z", LazyGridCulling, cell=8, buffer="z")
+SOFTWARE = SUITE.method("lazy-grid-software", LazyGridCulling, cell=8, query="software")
+SOFTWARE_Z = SUITE.method(
+    "lazy-grid-software-z", LazyGridCulling, cell=8, query="software", buffer="z"
+)
+GL = SUITE.method("lazy-grid-gl", LazyGridCulling, cell=8, query="gl")
+GL_Z = SUITE.method("lazy-grid-gl-z", LazyGridCulling, cell=8, query="gl", buffer="z")
 
 OCCLUSIONS = (OCCLUSION, SOFTWARE, GL)
 DEPTHS = (Z, SOFTWARE_Z, GL_Z)
 ALL = (*OCCLUSIONS, *DEPTHS)
 READBACKS = (OCCLUSION, Z)
+SOFTWARES = (SOFTWARE, SOFTWARE_Z)
 PIXELS = (OCCLUSION, Z, SOFTWARE, SOFTWARE_Z)
-
-MUTANTS: list[Mutant] = []
-EQUIVALENT: dict[str, str] = {}
-NOT_HERE: dict[str, str] = {}
-
-OF_THE_METHOD = {
-    "U1": "draw list keyed by z_near",
-    "U2": "full on any covered pixel",
-    "U3": "full kept from the last frame",
-    "U4": "z_far = min",
-    "U5": "full set from a border intersection's query",
-    "U6": "intersection rounded inward",
-    "U7": "section 5 with <",
-    "U8": "readback y flipped",
-    "U9": "viewport no multiple of the cell: edge cell cut short",
-    "U10": "a child hidden in a parent that was never tested",
-    "U11": "ties of z_near in the wrong order",
-    "W12": "outdated never set",
-    "W13": "always outdated (busy)",
-    "W14": "the zmax shortcut",
-    "W15": "up-to-date cells not asked first",
-}
-
-
-mutant = registrar(MUTANTS)
-
-
-# Scenes. Orthographic ones have a world unit a pixel and the image's middle at the origin.
-
-OWN: dict[str, SceneMaker] = {}
-
-
-def own(claim: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
-    def register(build: Callable[..., Case]) -> Callable[..., Case]:
-        OWN[build.__name__] = SceneMaker(build.__name__, claim, "", build)
-        return build
-
-    return register
-
-
-def flat(width: int = 64, height: int = 48, **changes: Any) -> Camera:
-    values: dict[str, Any] = {"near": 1.0, "far": 100.0, "ymag": height / 2, **changes}
-    return camera(width=width, height=height, **values)
-
-
-@own("draws the poster before a slanted wall whose near end is nearer than the poster")
-def poster_before_a_slanted_wall(rng: np.random.Generator) -> Case:
-    wall = (
-        np.array([[-30, -20, -4], [30, -20, -60], [30, 20, -60], [-30, 20, -4]], float),
-        np.array([[0, 1, 2], [0, 2, 3]]),
-    )
-    return case([("wall", wall), ("poster", panel((10, 20), (-5, 5), -20.0))], [flat()])
-
-
-@own("draws what shows through a hole in a cell that is otherwise covered")
-def behind_a_sieve(rng: np.random.Generator) -> Case:
-    strips = [panel((-32 + 4 * k, -30 + 4 * k), (-24, 24), -5.0) for k in range(16)]
-    return case([("sieve", merged(*strips)), ("wall", panel((-32, 32), (-24, 24), -9))], [flat()])
-
-
-@own("forgets a wall that the next frame has turned away from")
-def wall_that_goes_away(rng: np.random.Generator) -> Case:
-    wall, poster = panel((-32, 32), (-24, 24), -5.0), panel((100, 110), (-5, 5), -9.0)
-    return case(
-        [("wall", wall), ("behind", panel((-9, 9), (-9, 9), -9)), ("poster", poster)],
-        [flat(), camera((105.0, 0.0, 0.0), near=1.0, far=100.0, ymag=24.0)],
-    )
-
-
-@own("draws what shows in a corner of a cell after a box in its other corner was hidden")
-def two_corners_of_a_cell(rng: np.random.Generator) -> Case:
-    cells = [(x, y) for x in range(-32, 32, 8) for y in range(-24, 24, 8)]
-    covers = [panel((x, x + 4), (y, y + 8), -5.0) for x, y in cells]
-    hidden = [(f"hidden{x},{y}", panel((x + 1, x + 3), (y + 1, y + 7), -10.0)) for x, y in cells]
-    seen = [(f"seen{x},{y}", panel((x + 5, x + 7), (y + 1, y + 7), -20.0)) for x, y in cells]
-    return case([("covers", merged(*covers)), *hidden, *seen], [flat()])
-
-
-@own("draws what shows in the last columns and rows of an image that ends within a cell")
-def image_ends_within_a_cell(rng: np.random.Generator) -> Case:
-    view = flat(61, 45)
-    wall = pixel_panel(view, (-1.0, 55.5), (-1.0, 39.5), 5.0)
-    right = pixel_panel(view, (57.0, 60.0), (3.0, 30.0), 9.0)
-    low = pixel_panel(view, (3.0, 30.0), (41.0, 44.0), 9.0)
-    behind = pixel_panel(view, (3.0, 50.0), (3.0, 30.0), 9.0)
-    return case([("wall", wall), ("right", right), ("low", low), ("behind", behind)], [view])
-
-
-@own("does not take glass for a wall")
-def behind_glass(rng: np.random.Generator) -> Case:
-    objects = [
-        ("glass", panel((-32, 32), (-24, 24), -5.0)),
-        ("poster", panel((-9, 9), (-9, 9), -9.0)),
-    ]
-    return case(objects, [flat()], alpha={"glass": Alpha.BLEND})
-
-
-@own("draws a poster before a wall, in a cell where a box from nearer on was hidden")
-def box_hidden_by_its_far_end(rng: np.random.Generator) -> Case:
-    view = camera()
-    # The wall goes first by its near corner. The box's side runs away from the eye: in the cell
-    # from (40, 16) to (47, 23) it lies behind the wall, two cells on before it.
-    wall = merged(panel((-7, 7), (-6, 6), -8.0), panel((-1.0, -0.9), (-0.9, -0.8), -2.0))
-    side = box((3.0, -1.0, -40.0), (3.5, 1.0, -5.0))
-    poster = pixel_panel(view, (41.0, 46.5), (17.0, 22.5), 6.0)
-    return case([("wall", wall), ("side", side), ("poster", poster)], [view])
 
 
 # The method's own mutants.
@@ -269,13 +157,15 @@ class ParentsWaitForTheirCentres:
         return 0.5 * (walk.near[node] + walk.far[node])
 
 
-EQUIVALENT["U11"] = (
+equivalent(
+    "U11",
+    ALL,
     "the depths compared are those of inflated boxes: where they are equal the objects are apart "
-    "by both inflations, so either order is right"
+    "by both inflations, so either order is right",
 )
 
 
-@mutant("W12", of=ALL, contract="proof")
+@mutant("W12", of=ALL, contract="each_answer_follows_from_what_is_known")
 class NeverOutdated:
     """What is drawn leaves the cells as they are."""
 
@@ -283,15 +173,19 @@ class NeverOutdated:
         pass
 
 
-# A query that only compares knows a cell up to the depth that was asked, and boxes come from
-# front to back: what shows the one before says nothing of the next. So for `gl-z` every cell
-# that does not hide a box is asked, and W13 and W15 change nothing there.
 KNOWING = (*OCCLUSIONS, Z, SOFTWARE_Z)
+equivalent(
+    "W13 W15",
+    (GL_Z,),
+    "a query that only compares knows a cell up to the depth that was asked, and boxes come from "
+    "front to back: what shows the one before says nothing of the next, and every cell that does "
+    "not hide a box is asked anyhow",
+)
 
 
 # With depths, the cell asked in vain and the one that knew are seldom the same.
-@mutant("W13", of=OCCLUSIONS, contract="outdated")
-@mutant("W13", of=(Z, SOFTWARE_Z), contract="first")
+@mutant("W13", of=OCCLUSIONS, contract="a_cell_is_asked_whole_only_where_it_may_not_know")
+@mutant("W13", of=(Z, SOFTWARE_Z), contract="cells_that_know_are_looked_up_first")
 class AlwaysOutdated:
     """Every cell is asked again for every box."""
 
@@ -303,7 +197,7 @@ class AlwaysOutdated:
         return super().scan(walk, node)
 
 
-@mutant("W14", of=DEPTHS, contract="proof")
+@mutant("W14", of=DEPTHS, contract="each_answer_follows_from_what_is_known")
 class BorderOfBackgroundShows:
     """As Fig. 3 prints it: a border cell at z_max shows the box, stale or partly covered."""
 
@@ -314,7 +208,7 @@ class BorderOfBackgroundShows:
         return free, internal if not free else [], border if not free else []
 
 
-@mutant("W15", of=KNOWING, contract="first")
+@mutant("W15", of=KNOWING, contract="cells_that_know_are_looked_up_first")
 class CellsAskedAsTheyCome:
     """Outdated cells are asked before those that know the answer."""
 
@@ -417,10 +311,6 @@ class DepthReadBackInSixteenBits(DepthReadBackInBytes):
     steps = 65535
 
 
-NOT_HERE["G2"] = "no box is rasterised, so no face of one is culled"
-NOT_HERE["G8"] = "an object's own depth is not there when its box is tested"
-
-
 @mutant("G9", of=(GL, GL_Z), caught_by="objects_of_one_sample")
 class ThresholdAboveOneSample:
     """An area of a single passing sample counts as hidden."""
@@ -449,12 +339,24 @@ class DepthOfTheLastFrame:
         self.cleared = True
 
 
-@mutant("G13", of=ALL, caught_by="behind_glass")
-class GlassOccludes:
-    """Every triangle hides what lies behind it."""
+@mutant("G11", of=SOFTWARES, caught_by="fast_turn")
+class SoftwareDepthOfTheLastFrame:
+    """The same of the software buffer."""
 
-    def occluders(self, scene):
-        return np.ones(scene.triangle_count, bool)
+    def area_queries(self):
+        class Kept(SoftwareBuffer):
+            def begin(self, view, target, stats):
+                before = self.depth.copy()
+                super().begin(view, target, stats)
+                if before.shape == self.depth.shape:
+                    self.depth[:] = before
+
+        made = super().area_queries()
+        made.__class__ = Kept
+        return made
+
+
+common("G13", of=ALL, caught_by="behind_glass")
 
 
 @mutant("G14", of=(GL, GL_Z), caught_by="peeking_by_a_pixel")
@@ -465,4 +367,60 @@ class UnfinishedQueryReadAsZero:
         return np.zeros(len(samples), bool)
 
 
-NOT_HERE["G12"] = "the depth that is read or queried has one sample a pixel; no step makes another"
+# Where a variant has no such step.
+
+not_here("G2", ALL, "no box is rasterised, so no face of one is culled")
+not_here("G8", ALL, "an object's own depth is not there when its box is tested")
+not_here("G12", ALL, "the depth read or queried has one sample per pixel; no step makes another")
+not_here("G7 U8", (*SOFTWARES, GL, GL_Z), "nothing is read back")
+equivalent(
+    "G7",
+    (OCCLUSION,),
+    "the one question is whether a pixel is as far as the background; rounding takes some covered "
+    "pixels for free and no free one for covered",
+)
+not_here("G9 G14", PIXELS, "no query counts samples")
+not_here("U1", DEPTHS, "what is visible is drawn at once: there is no list to order")
+not_here("U2", (GL, GL_Z), "GL counts the pixels; what is made of the count is G9's")
+not_here("U4 W14", OCCLUSIONS, "a cell keeps no depth")
+not_here("U4", (GL_Z,), "a query compares and reads no depth")
+not_here("U7", (*PIXELS, GL), "only a query of GL's that compares depths can be asked so")
+equivalent("U10", DEPTHS, "depths are compared, so the order of tests costs queries and no object")
+
+
+# What the other contracts see.
+
+
+@breaks("nothing_is_asked_but_for_a_test", of=(OCCLUSION, Z))
+class UpdatesAtOnce:
+    """Each draw brings its cells up to date."""
+
+    def draw_leaf(self, walk, node):
+        super().draw_leaf(walk, node)
+        self.update_all(walk, node)
+
+
+@breaks("border_cells_come_last_and_only_their_share_is_asked", of=(OCCLUSION, Z))
+class BorderCellsFirst:
+    """The cells that a box only touches are asked before those that it covers."""
+
+    def scan(self, walk, node):
+        self.node = node
+        return super().scan(walk, node)
+
+    def ask_internal(self, walk, cell, depth):
+        for other in self.scan(walk, self.node)[2]:
+            self.ask_border(walk, other, self.node)
+        return super().ask_internal(walk, cell, depth)
+
+
+@breaks("border_cells_come_last_and_only_their_share_is_asked", of=(OCCLUSION, Z))
+class AsksAllOfABorderCell:
+    """A border cell's query covers all of it."""
+
+    def shared(self, cell, area):
+        return cell
+
+
+SUITE.kept_by(*ALL)
+SUITE.kept_by(*ALL, update="busy")

@@ -1,9 +1,4 @@
-"""Deliberately broken N-buffer cullers, one step each.
-
-`caught_by` names a scene of `visref.conformance` on which the verdict convicts the mutant;
-`contract` says that only `tests.mutants.n_buffer_contract` can see it. A mutant of the GPU is an
-edit of its shaders.
-"""
+"""N-buffer culling on the CPU with one step broken."""
 
 from __future__ import annotations
 
@@ -11,69 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from tests.mutants.bad_cullers import (
-    GlassOccludes,
-    Method,
-    MirroredCornersUnsorted,
-    Mutant,
-    QueryWithTheEyeInside,
-    ResolvedMultisamples,
-    ThresholdAboveOneSample,
-    TwoCornersTransformed,
-    UnfinishedQueryReadAsZero,
-    registrar,
-)
-from tests.support.shader_edits import edited
-from visref_culling.n_buffer import NBufferCulling
+from tests.mutants.harness import mutant
+from tests.mutants.n_buffer.methods import ACROSS, CPU, FOUR, LEANING, ONE, PIERCED, TREE
+from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.n_buffer.cover import Cover
 from visref_culling.n_buffer.depth_map import DepthMapQueries
-from visref_culling.n_buffer.gpu import NBufferTexture
-from visref_culling.n_buffer.gpu_cull import SHADER, GpuCull
 from visref_culling.n_buffer.levels import build_levels, look_up
-
-
-def method(name: str, **options: Any) -> Method:
-    return Method(f"n-buffer-{name}", NBufferCulling, options)
-
-
-FOUR = method("four")
-ONE = method("one", squares=1)
-TREE = method("tree", hierarchy=True)
-GPU = method("gpu", where="gpu")
-GPU_ONE = method("gpu-one", where="gpu", squares=1)
-QUERY = method("query", test="query")
-
-CPU = (FOUR, ONE, TREE)
-GPUS = (GPU, GPU_ONE)
-LOOKUPS = (*CPU, *GPUS)
-ALL = (*LOOKUPS, QUERY)
-
-MUTANTS: list[Mutant] = []
-# (id, method's name) -> the reason.
-EQUIVALENT: dict[tuple[str, str], str] = {}
-NOT_HERE: dict[tuple[str, str], str] = {}
-
-OF_THE_METHOD = {
-    "U1": "min for max, or reversed depth",
-    "U2": "d for d + 1 pixels",
-    "U3": "offset 2^(i±1)",
-    "U4": "the second square one pixel short",
-    "U5": "level rounded down",
-    "U6": "bottom and top origin mixed",
-    "U7": "unclipped query",
-    "U8": "linear filtering, or half a texel off",
-    "U9": "top level missing at 640",
-    "U10": "last frame's depth",
-    "U11": "half-float level",
-    "W12": "border 1",
-    "W13": "repeat wrap",
-}
-
-mutant = registrar(MUTANTS)
-
-PIERCED = "revealed_by_a_pierced_wall"
-LEANING = "revealed_leaning_panels"
-ACROSS = "revealed_across_the_near_plane"
 
 
 def of_the_map(step: type) -> type:
@@ -83,48 +21,6 @@ def of_the_map(step: type) -> type:
         return type(step.__name__, (step, DepthMapQueries), {})(squares)
 
     return type(step.__name__, (), {"__doc__": step.__doc__, "map_queries": map_queries})
-
-
-def on_the_gpu(name: str, about: str, *edits: tuple[str, str], build: str = "") -> type:
-    """A culler's step that edits the GPU's shader, or with `build` the one that builds levels."""
-
-    class Built(NBufferTexture):
-        def shader(self, name: str) -> Any:
-            if name != build:
-                return super().shader(name)
-            return self.device.context.compute_shader(edited(build, *edits))
-
-    class Edited(GpuCull):
-        def load(self) -> Any:
-            if build:
-                return super().load()
-            return self.device.context.compute_shader(edited(SHADER, *edits))
-
-        texture = Built
-
-    return type(name, (), {"__doc__": about, "gpu_cull": Edited})
-
-
-def not_here(ids: str, of: tuple[Method, ...], reason: str) -> None:
-    NOT_HERE.update({(id, one.name): reason for id in ids.split() for one in of})
-
-
-# Steps of the method.
-
-
-for id_, step, caught in (
-    ("G10", TwoCornersTransformed, "walk_through_a_city"),
-    ("G10", MirroredCornersUnsorted, "walk_through_a_city"),
-    ("G13", GlassOccludes, "revealed_behind_glass"),
-):
-    mutant(id_, of=ALL, caught_by=caught)(step)
-for id_, step, caught in (
-    ("G2", QueryWithTheEyeInside, "eye_inside_an_object"),
-    ("G9", ThresholdAboveOneSample, PIERCED),
-    ("G12", ResolvedMultisamples, "crowd"),
-    ("G14", UnfinishedQueryReadAsZero, "stacks_of_sheets"),
-):
-    mutant(id_, of=(QUERY,), caught_by=caught)(step)
 
 
 @mutant("G1", of=CPU, caught_by=ACROSS)
@@ -330,8 +226,6 @@ class UnclippedQuery:
     """Squares start where the unclipped rectangle does; before the image, the border is 0."""
 
     def rectangles(self, boxes):
-        from visref_culling.boxes.rectangles import screen_rectangles
-
         self.unclipped = screen_rectangles(self.view, boxes, clip_to_window=False)
         return self.unclipped
 
@@ -405,94 +299,6 @@ class HalfFloatLevels:
         return super().build(depth).astype(np.float16).astype(np.float32)
 
 
-# The same on the GPU, as edits of its shaders.
-
-_LOOK = "texelFetch(n_buffer, ivec3(start, level), 0).x"
-_EDITS: dict[str, tuple[str, str, str, list[tuple[str, str]], str]] = {
-    "G1": ("CornersBehindTheEyeOnTheGPU",
-           "Corners are projected whatever their sign, and depth is taken from the farthest.",
-           ACROSS,
-           [("if (nearest <= growth.w) {\n        return true;\n    }", ""),
-            ("double nearest = least(depth_row.xyz);",
-             "double nearest = least(depth_row.xyz);\n"
-             "    nearest = nearest > growth.w ? nearest : most(depth_row.xyz);")], ""),
-    "G4": ("LastColumnLeftOutOnTheGPU", "The rectangle ends before its last column and row.",
-           PIERCED,
-           [("return ivec4(ivec2(first), ivec2(last));",
-             "return ivec4(ivec2(first), max(ivec2(last) - 1, min(ivec2(first), ivec2(last))));")],
-           ""),
-    "G5": ("EuclideanDistanceOnTheGPU", "The distance of the nearest point is compared.", PIERCED,
-           [("double ndc = to_window.x * nearest + to_window.y;",
-             "nearest = length(max(max(low, -high), dvec3(0.0lf)));\n"
-             "    double ndc = to_window.x * nearest + to_window.y;")], ""),
-    "G6": ("DepthOfTheCentreOnTheGPU", "The box's centre stands for its nearest point.", LEANING,
-           [("double ndc = to_window.x * nearest + to_window.y;",
-             "nearest = 0.5lf * dot(depth_row.xyz, low + high);\n"
-             "    double ndc = to_window.x * nearest + to_window.y;")], ""),
-    "G7": ("SixteenBitsOnTheGPU", "Depth enters the levels in 16 bits, rounded to nearest.",
-           PIERCED,
-           [("vec4(depth)", "vec4(round(depth * 65535.0) / 65535.0)")], "n_buffer_base.comp"),
-    "G8": ("StrictAndUnshiftedOnTheGPU", "A box at its own object's depth is hidden.",
-           "huge_depth_range",
-           [("0.5lf * (ndc - to_window.z) + 0.5lf", "0.5lf * ndc + 0.5lf"),
-            ("return depth <= double(farthest);", "return float(depth) < farthest;")], ""),
-    "U1": ("NearestForFarthestOnTheGPU", "A level holds the nearest depth.", PIERCED,
-           [("farthest ? max(depth, other)", "!farthest ? max(depth, other)")],
-           "n_buffer_level.comp"),
-    "U2": ("DifferenceForCountOnTheGPU", "Squares for x1 - x0 pixels, not one more.", PIERCED,
-           [("ivec2 size = r.zw - r.xy + 1;", "ivec2 size = max(r.zw - r.xy, 1);")], ""),
-    "U3": ("OffsetTooFarOnTheGPU", "A level is joined from pixels a whole square apart.", PIERCED,
-           [("1 << (level - 1)", "1 << level")], "n_buffer_level.comp"),
-    "U5": ("LevelRoundedDownOnTheGPU", "The level is rounded down.", PIERCED,
-           [("findMSB(n - 1) + 1", "findMSB(n - 1)")], ""),
-    "U6": ("BottomForTopOnTheGPU", "Level 0 is copied with the first row at the bottom.", PIERCED,
-           [("size.y - 1 - at.y", "at.y")], "n_buffer_base.comp"),
-    "U7": ("UnclippedQueryOnTheGPU", "The rectangle is not clipped; outside is 0.", PIERCED,
-           [("floor(min(max(first, dvec2(0.0lf)), size))", "floor(first)"),
-            ("floor(max(min(last, size - 1.0lf), dvec2(-1.0lf)))", "floor(last)"),
-            (_LOOK, "(any(lessThan(start, ivec2(0))) ? 0.0 : " + _LOOK + ")")], ""),
-    "U8": ("OneTexelOffOnTheGPU", "The pixel before is looked up.", PIERCED,
-           [(_LOOK, "texelFetch(n_buffer, ivec3(max(start - 1, 0), level), 0).x")], ""),
-    "U11": ("HalfFloatLevelsOnTheGPU", "Levels are kept in 16-bit floating point.", PIERCED,
-            [("vec4(depth)", "vec4(unpackHalf2x16(packHalf2x16(vec2(depth))).x)")],
-            "n_buffer_base.comp"),
-}  # fmt: skip
-for id_, (name_, about_, caught_, edits_, build_) in _EDITS.items():
-    mutant(id_, of=GPUS, caught_by=caught_)(on_the_gpu(name_, about_, *edits_, build=build_))
-mutant("U4", of=(GPU,), caught_by=PIERCED)(
-    on_the_gpu(
-        "SecondSquareShortOnTheGPU",
-        "The squares that end at the rectangle's last column start one pixel too early.",
-        ("ivec2 last = max(r.zw - side + 1, r.xy);", "ivec2 last = max(r.zw - side, r.xy);"),
-    )
-)
-mutant("U9", of=(GPU_ONE,), caught_by=PIERCED)(
-    on_the_gpu(
-        "TopLevelMissingOnTheGPU",
-        "Levels end with the largest square that fits the image's longer side.",
-        ("n_buffer_square(r.xy, n_buffer_level(max(size.x, size.y)))",
-         "n_buffer_square(r.xy, min(n_buffer_level(max(size.x, size.y)), 6))"),
-    )
-)  # fmt: skip
-
-
-@mutant("U10", of=GPUS, caught_by="jump_cuts")
-@mutant("G11", of=GPUS, caught_by="jump_cuts")
-class DepthOfTheLastFrameOnTheGPU:
-    """The levels of the frame before are looked up with this frame's camera."""
-
-    class gpu_cull(GpuCull):
-        class texture(NBufferTexture):
-            before = None
-
-            def build(self, target, *, levels=None):
-                super().build(target, levels=levels)
-                made = self.read().tobytes()
-                if self.before is not None:
-                    self.texture.write(self.before)
-                self.before = made
-
-
 # Wasteful ones.
 
 
@@ -512,7 +318,7 @@ def bordered(border: float):
     return build
 
 
-@mutant("W12", of=CPU, contract="hidden")
+@mutant("W12", of=CPU, contract="what_one_square_hides_is_not_drawn")
 @of_the_map
 class BorderOfOne:
     """Outside the image lies the farthest depth."""
@@ -520,7 +326,7 @@ class BorderOfOne:
     build = bordered(1.0)
 
 
-@mutant("W13", of=CPU, contract="hidden")
+@mutant("W13", of=CPU, contract="what_one_square_hides_is_not_drawn")
 @of_the_map
 class RepeatWrap:
     """Beyond the image's edge the other edge follows."""
@@ -534,26 +340,7 @@ class RepeatWrap:
         return levels
 
 
-# The wasteful edits: what leaves the image joins the farthest depth, or the other edge.
-mutant("W12", of=GPUS, contract="hidden")(
-    on_the_gpu(
-        "BorderOfOneOnTheGPU",
-        "Outside the image lies the farthest depth.",
-        ("return depth;\n    }", "return 1.0;\n    }"),
-        build="n_buffer_level.comp",
-    )
-)
-mutant("W13", of=GPUS, contract="hidden")(
-    on_the_gpu(
-        "RepeatWrapOnTheGPU",
-        "Beyond the image's edge the other edge follows.",
-        ("return depth;\n    }", "at = at % size;\n    }"),
-        build="n_buffer_level.comp",
-    )
-)
-
-
-@mutant("nothing forgotten", of=CPU, contract="hidden")
+@mutant("nothing forgotten", of=CPU, contract="what_one_square_hides_is_not_drawn")
 class StaleOccludersKept:
     """What was drawn is remembered, not what was tested visible: occluders never go."""
 
@@ -562,7 +349,7 @@ class StaleOccludersKept:
         self.seen[np.concatenate([np.zeros(0, np.int64), *frame.drawn])] = True
 
 
-@mutant("occluders not tested", of=(FOUR, ONE), contract="tested")
+@mutant("occluders not tested", of=(FOUR, ONE), contract="every_unit_in_view_is_tested")
 class OccludersNotTested:
     """What was drawn as an occluder is taken to be visible."""
 
@@ -572,24 +359,3 @@ class OccludersNotTested:
         rest = ~old
         shown[rest] = self.visible(frame, frame.boxes[rest], frame.sure[rest])
         return shown
-
-
-# Reasons.
-
-not_here("G1 G3 G4 G5 G6 G7 G8", (QUERY,), "the rasteriser projects, rounds and compares the box")
-not_here("U1 U2 U3 U4 U5 U6 U7 U8 U9 U11 W12 W13", (QUERY,), "nothing is looked up")
-not_here("U10 G11", (QUERY,), "the depth is the target's, cleared and drawn in this frame")
-not_here("G2", LOOKUPS, "no box is rasterised, so no face of one is culled")
-not_here("G9", LOOKUPS, "no samples are counted")
-not_here("G12", LOOKUPS, "the depth that is looked up is the one of a single-sampled target")
-not_here("G14", LOOKUPS, "nothing is asked that could be unfinished")
-not_here("U4", (ONE, GPU_ONE), "there is no second square")
-for one_ in LOOKUPS:
-    EQUIVALENT["G3", one_.name] = (
-        "in whole pixels, sides rounded to nearest hold exactly the pixels whose centres lie in "
-        "the unrounded rectangle, and the box is inflated by more than a centre can be off"
-    )
-for one_ in (FOUR, TREE, GPU):
-    EQUIVALENT["U9", one_.name] = (
-        "four squares of half the side never need the top level, for any rectangle in the image"
-    )

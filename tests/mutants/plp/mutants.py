@@ -1,81 +1,48 @@
-"""Deliberately broken cPLPs, one step each, and the small scenes that convict them.
+"""PLP and cPLP with one step broken, on the scenes of `tests.mutants.plp.scenes` beside the
+conformance suite's.
 
-`caught_by` names a scene, of `visref.conformance` or of `OWN` below, on which the verdict
-convicts the mutant of each way of asking; `contract` says that only a checker of
-`tests.mutants.test_plp_mutants` can see it.
+Klosowski, Silva 2001: PLP draws the cells that seem to show until a budget is spent, and promises
+nothing; cPLP then asks the cells of the front until none is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
 
-from tests.mutants.bad_cullers import Method, Mutant, ResolvedMultisamples, registrar
-from tests.support.culling_scenes import box as solid
-from visref.conformance.scenes import Case, SceneMaker, camera, case
+from tests.mutants.common import COMMON, common
+from tests.mutants.harness import mutant, not_here
+from tests.mutants.plp.contract import SUITE
 from visref.scene import Units
 from visref_culling.gl.shared_geometry import SharedGeometry
-from visref_culling.plp import ConservativePLPCulling
+from visref_culling.plp import ConservativePLPCulling, PLPCulling
 from visref_culling.plp.octree import Links
 from visref_culling.plp.traversal import UNMET
 from visref_culling.queries.histogram import HistogramQueries
 from visref_culling.queries.item_buffer_query import TILE_PX, ItemBufferQueries
 
-
-def method(name: str, **options: Any) -> Method:
-    return Method(f"cplp-{name}", ConservativePLPCulling, {"leaf": 4, "budget": 12, **options})
+PLP = SUITE.method("plp", PLPCulling, leaf=4, budget=12)
 
 
-EXT = method("ext", query="fragment-histogram")
-HP = method("hp", query="occlusion-query")
-IB = method("ib", query="item-buffer")
-HG = method("hg", query="histogram")
-IB_RESTORE = method("ib-restore", query="item-buffer", image="restore")
-HG_RESTORE = method("hg-restore", query="histogram", image="restore")
+def conservative(name: str, **options):
+    return SUITE.method(f"cplp-{name}", ConservativePLPCulling, leaf=4, budget=12, **options)
+
+
+EXT = conservative("ext", query="fragment-histogram")
+HP = conservative("hp", query="occlusion-query")
+IB = conservative("ib", query="item-buffer")
+HG = conservative("hg", query="histogram")
+IB_RESTORE = conservative("ib-restore", query="item-buffer", image="restore")
+HG_RESTORE = conservative("hg-restore", query="histogram", image="restore")
 
 ITEMS = (IB, HG)
 RESTORES = (IB_RESTORE, HG_RESTORE)
 WAYS = (EXT, HP, *ITEMS)
 ALL = (*WAYS, *RESTORES)
 
-MUTANTS: list[Mutant] = []
-EQUIVALENT: dict[str, str] = {}
-NOT_HERE: dict[str, str] = {
-    "G1": "no box is projected on the CPU",
-    "G3": "no rectangle is computed",
-    "G4": "no rectangle is computed; the tiles at the border are U10's",
-    "G5": "no depth is compared on the CPU",
-    "G6": "no depth is compared on the CPU",
-    "G7": "no depth is read back",
-    "G8": "a cell's own triangles are not drawn when it is asked, but for those of neighbours",
-    "G10": "no corner is transformed to make a box: cells are the octree's",
-    "G11": "nothing is kept from one frame to the next but the tiles, which are U10's",
-}
-
-OF_THE_METHOD = {
-    "U1": "stops at the budget",
-    "U2": "a single item-buffer pass",
-    "U3": "ids wrap at 256 or hit the background",
-    "U4": "depth mask on during queries",
-    "U5": "equal-size neighbours only",
-    "U6": "empty leaves skipped",
-    "U7": "a triangle only in its centroid's leaf",
-    "U8": "eye outside: nearest cell not in the frustum, so an empty front",
-    "U9": "back faces of cells culled",
-    "U10": "tile retired at a viewport that is no multiple of 64, or on stale state",
-    "U11": "multisampling, dither or blending on the item target",
-    "U12": "no re-render after the restore",
-    "W13": "solidity ignored",
-    "W14": "occluded cells queued again",
-    "W15": "triangles drawn twice",
-}
-
-
-mutant = registrar(MUTANTS)
+SUITE.kept_by(*ALL, PLP)
 
 
 def item_step(step: type) -> type:
@@ -90,50 +57,6 @@ def item_step(step: type) -> type:
 
     Broken.__name__ = step.__name__
     return Broken
-
-
-# Scenes.
-
-OWN: dict[str, SceneMaker] = {}
-
-
-def own(claim: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
-    def register(build: Callable[..., Case]) -> Callable[..., Case]:
-        OWN[build.__name__] = SceneMaker(build.__name__, claim, "", build)
-        return build
-
-    return register
-
-
-def boxes_beyond(rng: np.random.Generator, count: int = 60) -> list[tuple[str, Any]]:
-    made = []
-    for k in range(count):
-        centre = rng.uniform((-6, -5, -22), (6, 5, -8))
-        made.append((f"box{k}", solid(tuple(centre), rng.uniform(0.1, 0.5))))
-    return made
-
-
-@own("draws boxes that lie far before an eye outside all cells")
-def seen_from_outside(rng: np.random.Generator) -> Case:
-    views = [
-        camera(eye=(0.0, 0.0, 8.0), target=(0.0, 0.0, -15.0), width=100, height=70),
-        camera(eye=(30.0, 20.0, 0.0), target=(0.0, 0.0, -15.0), width=100, height=70),
-    ]
-    return case(boxes_beyond(rng), views)
-
-
-@own("draws what stands in the last rows and columns, frame after frame")
-def border_of_a_large_image(rng: np.random.Generator) -> Case:
-    def crowd(x: tuple[float, float], y: tuple[float, float], name: str) -> list[tuple[str, Any]]:
-        return [
-            (f"{name}{k}", solid((rng.uniform(*x), rng.uniform(*y), rng.uniform(-12, -8)), 0.12))
-            for k in range(14)
-        ]
-
-    straight = camera(width=100, height=70, yfov=1.0)
-    aside = camera(target=(6.0, 0.0, -8.0), width=100, height=70, yfov=1.0)
-    objects = [*crowd((5.0, 7.0), (-4, 4), "right"), *crowd((-5, 5), (3.2, 4.6), "top")]
-    return case(objects, [straight, aside, straight])
 
 
 # Traversal.
@@ -208,7 +131,7 @@ class OnlyTheNearestCell:
         return np.argmin(np.linalg.norm(nearest - eye, axis=1), keepdims=True)
 
 
-@mutant("W13", of=(EXT,), contract="cells_come_in_the_order_of_what_shows")
+@mutant("W13", of=(EXT, PLP), contract="cells_come_in_the_order_of_what_shows")
 class SolidityIgnored:
     """No cell hides another: the largest on the screen comes first."""
 
@@ -230,7 +153,7 @@ class HiddenCellsQueuedAgain:
         self.once[hidden] = True
 
 
-@mutant("W15", of=(EXT, IB_RESTORE), contract="no_triangle_is_drawn_twice")
+@mutant("W15", of=(EXT, IB_RESTORE, PLP), contract="no_triangle_is_drawn_twice")
 class TrianglesDrawnTwice:
     """A triangle is drawn with every cell that holds it."""
 
@@ -270,25 +193,9 @@ class ThresholdAboveOneSample:
         return samples > 40
 
 
-mutant("G12", of=(HP,), caught_by="seen_from_outside")(ResolvedMultisamples)
-
-
-@mutant("G13", of=(EXT, IB), caught_by="glass", leaf=2)
-class GlassOccludes:
-    """Every triangle writes depth, the transparent ones too."""
-
-    def occluders(self, scene):
-        return np.ones(scene.triangle_count, bool)
-
-
-@mutant("G14", of=(EXT, HP), caught_by="lens_shift_and_zoom")
-class UnfinishedQueryReadAsZero:
-    """The last query sent has no answer yet, and is taken to say zero."""
-
-    def passes(self, samples):
-        ready = samples.copy()
-        ready[-1:] = 0
-        return super().passes(ready)
+common("G12", of=(HP,), caught_by="seen_from_outside")
+common("G13", of=(EXT, IB), leaf=2)
+common("G14", of=(EXT, HP), caught_by="lens_shift_and_zoom")
 
 
 @mutant("U2", of=ITEMS, caught_by="seen_from_outside")
@@ -351,3 +258,27 @@ class NotRenderedAgain:
 
     def render_again(self, frame):
         pass
+
+
+# Where a method has no such step.
+
+not_here("G1 G10", ALL, "no box is made or projected on the CPU: cells are the octree's")
+not_here("G3", ALL, "no rectangle is computed")
+not_here("G4", ALL, "no rectangle is computed; the tiles at the border are U10's")
+not_here("G5 G6 G7", ALL, "no depth is compared or read back on the CPU")
+not_here(
+    "G8", ALL, "a cell's own triangles are not drawn when it is asked, but for its neighbours'"
+)
+not_here("G11", ALL, "nothing is kept from one frame to the next but the tiles, which are U10's")
+not_here("G9 W14", RESTORES, "only what becomes of the picture differs from cplp-ib and cplp-hg")
+not_here("G12", (EXT, *ITEMS, *RESTORES), "what is asked fills buffers of its own, not the image")
+not_here("G13", (HP, HG, *RESTORES), "what is drawn is the same however cells are asked")
+not_here("G14", (*ITEMS, *RESTORES), "the ids are read once the picture is finished")
+not_here("U1 U5 U6 U7 U8 W13", (HP, *ITEMS, *RESTORES), "the ways of asking share the traversal")
+not_here("U2 U3 U10 U11", (EXT, HP), "no ids are drawn")
+not_here("U2 U3 U10 U11", RESTORES, "the ids are cplp-ib's and cplp-hg's")
+not_here("U12", WAYS, "nothing is restored")
+not_here("W15", (HP, *ITEMS, HG_RESTORE), "the ways of asking share the geometry")
+UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W")]
+not_here(" ".join(UNSAFE), (PLP,), "it promises nothing: what its budget leaves out is measured")
+not_here("W14", (PLP,), "no cell is asked")

@@ -1,25 +1,44 @@
 """What the N-buffer promises to save, checked by watching its steps and its drawn sets.
 
 Nothing of the method's own code is used: rectangles and depths are computed here, by hand, from
-the scene and the camera, and the depth map is the one that the method drew. Rules:
-
-- hidden: a box whose smallest power-of-two square, from its rectangle's upper left corner and
-  clipped to the image, is nearer all over than the box, is not drawn, unless the frame before saw
-  it: then it is an occluder once, and forgotten;
-- tested: every unit in view is tested, the occluders too.
+the scene and the camera, and the depth map is the one that the method drew.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from tests.mutants.harness import Suite, Trace
 from visref.camera import Camera
 from visref.conformance.scenes import Case, case, pixel_panel
 from visref.conformance.scenes import camera as camera_at
 from visref.scene import Scene
+
+SUITE = Suite(
+    {
+        "U1": "min for max, or reversed depth",
+        "U2": "d for d + 1 pixels",
+        "U3": "offset 2^(i±1)",
+        "U4": "the second square one pixel short",
+        "U5": "level rounded down",
+        "U6": "bottom and top origin mixed",
+        "U7": "unclipped query",
+        "U8": "linear filtering, or half a texel off",
+        "U9": "top level missing at 640",
+        "U10": "last frame's depth",
+        "U11": "half-float level",
+        "W12": "border 1",
+        "W13": "repeat wrap",
+    },
+    watched=("edges_of_the_image", "revealed_by_a_pierced_wall", "crowd", "peeking_by_a_pixel"),
+    # Each camera stands for three frames: all is drawn, all is an occluder, what passed is drawn.
+    cameras=lambda path: [camera for camera in path.frames[:2] for _ in range(3)],
+)
 
 # How far the method's inflated box may stand off the true one in pixels, and its stored depth in
 # window depth: well above both, and far below what separates things in the watched scenes.
@@ -60,31 +79,32 @@ def must_be_hidden(depth: np.ndarray, rectangle: list[int], nearest: float) -> b
     return nearest > depth[y0 : y0 + side, x0 : x0 + side].max() + SLACK_DEPTH
 
 
-def problems(culler: Any, scene: Scene, cameras: list[Camera]) -> list[str]:
-    """A line for each departure over these frames, its first word naming the rule."""
-    found: list[str] = []
-    culler.prepare(scene)
-    tested: list[np.ndarray] = []
-    culler.observer = lambda step, data: (
-        tested.append(data["boxes"].copy()) if step == "test" else None
-    )
-    hidden_before, drawn_before = set[int](), set[int]()
-    for number, camera in enumerate(cameras):
-        tested.clear()
-        drawn = set(culler.cull(camera).unit_ids.tolist())
-        hidden = hidden_units(scene, camera, map_of(culler))
-        in_vain = drawn & hidden & (hidden_before | (drawn - drawn_before))
-        found += [f"hidden: unit {unit} is drawn in frame {number}" for unit in sorted(in_vain)]
-        in_view = len(culler.tree.in_frustum(culler.view_of(camera)))
-        if tested and not culler.hierarchy and sum(map(len, tested)) != in_view:
-            found.append(f"tested: {sum(map(len, tested))} boxes of {in_view} in frame {number}")
-        hidden_before, drawn_before = hidden, drawn
-    culler.close()
-    return found
+@SUITE.contract
+def what_one_square_hides_is_not_drawn(trace: Trace) -> Iterator[str]:
+    """A box whose smallest power-of-two square, from its rectangle's upper left corner and clipped
+    to the image, is nearer all over than the box is not drawn, unless the frame before saw it:
+    then it is an occluder once, and forgotten."""
+    drawn, before = set(trace.drawn), trace.before
+    hidden_before = hidden_units(before) if before else set()
+    drawn_before = set(before.drawn) if before else set()
+    in_vain = drawn & hidden_units(trace) & (hidden_before | (drawn - drawn_before))
+    yield from (f"unit {unit} is drawn" for unit in sorted(in_vain))
 
 
-def hidden_units(scene: Scene, camera: Camera, depth: np.ndarray) -> set[int]:
-    """The units that must be hidden by a depth map."""
+@SUITE.contract
+def every_unit_in_view_is_tested(trace: Trace) -> Iterator[str]:
+    """The occluders too. Not so with a hierarchy; on the GPU nothing tells."""
+    culler = trace.culler
+    tested = [len(data["boxes"]) for data in trace.of("test")]
+    in_view = len(culler.tree.in_frustum(culler.view_of(trace.camera)))
+    if tested and not culler.hierarchy and sum(tested) != in_view:
+        yield f"{sum(tested)} boxes of {in_view}"
+
+
+@lru_cache(maxsize=2)
+def hidden_units(trace: Trace) -> set[int]:
+    """The units that must be hidden by the depth map of a frame: called while it is there."""
+    scene, camera, depth = trace.scene, trace.camera, map_of(trace.culler)
     found = set()
     for unit in range(scene.object_count):
         at = rectangle_and_depth(scene, camera, unit)
@@ -101,7 +121,8 @@ def map_of(culler: Any) -> np.ndarray:
     return made
 
 
-def edges_of_the_image() -> Case:
+@SUITE.scene("draws nothing that is hidden along the image's edges")
+def edges_of_the_image(rng: np.random.Generator) -> Case:
     """Boxes hidden along the lower and the right edge, flat, high and square, so that squares over
     them leave the image; along the other two edges one looks past the wall."""
     view = camera_at()
@@ -112,4 +133,4 @@ def edges_of_the_image() -> Case:
         objects.append((f"flat{k}", pixel_panel(view, (x, x + 9.0), (46.8, 47.2), 9.0)))
         objects.append((f"high{k}", pixel_panel(view, (62.8, 63.2), (y, y + 7.0), 9.0)))
     objects.append(("square", pixel_panel(view, (58.8, 63.2), (42.8, 47.2), 9.0)))
-    return case(objects, [view] * 4)
+    return case(objects, [view, view])

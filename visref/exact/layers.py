@@ -1,0 +1,88 @@
+"""What lies before the opaque owners: masked triangles, by their textures, and blended ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.exact.contests import Contest
+from visref.masks.hits import states_at
+from visref.masks.lookup import BETWEEN, SOLID
+from visref.scene import Int32, Int64, Scene
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, hit_depths
+
+if TYPE_CHECKING:
+    from visref.exact.scene import ExactScene
+
+
+def masked(
+    exact: ExactScene, camera: Camera, hits: Contest, owner: Int32, ties: Ties
+) -> tuple[Ties, Doubt, Int64]:
+    """Let masked triangles own, or put in doubt, the samples where they are met.
+
+    `hits`: every hit of a masked triangle before its sample's owner or level with it. A solid
+    one contends with `owner`, (samples,) int32, which is changed in place; a hole is nothing;
+    what is in between puts the sample in doubt. Returns the ties, the doubt, and the samples
+    whose owner has changed, ascending.
+    """
+    state = mask_states(exact.scene, camera, hits.sample, hits.triangle)
+    solid, between = hits.where(state == SOLID), hits.where(state == BETWEEN)
+    moved = np.zeros(0, np.int64)
+    if len(solid.sample):
+        moved = np.unique(solid.sample)
+        before = owner[moved]
+        at, triangle = exact.front(camera, solid, owner)
+        # Who was tied with an owner that is hidden now is hidden too.
+        still = owner[moved] == before
+        still |= np.isin(moved * len(exact.scene.triangles) + before,
+                         at * len(exact.scene.triangles) + triangle)  # fmt: skip
+        kept = ~np.isin(ties.sample, moved[~still])
+        sample = np.concatenate([ties.sample[kept], at])
+        triangles = np.concatenate([ties.triangle[kept], triangle])
+        order = np.lexsort((triangles, sample))
+        ties = Ties(sample[order], triangles[order])
+    behind = owner[between.sample]
+    kept = np.ones(len(between.sample), np.bool_)
+    some = np.flatnonzero(behind != BACKGROUND)
+    result = exact.compare(camera, between.triangle[some], behind[some], between.sample[some])
+    kept[some] = result <= 0
+    between = between.where(kept)
+    depth = hit_depths(exact.scene, camera, between.sample, between.triangle)
+    order = np.lexsort((between.triangle, depth, between.sample))
+    return ties, Doubt.of(between.sample[order], between.triangle[order]), moved
+
+
+def blended(exact: ExactScene, camera: Camera, hits: Contest, doubt: Doubt) -> BlendVisibility:
+    """Blended triangles that are seen for certain, of `hits` before their samples' owners: where
+    a mask leaves the owner open, those before all that it may be."""
+    kept = np.ones(len(hits.sample), np.bool_)
+    place = np.searchsorted(doubt.sample, hits.sample)
+    place[place == len(doubt)] = 0
+    open_ = np.flatnonzero(doubt.sample[place] == hits.sample) if len(doubt) else place[:0]
+    sizes = np.diff(doubt.offsets)
+    for rank in range(int(sizes.max(initial=0))):
+        some = open_[sizes[place[open_]] > rank]
+        rival = doubt.triangle[doubt.offsets[place[some]] + rank]
+        kept[some] &= exact.compare(camera, hits.triangle[some], rival, hits.sample[some]) < 0
+    hits = hits.where(kept)
+    depth = exact.depth_by_layer(camera, hits.sample, hits.triangle)
+    return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth)
+
+
+def mask_states(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> NDArray[np.uint8]:
+    """(h,) uint8, SOLID, HOLE or BETWEEN of hits of masked triangles; a triangle whose mask is
+    not known is in between."""
+    state = np.full(len(sample), BETWEEN, np.uint8)
+    if scene.masks is None or not len(sample):
+        return state
+    row = scene.masks.row[triangle]
+    known = np.flatnonzero(row >= 0)
+    y, x = np.divmod(sample[known], camera.width)
+    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+    corners = scene.vertices[scene.triangles[triangle[known]]].astype(np.float64)
+    at = np.stack([camera.column_a[x], camera.row_b[y]], axis=1)
+    state[known] = states_at(scene.masks, row[known], axes, at, camera.is_perspective, corners)
+    return state

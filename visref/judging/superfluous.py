@@ -1,0 +1,125 @@
+"""What was drawn for nothing, and which of it exact arithmetic confirms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref import kernels
+from visref.exact import ExactScene
+from visref.scene import Alpha, Int32, Int64, Scene, Units
+from visref.visibility import FrameTruth, hit_depths
+
+# Triangles whose hits are looked at together: memory for the hits, not for the scene.
+_TRIANGLES = 1 << 17
+
+
+@dataclass(frozen=True)
+class Superfluous:
+    """A unit that was drawn and is hidden at every sample that its triangles cover.
+
+    `samples`: how many those are, all of them examined. `occluder`: the triangle that comes
+    closest to it in depth where it hides it, at `sample` (flat index); -1 each where the unit
+    covers no sample at all.
+    """
+
+    unit: int
+    samples: int
+    occluder: int
+    sample: int
+
+
+def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
+    """(t,) bool, True where a triangle is, or may be, visible.
+
+    Besides owners and their ties: what a mask leaves open, and the blended triangles of a visible
+    blended object, all blended ones where a mask leaves anything open. Doubt never makes a unit
+    superfluous.
+    """
+    visible = np.zeros(scene.triangle_count, np.bool_)
+    owner = truth.buffer.triangle.reshape(-1)
+    kernels.owned_triangles(owner, np.ones(len(owner), np.bool_), visible)
+    visible[truth.ties.triangle] = True
+    visible[truth.doubt.triangle] = True
+    if len(truth.blend.object):
+        of_visible = np.zeros(scene.object_count, np.bool_)
+        of_visible[truth.blend.object] = True
+        visible |= of_visible[scene.object_of_triangle] & (scene.alpha == Alpha.BLEND)
+    if len(truth.doubt) and scene.has_blend:
+        visible |= scene.alpha == Alpha.BLEND
+    return visible
+
+
+def superfluous_units(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int32) -> Int32:
+    """The drawn units, ascending, none of whose triangles is visible; one without triangles draws
+    nothing, and is not among them."""
+    visible = visible_triangles(scene, truth)[units.triangles]
+    total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
+    drawn = np.sort(drawn_units)
+    low, high = units.offsets[drawn], units.offsets[drawn + 1]
+    hidden: Int32 = drawn[(total[high] == total[low]) & (high > low)]
+    return hidden
+
+
+def confirm(
+    exact: ExactScene, truth: FrameTruth, units: Units, unit_ids: Int32
+) -> tuple[Superfluous, ...]:
+    """Those of the units that exact arithmetic finds hidden: over every sample that their
+    triangles cover, none is at the nearest depth or tied with it. A sample that a mask leaves
+    open clears a unit, and so does glass that may show."""
+    found: list[Superfluous] = []
+    sizes = units.sizes[unit_ids]
+    part = np.cumsum(sizes) // _TRIANGLES
+    for index in np.unique(part):
+        found += _confirm(exact, truth, units, unit_ids[part == index])
+    return tuple(found)
+
+
+def _confirm(
+    exact: ExactScene, truth: FrameTruth, units: Units, unit_ids: Int32
+) -> list[Superfluous]:
+    scene, camera = exact.scene, truth.camera
+    of_unit = np.repeat(np.arange(len(unit_ids)), units.sizes[unit_ids])
+    triangles = units.gather(unit_ids)
+    theirs = np.zeros(scene.triangle_count, np.bool_)
+    theirs[triangles] = True
+    hits = exact.hits(camera, theirs)
+    right = truth
+    if not truth.ties_complete:
+        right = exact.certify(camera, np.unique(hits.sample))
+    open_ = np.isin(hits.sample, right.doubt.sample)
+    open_ |= _shown(scene, right, hits.sample, hits.triangle)
+    owner = right.buffer.triangle.reshape(-1)[hits.sample]
+    gap = hit_depths(scene, camera, hits.sample, hits.triangle)
+    gap = np.where(owner >= 0, gap - right.buffer.depth.reshape(-1)[hits.sample], np.inf)
+    # Units may overlap: each of a unit's triangles brings its own hits.
+    order = np.argsort(hits.triangle, kind="stable")
+    low = np.searchsorted(hits.triangle[order], triangles, side="left")
+    high = np.searchsorted(hits.triangle[order], triangles, side="right")
+    found = []
+    for place, unit in enumerate(unit_ids):
+        mine = np.flatnonzero(of_unit == place)
+        own = np.concatenate([order[low[i] : high[i]] for i in mine])
+        if open_[own].any():
+            continue
+        if not len(own):
+            found.append(Superfluous(int(unit), 0, -1, -1))
+            continue
+        closest = own[np.lexsort((hits.sample[own], gap[own]))[0]]
+        samples = len(np.unique(hits.sample[own]))
+        found.append(
+            Superfluous(int(unit), samples, int(owner[closest]), int(hits.sample[closest]))
+        )
+    return found
+
+
+def _shown(scene: Scene, truth: FrameTruth, sample: Int64, triangle: Int32) -> NDArray[np.bool_]:
+    """(h,) bool: which hits are seen, as an owner, tied with one, or as glass."""
+    count = scene.triangle_count
+    pairs = sample * count + triangle
+    shown: NDArray[np.bool_] = truth.buffer.triangle.reshape(-1)[sample] == triangle
+    shown |= np.isin(pairs, truth.ties.sample * count + truth.ties.triangle)
+    shown |= np.isin(pairs, truth.blend.sample * count + truth.blend.triangle)
+    return shown
