@@ -15,9 +15,15 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.masks.instances import MaskRows, MaskTable, MeshMasks
+from visref.masks.materials import MaskMaterial, Sampler, Wrap
+from visref.masks.store import Masks
+from visref.masks.textures import AlphaImage
 from visref.scene import Float64, Scene, unique_names
 from visref_datasets_gen.glb import glb_bytes
-from visref_datasets_gen.graph import Node
+from visref_datasets_gen.graph import AlphaTexture, Mesh, Node, Primitive
+
+_CLAMPED = Sampler(Wrap.CLAMP_TO_EDGE, Wrap.CLAMP_TO_EDGE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +74,13 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
     names: list[str] = []
     offsets = [0]
     base = 0
+    shown: list[tuple[Mesh, bool]] = []
     for node, above, world_from_mesh in _depth_first(dataset.nodes, "", np.eye(4)):
         if node.mesh is None:
             continue
         names.append(node.name or node.mesh.name or above or "object")
-        mirrored = np.linalg.det(world_from_mesh[:3, :3]) < 0.0
+        mirrored = bool(np.linalg.det(world_from_mesh[:3, :3]) < 0.0)
+        shown.append((node.mesh, mirrored))
         count = 0
         for primitive in node.mesh.primitives:
             faces = primitive.triangles.astype(np.int64) + base
@@ -95,7 +103,39 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
         one_sided=np.concatenate(one_sided),
         alpha=np.concatenate(alpha),
         source=f"{dataset.name}.glb",
+        masks=_masks(shown, offsets),
     )
+
+
+def _masks(shown: list[tuple[Mesh, bool]], offsets: list[int]) -> Masks | None:
+    """Of objects: each one's mesh, whether it is mirrored, and where its triangles start."""
+    table, rows = MaskTable(), MaskRows(offsets[-1])
+    images: dict[AlphaTexture, int] = {}
+    users: dict[Mesh, list[int]] = {}
+    for number, (mesh, _) in enumerate(shown):
+        users.setdefault(mesh, []).append(number)
+    for mesh, numbers in users.items():
+        parts = [(len(part.triangles), _masked(part, table, images)) for part in mesh.primitives]
+        masks = MeshMasks.joined(parts)
+        if masks is None:
+            continue
+        starts = np.array([offsets[number] for number in numbers])
+        bases = rows.add(masks, np.array([shown[number][1] for number in numbers]))
+        rows.fill(starts[:, None] + np.arange(len(masks.row)), masks, bases)
+    return rows.masks(table)
+
+
+def _masked(part: Primitive, table: MaskTable, images: dict[AlphaTexture, int]) -> MeshMasks | None:
+    texture, uv = part.material.texture, part.uv
+    if texture is None or uv is None or not len(part.triangles):
+        return None
+    if texture not in images:
+        images[texture] = table.add_image(AlphaImage(texture.alpha, 255))
+    material = MaskMaterial(images[texture], _CLAMPED, float(part.material.colour[3]))
+    everywhere = np.ones(len(part.triangles), np.bool_)
+    corners = uv[part.triangles].astype(np.float64)
+    index = table.index_of(material)
+    return MeshMasks.of(everywhere, index, corners, np.ones((len(part.triangles), 3)))
 
 
 def _transformed(matrix: Float64, points: NDArray[np.float32]) -> NDArray[np.float32]:

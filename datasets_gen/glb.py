@@ -1,8 +1,8 @@
 """A binary glTF 2.0 writer: geometry and instances, the same bytes for the same nodes.
 
-Only what the project's scenes need: positions, indices, base colours, sides and alpha. A
-mesh is stored once however many nodes show it, and an array once however many primitives
-use it.
+Only what the project's scenes need: positions, indices, base colours, sides, alpha and its
+textures. A mesh is stored once however many nodes show it, an array once however many
+primitives use it, and a texture once however many materials.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.scene import Alpha
-from visref_datasets_gen.graph import Material, Mesh, Node, Primitive
+from visref_datasets_gen.graph import AlphaTexture, Material, Mesh, Node, Primitive
+from visref_datasets_gen.png import png_bytes
 
 _FLOAT, _UNSIGNED_INT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _POINTS = 0
+# Filtered with mipmaps, as leaves are drawn, and without the far edge's texels at the near one.
+_SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}
 
 
 def glb_bytes(nodes: tuple[Node, ...]) -> bytes:
@@ -43,6 +46,8 @@ class _Document:
         self._mesh_ids: dict[int, int] = {}
         self._material_ids: dict[Material, int] = {}
         self._accessor_ids: dict[tuple[int, int], int] = {}
+        self.images: list[dict[str, Any]] = []
+        self._texture_ids: dict[AlphaTexture, int] = {}
 
     def node(self, node: Node) -> int:
         index = len(self.nodes)
@@ -72,6 +77,8 @@ class _Document:
             "attributes": {"POSITION": self._accessor(primitive.vertices, _ARRAY_BUFFER)},
             "material": self._material(primitive.material),
         }
+        if primitive.uv is not None:
+            entry["attributes"]["TEXCOORD_0"] = self._accessor(primitive.uv, _ARRAY_BUFFER)
         if len(primitive.triangles):
             entry["indices"] = self._accessor(primitive.triangles, _ELEMENT_ARRAY_BUFFER)
         else:
@@ -90,6 +97,9 @@ class _Document:
                     "roughnessFactor": 0.9,
                 },
             }
+            if material.texture is not None:
+                texture = {"index": self._texture(material.texture)}
+                entry["pbrMetallicRoughness"]["baseColorTexture"] = texture
             if material.double_sided:
                 entry["doubleSided"] = True
             if material.alpha is not Alpha.OPAQUE:
@@ -97,31 +107,39 @@ class _Document:
             self.materials.append(entry)
         return self._material_ids[material]
 
+    def _texture(self, texture: AlphaTexture) -> int:
+        """A texture's id, which is its image's too."""
+        if texture not in self._texture_ids:
+            self._texture_ids[texture] = len(self.images)
+            view = self._view(png_bytes(texture.alpha))
+            self.images.append({"bufferView": view, "mimeType": "image/png"})
+        return self._texture_ids[texture]
+
+    def _view(self, data: bytes, **more: Any) -> int:
+        """A buffer view's id; the next one starts at a multiple of 4 bytes."""
+        entry = {"buffer": 0, "byteOffset": self.size, "byteLength": len(data), **more}
+        self.views.append(entry)
+        self.chunks.append(data + bytes(-len(data) % 4))
+        self.size += len(self.chunks[-1])
+        return len(self.views) - 1
+
     def _accessor(self, array: NDArray[Any], target: int) -> int:
         key = (id(array), target)
         if key in self._accessor_ids:
             return self._accessor_ids[key]
-        entry: dict[str, Any] = {"bufferView": len(self.views)}
+        entry: dict[str, Any] = {}
         if target == _ARRAY_BUFFER:
             data = np.ascontiguousarray(array, "<f4")
-            entry |= {"componentType": _FLOAT, "count": len(data), "type": "VEC3"}
+            width = data.shape[1]
+            entry |= {"componentType": _FLOAT, "count": len(data), "type": f"VEC{width}"}
             finite = data[np.isfinite(data).all(axis=1)]
-            if len(finite):
+            if width == 3 and len(finite):
                 entry |= {"min": finite.min(axis=0).tolist(), "max": finite.max(axis=0).tolist()}
         else:
             data = np.ascontiguousarray(array, "<u4")
             entry |= {"componentType": _UNSIGNED_INT, "count": data.size, "type": "SCALAR"}
-        self.views.append(
-            {
-                "buffer": 0,
-                "byteOffset": self.size,
-                "byteLength": data.nbytes,
-                "target": target,
-            }
-        )
-        self.chunks.append(data.tobytes())
-        self.size += data.nbytes
-        self.accessors.append(entry)
+        view = self._view(data.tobytes(), target=target)
+        self.accessors.append({"bufferView": view, **entry})
         self._accessor_ids[key] = len(self.accessors) - 1
         return self._accessor_ids[key]
 
@@ -137,15 +155,18 @@ class _Document:
             "materials": self.materials,
             "accessors": self.accessors,
             "bufferViews": self.views,
+            "images": self.images,
         }
         document |= {name: entries for name, entries in lists.items() if entries}
+        if self.images:
+            document["samplers"] = [_SAMPLER]
+            document["textures"] = [{"source": k, "sampler": 0} for k in range(len(self.images))]
         if self.size:
             document["buffers"] = [{"byteLength": self.size}]
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         parts = [struct.pack("<I4s", len(text), b"JSON"), text]
         if self.size:
-            # Every array is made of 4-byte numbers, so the chunk needs no padding.
             parts += [struct.pack("<I4s", self.size, b"BIN\0"), *self.chunks]
         body = b"".join(parts)
         return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

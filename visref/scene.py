@@ -65,6 +65,8 @@ class Scene:
     of the scene graph, such as `house/kitchen/chair`, which may repeat too. Both are `names`
     where a reader gives none. `groups`: what several objects are called together.
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
+    `masks`: the alpha masks, a row for each triangle, or None. A MASK triangle without one,
+    because its `masks.row` is -1 or there are no `masks`, may be solid or a hole anywhere.
 
     Raises InputError where a value breaks these rules. The arrays become read-only.
     """
@@ -114,6 +116,12 @@ class Scene:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
         if not len(self.given_names) == len(self.paths) == len(self.names):
             raise InputError("given_names or paths is not one per object", source=self.source)
+        if self.masks is not None and len(self.masks.row) != count:
+            raise InputError(
+                f"masks have {len(self.masks.row)} rows for {count} triangles",
+                source=self.source,
+                fix="take the masks of the triangles that are left (Masks.take)",
+            )
         if len(set(self.names)) != len(self.names):
             raise InputError("object names repeat", source=self.source, fix="use unique_names")
         try:
@@ -258,6 +266,8 @@ class Scene:
         state.update("\0".join(self.names).encode())
         if self.origin.any():
             state.update(self.origin.tobytes())
+        if self.masks is not None:
+            state.update(b"\0masks" + self.masks.digest)
         return state.hexdigest()
 
 

@@ -299,7 +299,7 @@ BAD_SCENES = [
     BadInput("meshopt", _gltf(_meshopt), "compressed with meshopt"),
     BadInput("spoilt Draco", _gltf(_draco), "the Draco decoder refused the data"),
     BadInput("uneven instances", _gltf(_instances), "differ in count"),
-    BadInput("missing buffer", _external("absent.bin"), "buffer file 'absent.bin'"),
+    BadInput("missing buffer", _external("absent.bin"), "buffers[0].uri: file 'absent.bin'"),
     BadInput("short buffer", _external("short.bin", 8), "holds 8 of its"),
     BadInput("buffer elsewhere", _external("https://a.invalid/b.bin"), "not a file beside"),
     BadInput("spoilt data URI", _external("data:;base64,???"), "not valid base64"),

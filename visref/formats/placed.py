@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
+from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.scene import (
     Alpha,
     Float64,
@@ -39,12 +40,14 @@ class Mesh:
 
     `positions`: (v, 3) float32 or float64. `triangles`: (t, 3) integers below v.
     `one_sided`: (t,) bool, the material is not double-sided. `alpha`: (t,) uint8, `Alpha`.
+    `masks`: of the masked triangles that are looked up, None if there is none.
     """
 
     positions: NDArray[Any]
     triangles: NDArray[Any]
     one_sided: NDArray[np.bool_]
     alpha: NDArray[np.uint8]
+    masks: MeshMasks | None = None
 
     @classmethod
     def plain(
@@ -85,13 +88,15 @@ class Mesh:
             np.concatenate([empty[1], *triangles]),
             np.concatenate([np.zeros(0, np.bool_), *(part.one_sided for part in parts)]),
             np.concatenate([np.zeros(0, np.uint8), *(part.alpha for part in parts)]),
+            MeshMasks.joined([(len(part.triangles), part.masks) for part in parts]),
         )
 
 
 @dataclass
 class Placed:
     """The objects of a file, in order: a name, a path, a mesh (`NO_MESH` for none) and
-    `world_from_object` (4, 4) float64 of each; `groups` and `notes` as in `Scene`."""
+    `world_from_object` (4, 4) float64 of each; `masks`: the materials and images that the
+    meshes' masks name; `groups` and `notes` as in `Scene`."""
 
     meshes: list[Mesh] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -99,6 +104,7 @@ class Placed:
     mesh_of_object: list[int] = field(default_factory=list)
     world_from_object: list[Float64] = field(default_factory=list)
     groups: list[Group] = field(default_factory=list)
+    masks: MaskTable = field(default_factory=MaskTable)
     notes: list[tuple[Code, str]] = field(default_factory=list)
 
     def add(
@@ -173,11 +179,13 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     triangles = np.empty((int(starts[-1]), 3), np.int32)
     one_sided = np.zeros(len(triangles), np.bool_)
     alpha = np.empty(len(triangles), np.uint8)
+    mask_rows = MaskRows(len(triangles))
     mirrored = _determinants(worlds) < 0.0
     order = np.argsort(mesh_of_object, kind="stable")
     groups = np.searchsorted(mesh_of_object[order], np.arange(len(placed.meshes) + 1))
     for index, mesh in enumerate(placed.meshes):
         users = order[groups[index] : groups[index + 1]]
+        bases = mask_rows.add(mesh.masks, mirrored[users]) if mesh.masks is not None else None
         block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions)))
         for at in range(0, len(users), block):
             chosen = users[at : at + block]
@@ -189,8 +197,11 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
             faces[flip] = faces[flip][:, :, ::-1]
             triangles[rows] = faces
             alpha[rows] = mesh.alpha
+            if mesh.masks is not None and bases is not None:
+                mask_rows.fill(rows, mesh.masks, bases[at : at + block])
             if cull_backfaces:
                 one_sided[rows] = mesh.one_sided
+    masks = mask_rows.masks(placed.masks)
     names = unique_names(placed.names)
     notes = list(placed.notes)
     if not np.isfinite(vertices).all():
@@ -199,6 +210,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         moved = moved[np.all(np.isfinite(vertices), axis=1)]
         vertices, triangles, kept = _without_not_finite(vertices, triangles)
         one_sided, alpha = one_sided[kept], alpha[kept]
+        masks = masks.take(kept) if masks is not None else None
         starts = np.concatenate([[0], np.cumsum(kept)])[starts]
         dropped = int((~kept).sum())
         notes.append(
@@ -217,6 +229,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         alpha,
         source,
         tuple(notes),
+        masks,
         origin=origin,
         moved=moved if moved.any() else None,
         given_names=tuple(placed.names),

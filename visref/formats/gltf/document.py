@@ -104,7 +104,8 @@ class Json:
 
 
 class Document:
-    """An open glTF or GLB file. Bytes are mapped, not read: images cost nothing.
+    """An open glTF or GLB file. Bytes are mapped, not read: images that no mask
+    needs cost nothing.
 
     Raises InputError (without the file's name; `visref.formats` adds it).
     """
@@ -161,6 +162,12 @@ class Document:
             return data[offset : offset + length], stride.integer(1, 65535)
         return data[offset : offset + length], None
 
+    def image(self, image: Json) -> tuple[bytes, str | None]:
+        """The bytes of an entry of `images`, undecoded, and its MIME type if it states one."""
+        mime, view = image.get("mimeType"), image.get("bufferView")
+        data = self.view(view)[0] if view is not None else self._uri(image["uri"])
+        return data.tobytes(), None if mime is None else mime.text()
+
     def _buffer(self, reference: Json) -> Bytes:
         index = reference.integer(0)
         if index in self._buffers:
@@ -194,7 +201,7 @@ class Document:
         try:
             return map_file(self.path.parent / unquote(text))
         except InputError as error:
-            uri.fail(f"buffer file '{text[:200]}': {error.problem}", "put the file there")
+            uri.fail(f"file '{text[:200]}': {error.problem}", "put the file there")
 
     def _check_asset(self) -> None:
         version = self.root["asset"]["version"].text()

@@ -8,6 +8,7 @@ where the nodes put them.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,14 @@ from visref.errors import InputError
 from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.extensions import MESHOPT
+from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import transmission
 from visref.formats.placed import Mesh
+from visref.masks.instances import MeshMasks
 from visref.scene import Alpha, Float64, check_indices
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _DRACO = "KHR_draco_mesh_compression"
-_DEFAULT_CUTOFF = 0.5
 
 
 def read_mesh(
@@ -31,24 +33,27 @@ def read_mesh(
     mesh: Json,
     weights: list[float],
     skin: Float64 | None,
-    constant: set[int],
+    masks: MaskReader,
 ) -> Mesh:
     """One mesh, all its primitives together.
 
     `weights` are its morph targets'; `skin`: (j, 4, 4) float64, world_from_mesh by joint, or
-    None where the mesh is rigid. Masked materials that their constant alpha decides are added
-    to `constant`. Raises InputError naming the place.
+    None where the mesh is rigid. `masks` reads the masked materials. Raises InputError naming
+    the place.
     """
-    parts = [_Primitive(document, entry, constant) for entry in mesh["primitives"].items()]
-    return Mesh.joined([part.read(weights, skin) for part in parts])
+    parts = [_Primitive(document, entry, weights, masks) for entry in mesh["primitives"].items()]
+    return Mesh.joined([part.read(skin) for part in parts])
 
 
 class _Primitive:
     """One primitive, its attributes compressed or not."""
 
-    def __init__(self, document: Document, primitive: Json, constant: set[int]) -> None:
+    def __init__(
+        self, document: Document, primitive: Json, weights: list[float], masks: MaskReader
+    ) -> None:
         self.document = document
-        self.constant = constant
+        self.weights = weights
+        self.masks = masks
         self.json = primitive
         extensions = primitive.get("extensions")
         for name in MESHOPT:
@@ -57,7 +62,7 @@ class _Primitive:
         compressed = extensions.get(_DRACO) if extensions is not None else None
         self.draco = _Draco(document, compressed) if compressed is not None else None
 
-    def read(self, weights: list[float], skin: Float64 | None) -> Mesh:
+    def read(self, skin: Float64 | None) -> Mesh:
         """The primitive's triangles: none where it is made of points or lines."""
         mode = self.json.get("mode")
         kind = _TRIANGLES if mode is None else mode.integer(0, _FAN)
@@ -67,7 +72,7 @@ class _Primitive:
         if positions is None:
             return Mesh.joined([])  # Section 3.7.2: without positions there is nothing to draw.
         triangles = self.triangles(kind, len(positions))
-        positions = self.morphed(positions, weights)
+        positions = self.morphed("POSITION", positions)
         if skin is not None:
             positions = self.skinned(positions, skin)
         return self.with_material(positions, triangles)
@@ -107,18 +112,20 @@ class _Primitive:
         check_indices(triangles, vertex_count, lambda _: (indices or self.json).place)
         return triangles
 
-    def morphed(self, positions: NDArray[Any], weights: list[float]) -> NDArray[Any]:
+    def morphed(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
+        """(v, width) of an attribute, moved by the morph targets' weights."""
         targets = self.json.get("targets")
-        if targets is None or not any(weights):
-            return positions
-        result = positions.astype(np.float64)
-        for target, weight in zip(targets.items(), weights, strict=False):
-            reference = target.get("POSITION")
+        if targets is None or not any(self.weights):
+            return values
+        result = values.astype(np.float64)
+        kind = f"VEC{values.shape[1]}"
+        for target, weight in zip(targets.items(), self.weights, strict=False):
+            reference = target.get(name)
             if reference is None or weight == 0.0:
                 continue
-            moved = read_floats(self.document, reference, ("VEC3",), integers=True)
-            if len(moved) != len(positions):
-                reference.fail(f"{len(moved)} displacements for {len(positions)} vertices")
+            moved = read_floats(self.document, reference, (kind,), integers=True)
+            if len(moved) != len(values):
+                reference.fail(f"{len(moved)} displacements for {len(values)} vertices")
             result += weight * moved
         return result
 
@@ -165,41 +172,63 @@ class _Primitive:
         if mode != "MASK":
             alpha = Alpha.BLEND if glass else Alpha[mode]
             return Mesh.plain(positions, triangles, one_sided=one_sided, alpha=alpha)
-        cutoff = material.get("alphaCutoff")
-        level = _DEFAULT_CUTOFF if cutoff is None else cutoff.number()
-        factor, textured = _base_alpha(material)
-        color = self.attribute("COLOR_0", ("VEC3", "VEC4"))
-        corner = np.ones(triangles.shape)
-        if color is not None and color.shape[1] == 4:
-            if len(color) != len(positions):
-                self.json.fail(f"COLOR_0 has {len(color)} values for {len(positions)} vertices")
-            corner = color[:, 3].astype(np.float64)[triangles]
-        # Alpha is interpolated between the corners, and a texture only lowers it.
-        low, high = factor * corner.min(axis=1), factor * corner.max(axis=1)
-        kept = high >= level
-        mesh = Mesh.plain(positions, triangles[kept], one_sided=one_sided, alpha=Alpha.MASK)
-        if not textured:
-            self.constant.add(reference.integer())
-            mesh.alpha[low[kept] >= level] = Alpha.OPAQUE
+        mesh = self.masked(reference, positions, triangles, one_sided)
         if glass:
             # Through its holes as through what is left of it, one sees what is behind.
             mesh.alpha[:] = Alpha.BLEND
+            mesh = replace(mesh, masks=None)
         return mesh
 
+    def masked(
+        self, reference: Json, positions: NDArray[Any], triangles: NDArray[Any], one_sided: bool
+    ) -> Mesh:
+        """The Mesh of a masked material, without the triangles that are a hole all over; those
+        that are solid all over are opaque, the others are looked up."""
+        material = self.masks.material(reference)
+        cutoff, uniform = material.cutoff, material.uniform
+        alpha = self.vertex_alpha(len(positions))[triangles]
+        # Alpha is interpolated between the corners, and a texture only lowers it.
+        greatest = 1.0 if uniform is None else uniform
+        high = greatest * material.factor * alpha.max(axis=1)
+        # Not `>=`: what is no number decides nothing.
+        kept = ~(high < cutoff) | (cutoff <= 0.0)
+        triangles, alpha = triangles[kept], alpha[kept]
+        mesh = Mesh.plain(positions, triangles, one_sided=one_sided, alpha=Alpha.MASK)
+        if cutoff <= 0.0:
+            solid = np.ones(len(triangles), np.bool_)
+        elif uniform is not None:
+            solid = uniform * material.factor * alpha.min(axis=1) >= cutoff
+        else:
+            solid = np.zeros(len(triangles), np.bool_)
+        mesh.alpha[solid] = Alpha.OPAQUE
+        if solid.all():
+            if material.texture is None and not material.unknown:
+                self.masks.is_constant(material)
+            return mesh
+        uv, without = None, ""
+        if material.texture is not None and uniform is None:
+            name = f"TEXCOORD_{material.texture.coordinates}"
+            uv = self.attribute(name, ("VEC2",))
+            without = f"a primitive has no {name}" if uv is None else ""
+        if uv is None or material.texture is None:
+            corners = np.zeros((*triangles.shape, 2))
+        else:
+            if len(uv) != len(positions):
+                self.json.fail(f"{name} has {len(uv)} values for {len(positions)} vertices")
+            corners = material.texture.transform.apply(self.morphed(name, uv))[triangles]
+        index = self.masks.add(material, without)
+        return replace(mesh, masks=MeshMasks.of(~solid, index, corners, alpha))
 
-def _base_alpha(material: Json) -> tuple[float, bool]:
-    """The constant factor of a material's alpha, and whether a texture multiplies it."""
-    specular = material.extension("KHR_materials_pbrSpecularGlossiness")
-    if specular is not None:
-        owner, factor_name, texture_name = specular, "diffuseFactor", "diffuseTexture"
-    else:
-        metallic = material.get("pbrMetallicRoughness")
-        if metallic is None:
-            return 1.0, False
-        owner, factor_name, texture_name = metallic, "baseColorFactor", "baseColorTexture"
-    factor = owner.get(factor_name)
-    alpha = 1.0 if factor is None else factor.numbers(4)[3]
-    return alpha, owner.get(texture_name) is not None
+    def vertex_alpha(self, vertex_count: int) -> Float64:
+        """(v,) float64, COLOR_0's alpha, which glTF clamps to 0…1; 1 without one."""
+        color = self.attribute("COLOR_0", ("VEC3", "VEC4"))
+        if color is None or color.shape[1] == 3:
+            return np.ones(vertex_count)
+        if len(color) != vertex_count:
+            self.json.fail(f"COLOR_0 has {len(color)} values for {vertex_count} vertices")
+        alpha = self.morphed("COLOR_0", color)[:, 3].astype(np.float64)
+        result: Float64 = np.clip(alpha, 0.0, 1.0)
+        return result
 
 
 class _Draco:

@@ -9,6 +9,7 @@ import numpy as np
 from visref.findings import Code
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import open_questions
 from visref.formats.gltf.meshes import read_mesh
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
@@ -29,7 +30,7 @@ def read_objects(document: Document) -> Placed:
     world_from_node = nodes.world_from_node()
     placed = Placed()
     known: dict[tuple[int, int, tuple[float, ...]], int] = {}
-    constant: set[int] = set()
+    masks = MaskReader(document, placed.masks)
     entries = document.entries("nodes")
     # The nearest name at or above each node, and the path down to it.
     named: dict[int, tuple[str, str]] = {}
@@ -54,7 +55,7 @@ def read_objects(document: Document) -> Placed:
         else:
             joints = None if skin is None else _joints(document, skin, world_from_node)
             index = known[key] = len(placed.meshes)
-            placed.meshes.append(read_mesh(document, mesh, weights, joints, constant))
+            placed.meshes.append(read_mesh(document, mesh, weights, joints, masks))
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
         own = _name(entry) or _name(mesh)
@@ -65,13 +66,7 @@ def read_objects(document: Document) -> Placed:
             path=below(path, own),
             group=entry.extension(_INSTANCING) is not None,
         )
-    if constant:
-        placed.notes.append(
-            (
-                Code.ALPHA_MASK_CONSTANT,
-                f"{len(constant)} materials, first materials[{min(constant)}]",
-            )
-        )
+    placed.notes.extend(masks.notes())
     placed.notes.extend(
         (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
