@@ -7,7 +7,7 @@ from pathlib import Path
 
 from visref.findings import RULES, document
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent
 
 
 def test_the_documentation_is_the_catalogue():
