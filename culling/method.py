@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import Culler, DrawnSet, Option, QueryStats
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query, round_outward
 from visref_culling.boxes.hierarchy import BoxTree, front_to_back
 from visref_culling.gl import geometry
 from visref_culling.gl.device import State, Target, device
 from visref_culling.gl.item_buffer import GLRaster
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
 from visref_culling.queries.occlusion_query import BoxQueries
 
 # Called as observer(step, data) at "clear", "draw", "query" and a method's own steps. The
@@ -113,8 +114,8 @@ class GLCuller(Culler):
         self._release()
         self.scene = scene
         self.units = self.units_of(scene)
-        self.bounds = self.unit_bounds(scene, self.units)
-        self.tree = BoxTree(self.bounds)
+        self.unit_boxes = self.unit_bounds(scene, self.units)
+        self.tree = BoxTree(self.unit_boxes)
         self.geometry = self.geometry_of(scene)
         self.raster: GLRaster | None = self.raster_of(scene)
         return self.units
@@ -136,6 +137,9 @@ class GLCuller(Culler):
     @abstractmethod
     def decide(self, frame: Frame) -> None:
         """Draw what may be visible, each unit at most once."""
+
+    def bounds(self) -> Float64:
+        return self.unit_boxes
 
     def close(self) -> None:
         self._release()
@@ -184,7 +188,7 @@ class GLCuller(Culler):
         return self.tree.in_frustum(view)
 
     def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
-        return view.needs_no_query(boxes)
+        return needs_no_query(view, boxes)
 
     def order(self, ids: Int64, nearest: Float64) -> Int64:
         """Indices into `ids`."""
@@ -205,8 +209,8 @@ class GLCuller(Culler):
         view = frame.view
         with phase(frame.stats, "sort"):
             ids = self.in_frustum(view)
-            boxes = view.inflated(self.bounds[ids])
-            nearest = view.nearest_depth(boxes)
+            boxes = inflated(view, self.unit_boxes[ids])
+            nearest = nearest_depth(view, boxes)
             order = self.order(ids, nearest)
             frame.ids, frame.boxes, frame.nearest = ids[order], boxes[order], nearest[order]
             frame.sure = self.needs_no_query(view, frame.boxes)

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float64, Int32, Int64, Scene, Units
+from visref_culling.boxes.conservative import inflated, nearest_depth
 from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
@@ -199,17 +200,17 @@ class OccupancyMapCulling(GLCuller):
         window = (0, 0, camera.width - 1, camera.height - 1)
         if self.scale == "window" or not self.scene.triangle_count:
             return window
-        whole = view.inflated(self.scene.bounds[None])
+        whole = inflated(view, self.scene.bounds[None])
         rectangle = screen_rectangles(view, whole, clip_to_window=False)[0]
         x0, y0, x1, y1 = (int(side) for side in rectangle)
         inside = x0 >= 0 and y0 >= 0 and x1 < camera.width and y1 < camera.height
-        in_front = view.nearest_depth(whole)[0] > camera.near
+        in_front = nearest_depth(view, whole)[0] > camera.near
         return (x0, y0, x1, y1) if inside and in_front else window
 
     def tiles(self, frame: Frame, rectangles: Int32) -> Tiles:
         """What each shape asks about and what it would mark."""
         ids = frame.ids
-        boxes = frame.view.inflated(self.part_bounds[self.parts.gather(ids.astype(np.int32))])
+        boxes = inflated(frame.view, self.part_bounds[self.parts.gather(ids.astype(np.int32))])
         first_part = np.concatenate([[0], np.cumsum(self.parts.sizes[ids])])
         parts = screen_rectangles(frame.view, boxes)
         return Tiles(

@@ -3,45 +3,53 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import sys
 from dataclasses import replace
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from visref.errors import InputError
+from visref.generators import find_generator, options_of
+from visref.registry import SCENES, available
+from visref.wording import did_you_mean
 from visref_datasets_gen.dataset import Dataset
-
-GROUP = "visref.scenes"
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the data set that the command line names; returns the exit status."""
-    known = {point.name: point for point in entry_points(group=GROUP)}
+    known = available(SCENES)
     parser = argparse.ArgumentParser(prog="python -m datasets_gen", description=__doc__)
-    parser.add_argument("name", metavar="NAME", help=f"one of: {', '.join(sorted(known))}")
+    parser.add_argument("name", metavar="NAME[:option=value,…]", help=f"one of: {', '.join(known)}")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--seed", type=int, default=0, help="of everything random (default 0)")
-    parser.add_argument("--scale", type=float, default=1.0, help="size of the scene (default 1)")
+    parser.add_argument("--seed", type=int, help="of everything random (default 0)")
+    parser.add_argument("--scale", type=float, help="size of the scene (default 1)")
     parser.add_argument("--frames", type=int, help="length of the path")
     parser.add_argument("--width", type=int, help="pixels; with --height")
     parser.add_argument("--height", type=int, help="pixels; with --width")
     given = parser.parse_args(arguments)
     try:
-        if given.name not in known:
-            raise InputError(
-                f"no data set is called '{given.name}'",
-                fix=f"choose from {', '.join(sorted(known))}",
-            )
-        if given.seed < 0:
-            raise InputError(f"the seed is {given.seed}", place="--seed", fix="give 0 or more")
+        generator = find_generator(given.name)
+        if generator is None:
+            name = given.name.partition(":")[0]
+            raise InputError(f"no data set is called '{name}'", fix=did_you_mean(name, known))
+        settings = generator.given | {
+            name: value
+            for name in ("seed", "scale", "frames")
+            if (value := getattr(given, name)) is not None
+        }
+        if settings.get("seed", 0) < 0:
+            raise InputError(f"the seed is {settings['seed']}", place="seed", fix="give 0 or more")
         if (given.width is None) != (given.height is None):
             raise InputError(
                 "a width and a height belong together", fix="give --width and --height"
             )
-        settings = {"seed": given.seed, "scale": given.scale}
-        if given.frames is not None:
-            settings["frames"] = given.frames
-        made = known[given.name].load()(**settings)
+        unknown = settings.keys() - inspect.signature(generator.make).parameters.keys()
+        if unknown:
+            options = ", ".join(options_of(generator.make)) or "none"
+            raise InputError(
+                f"'{generator.name}' has no {min(unknown)}", fix=f"its options are {options}"
+            )
+        made = generator.make(**settings)
         for dataset in made if isinstance(made, list) else [made]:
             _write(dataset, given.out, given.width, given.height)
     except InputError as error:

@@ -18,8 +18,9 @@ from visref.camera_path import CameraPath
 from visref.culler import QueryStats
 from visref.scene import Scene
 from visref_culling.baselines import NoCulling
+from visref_culling.boxes.conservative import inflated, round_outward
 from visref_culling.gl.device import State, device
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
 from visref_culling.occupancy_map import TILES, WORDS, OccupancyMapCulling, covered, mark
 from visref_culling.queries.occlusion_query import BoxQueries
 from visref_experiments.timing import quickest_ms
@@ -149,7 +150,7 @@ class _Asker:
         """A call that asks `count` boxes which face the view with squares of `size_px` a side."""
         half = np.array([size_px / 2, size_px / 2, 1.0])
         bounds = np.stack([-half, half])[None] - (0.0, 0.0, 5.0)
-        boxes = round_outward(np.repeat(self.view.inflated(bounds), count, axis=0))
+        boxes = round_outward(np.repeat(inflated(self.view, bounds), count, axis=0))
 
         def ask() -> None:
             self.queries.ask(

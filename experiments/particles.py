@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from visref.camera_path import CameraPath, middles
-from visref.effects import solid
 from visref.effects.images import ImageVerdict
-from visref.effects.sprites import Sprites, SpriteTruth
+from visref.effects.solid import solid
+from visref.effects.sprite_truth import SpriteTruth
+from visref.effects.sprites import Sprites
 from visref.scene import Scene
 from visref_culling.n_buffer.particles import Particles
 

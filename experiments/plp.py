@@ -17,9 +17,10 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.culler import QueryStats
 from visref.scene import Float32, Scene
+from visref_culling.boxes.conservative import inflated, needs_no_query, round_outward
 from visref_culling.gl.device import State, Target, device
-from visref_culling.gl.item_buffer import ItemBufferEngine
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
+from visref_culling.item_buffer_engine import ItemBufferEngine
 from visref_culling.plp.plp import PLPCulling
 from visref_culling.queries.histogram import HistogramQueries
 from visref_culling.queries.item_buffer_query import ItemBufferQueries
@@ -139,8 +140,8 @@ def _asked_after_estimate(culler: PLPCulling, camera: Camera) -> Float32:
     """The boxes that the front's first question is about."""
     culler.cull(camera)
     view = View.of(camera, culler.scene, culler.device.subpixel_bits)
-    boxes = view.inflated(culler.bounds[culler.walk.front()])
-    return round_outward(boxes[~view.needs_no_query(boxes)])
+    boxes = inflated(view, culler.unit_boxes[culler.walk.front()])
+    return round_outward(boxes[~needs_no_query(view, boxes)])
 
 
 def quality(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:

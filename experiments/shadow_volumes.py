@@ -9,9 +9,10 @@ from statistics import fmean
 from typing import Any
 
 from visref.camera_path import CameraPath, middles
-from visref.effects import solid
 from visref.effects.images import ImageVerdict
-from visref.effects.shadows import ShadowCaster, sun
+from visref.effects.light import sun
+from visref.effects.shadow_truth import ShadowTruth
+from visref.effects.solid import solid
 from visref.scene import Scene
 from visref_culling.shadow_volumes.volumes import ShadowVolumes, endless
 
@@ -29,7 +30,7 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     the same share by frame, and the verdict's counts summed."""
     scene = solid(scene)
     light = sun(SUN_DIRECTION, scene, LEXELS)
-    volumes, caster = ShadowVolumes(scene, light), ShadowCaster(scene, light)
+    volumes, rays = ShadowVolumes(scene, light), ShadowTruth(scene, light)
     verdict = ImageVerdict()
     full, clamped, kept = [], [], []
     try:
@@ -37,15 +38,15 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
             camera = endless(path.frames[frame])
             whole = volumes.frame(camera, clamped=False, fragments=True)
             cut = volumes.frame(camera, fragments=True)
-            truth = caster.engine.frame(camera)
+            truth = rays.engine.frame(camera)
             tolerance = volumes.tolerance(camera)
-            verdict = verdict.plus(caster.judge(truth, cut.image, whole.image, tolerance))
+            verdict = verdict.plus(rays.judge(truth, cut.image, whole.image, tolerance))
             full.append(whole.fragments or 0)
             clamped.append(cut.fragments or 0)
             kept.append(len(cut.kept))
     finally:
         volumes.close()
-        caster.close()
+        rays.close()
     return {
         "frames": len(full),
         "casters": scene.object_count,

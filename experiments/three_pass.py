@@ -29,6 +29,7 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.scene import Float64, Int64, Scene
 from visref.visibility import BACKGROUND
+from visref_culling.boxes.conservative import inflated, nearest_depth
 from visref_culling.boxes.hierarchy import BoxTree
 from visref_culling.gl.device import device
 from visref_culling.gl.item_buffer import GLRaster
@@ -96,7 +97,7 @@ class _Frame:
         self.wrong = (truths + answers - 2 * both).astype(np.float64)
         self.missed = np.where(answers == 0, truths, 0).astype(np.float64)
         self.seen = (truths > 0) | (answers > 0)
-        nearest = view.nearest_depth(view.inflated(scene.object_bounds[self.tiles]))
+        nearest = nearest_depth(view, inflated(view, scene.object_bounds[self.tiles]))
         deviation = np.zeros(len(self.tiles))
         displacement = np.zeros(len(self.tiles))
         for at, tile in enumerate(self.tiles.tolist()):

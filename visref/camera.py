@@ -49,7 +49,8 @@ class Camera:
     right-handed. `near`, `far`: view depth in world units, a hit counts where
     near <= t <= far; `far` may be infinite. Exactly one of `yfov` (vertical field of view,
     radians) and `ymag` (half the view's height, world units; orthographic) is given.
-    `cut` marks a jump from the frame before, for temporal methods.
+    `cut` marks a jump from the frame before, for temporal methods. `view` names the view of
+    the frame that this camera is; a frame's only view need not have a name.
 
     Raises InputError where a value breaks these rules.
     """
@@ -64,6 +65,7 @@ class Camera:
     shift_x_px: float = 0.0
     shift_y_px: float = 0.0
     cut: bool = False
+    view: str = ""
 
     def __post_init__(self) -> None:
         matrix = np.array(self.world_from_camera, dtype=np.float64)

@@ -42,6 +42,10 @@ class CameraPath:
     def __len__(self) -> int:
         return len(self.frames)
 
+    def views(self, frame: int) -> tuple[Camera, ...]:
+        """The cameras of one frame, in the path's order."""
+        return (self.frames[frame],)
+
     def __iter__(self) -> Iterator[Camera]:
         return iter(self.frames)
 

@@ -1,6 +1,7 @@
 """The contract with a culler: units once, a drawn set for each camera.
 
-The smallest plug-in is a subclass of `Culler` with one method:
+The whole contract is `Culler`; what a method has no use for, it leaves as it is. The smallest
+plug-in is a subclass with one method:
 
     class Mine(Culler):
         name = "mine"
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.options import Option as Option
 from visref.scene import Int32, Scene, Units
 
 
@@ -144,38 +146,50 @@ class Raster(ABC):
         """
 
 
-@dataclass(frozen=True)
-class Option:
-    """One option of a culler or an engine, for `NAME:option=value` and `visref cullers`.
-
-    Its type is its default's; `choices`, where given, are all it may be.
-    """
-
-    default: bool | int | float | str
-    help: str
-    choices: tuple[str | int, ...] = ()
-
-
 class Culler(ABC):
     """An occlusion culler under judgement.
 
     A class states its `name`, a one-line `summary`, its `promise` and its `options`; the
-    options' values are the constructor's keyword arguments.
+    options' values are the constructor's keyword arguments. Arguments and results can be
+    serialised: a culler may live in another process.
+
+    `joint`: one drawn set serves all views of a frame, and `cull_joint` is called. `memory`:
+    how many frames back it looks, None for no limit. `raster`: the rasteriser behind its depth
+    buffer, None where it asks none.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str] = ""
     options: ClassVar[Mapping[str, Option]] = {}
     promise: Promise = Promise.CONSERVATIVE
+    joint: bool = False
+    memory: int | None = None
     raster: Raster | None = None
 
     def prepare(self, scene: Scene) -> Units:
         """Meet the scene, once, before any camera; say what is decided about."""
         return scene.object_units()
 
+    def update(self, scene: Scene) -> None:
+        """Meet the scene as it stands now: called before a frame in which something has moved,
+        appeared or vanished. A culler that leaves this as it is is for scenes that stand still."""
+
     @abstractmethod
     def cull(self, camera: Camera) -> DrawnSet:
-        """Decide one frame. Cameras come in path order, each once."""
+        """Decide one view of a frame. Frames come in path order, each once, and a frame's views
+        in the path's order; `camera.view` names the view, `camera.cut` says that the frame does
+        not follow the one before."""
+
+    def cull_joint(self, cameras: Sequence[Camera]) -> DrawnSet:
+        """Decide one drawn set for all views of a frame; called in place of `cull` where `joint`.
+        By default that of the only view."""
+        (camera,) = cameras
+        return self.cull(camera)
+
+    def bounds(self) -> NDArray[np.float64] | None:
+        """The boxes that the last frame's answer rests on, (u, 2, 3) float64 in world space, one
+        per unit, least and greatest corner; None where it does not tell."""
+        return None
 
     def close(self) -> None:
         """Free what the culler holds; it is not used afterwards."""

@@ -28,11 +28,143 @@ class Rule:
     explanation: str
 
 
+class Code(StrEnum):
+    """The catalogue: every kind of finding there is, under its stable code."""
+
+    rule: Rule
+
+    def __new__(cls, rule: Rule) -> Code:
+        code = str.__new__(cls, rule.code)
+        code._value_ = rule.code
+        code.rule = rule
+        return code
+
+    MISSED_OBJECT = Rule(
+        "MISSED_OBJECT",
+        Severity.ERROR,
+        "A visible object was not drawn",
+        "The object owns samples of the frame, exact arithmetic confirmed one of them, and "
+        "none of its owned samples shows it. A culler that promises to be conservative must "
+        "not do this. The witness replays with `visref explain`.",
+    )
+    MISSED_DECLARED = Rule(
+        "MISSED_DECLARED",
+        Severity.INFO,
+        "A visible object was not drawn, by a culler that does not promise to draw it",
+        "The same as MISSED_OBJECT for a culler that declares itself aggressive or "
+        "approximate: it is measured, not convicted.",
+    )
+    MISSED_TIE = Rule(
+        "MISSED_TIE",
+        Severity.INFO,
+        "A tied object was left out while a co-owner was drawn",
+        "Several objects lie at exactly the same nearest depth at every sample of this "
+        "object. All of them are visible, but the picture loses no pixel.",
+    )
+    MISSED_WITHIN_RASTER = Rule(
+        "MISSED_WITHIN_RASTER",
+        Severity.INFO,
+        "A visible object was lost within the rasteriser's declared tolerance",
+        "None of the object's samples survives the sub-pixel snap, depth step and float32 "
+        "transform error that the rasteriser declares, and the rasteriser's own unculled "
+        "picture lacks the object too. The culler is not to blame.",
+    )
+    UNDECIDED_OBJECT = Rule(
+        "UNDECIDED_OBJECT",
+        Severity.WARNING,
+        "Whether an undrawn object is visible depends on an alpha texture",
+        "Every sample that the object could own lies at or behind a triangle with an alpha "
+        "mask whose texture was not evaluated. Such samples neither clear nor convict.",
+    )
+    ENGINE_CORRECTED = Rule(
+        "ENGINE_CORRECTED",
+        Severity.INFO,
+        "Exact arithmetic overruled the ray engine",
+        "At some disputed samples the float32 ray engine named the wrong owner. The verdict "
+        "uses the exact owner.",
+    )
+    ENGINE_BLIND_SPOTS = Rule(
+        "ENGINE_BLIND_SPOTS",
+        Severity.INFO,
+        "The truth comes from a float32 engine",
+        "Exact arithmetic re-decided every disputed sample, so each violation is an exact "
+        "one; a miss that the ray engine itself does not see stays unseen, and ties that "
+        "nobody disputed are not listed. `--engine exact` lists every miss and every tie.",
+    )
+    REBASE_INEXACT = Rule(
+        "REBASE_INEXACT",
+        Severity.WARNING,
+        "The scene could not be moved to the origin without rounding",
+        "The scene spans too many magnitudes for a translation that keeps every coordinate "
+        "exact in float32. Far from the origin the ray engine may err; disputed samples are "
+        "exact all the same.",
+    )
+    IMAGE_DIFFERS = Rule(
+        "IMAGE_DIFFERS",
+        Severity.WARNING,
+        "The drawn set gives another picture than the whole scene",
+        "Redrawn in id order by the same rasteriser, the drawn set's picture differs from "
+        "the unculled one. It does not change the exit status: the verdict rests on rays "
+        "and exact arithmetic.",
+    )
+    CULLER_FAILED = Rule(
+        "CULLER_FAILED",
+        Severity.ERROR,
+        "The culler broke down",
+        "It raised an error or returned something that is no drawn set. Its remaining frames "
+        "were not judged, so its verdict is inconclusive unless a violation came before.",
+    )
+    NO_GL = Rule(
+        "NO_GL",
+        Severity.WARNING,
+        "A GL method could not run",
+        "No OpenGL context can be made on this machine; `visref doctor` says why.",
+    )
+    NOTHING_JUDGED = Rule(
+        "NOTHING_JUDGED",
+        Severity.WARNING,
+        "Nothing could be judged",
+        "No frame was judged, or no object is visible in any of them. A run that checked "
+        "nothing proves nothing: it is inconclusive.",
+    )
+    ANIMATION_IGNORED = Rule(
+        "ANIMATION_IGNORED",
+        Severity.WARNING,
+        "Animated geometry is judged in its rest pose",
+        "Only cameras may move. The file animates nodes, skins or morph targets.",
+    )
+    NONFINITE_DROPPED = Rule(
+        "NONFINITE_DROPPED",
+        Severity.WARNING,
+        "Triangles with a NaN or infinite vertex were dropped",
+        "`--lenient` was given. Without it such a file is an error.",
+    )
+    PARTLY_READ = Rule(
+        "PARTLY_READ",
+        Severity.WARNING,
+        "Part of the scene file was not read",
+        "The file uses an extension, a material or a feature that visref does not know, or a "
+        "part of it is missing. The engine that draws it may see another scene than this one.",
+    )
+    NO_TRIANGLES = Rule(
+        "NO_TRIANGLES",
+        Severity.INFO,
+        "An object has no triangles",
+        "Points and lines own no samples; the object keeps its id and is never visible.",
+    )
+    ALPHA_MASK_CONSTANT = Rule(
+        "ALPHA_MASK_CONSTANT",
+        Severity.INFO,
+        "A masked material without a texture was decided by its constant alpha",
+        "Its triangles count as opaque, or were dropped where the alpha is below the cutoff.",
+    )
+
+
 @dataclass(frozen=True)
 class Finding:
-    """One occurrence: the rule's code, what was found, and where (culler, frame, object)."""
+    """One occurrence: its code, what was found, and where (culler, frame, object)."""
 
-    code: str
+    code: Code
     message: str
     culler: str = ""
     frame: int | None = None
@@ -40,136 +172,26 @@ class Finding:
 
     @property
     def rule(self) -> Rule:
-        return RULES[self.code]
+        return self.code.rule
 
 
-_CATALOGUE = (
-    Rule(
-        "MISSED_OBJECT",
-        Severity.ERROR,
-        "A visible object was not drawn",
-        "The object owns samples of the frame, exact arithmetic confirmed one of them, and "
-        "none of its owned samples shows it. A culler that promises to be conservative must "
-        "not do this. The witness replays with `visref explain`.",
-    ),
-    Rule(
-        "MISSED_DECLARED",
-        Severity.INFO,
-        "A visible object was not drawn, by a culler that does not promise to draw it",
-        "The same as MISSED_OBJECT for a culler that declares itself aggressive or "
-        "approximate: it is measured, not convicted.",
-    ),
-    Rule(
-        "MISSED_TIE",
-        Severity.INFO,
-        "A tied object was left out while a co-owner was drawn",
-        "Several objects lie at exactly the same nearest depth at every sample of this "
-        "object. All of them are visible, but the picture loses no pixel.",
-    ),
-    Rule(
-        "MISSED_WITHIN_RASTER",
-        Severity.INFO,
-        "A visible object was lost within the rasteriser's declared tolerance",
-        "None of the object's samples survives the sub-pixel snap, depth step and float32 "
-        "transform error that the rasteriser declares, and the rasteriser's own unculled "
-        "picture lacks the object too. The culler is not to blame.",
-    ),
-    Rule(
-        "UNDECIDED_OBJECT",
-        Severity.WARNING,
-        "Whether an undrawn object is visible depends on an alpha texture",
-        "Every sample that the object could own lies at or behind a triangle with an alpha "
-        "mask whose texture was not evaluated. Such samples neither clear nor convict.",
-    ),
-    Rule(
-        "ENGINE_CORRECTED",
-        Severity.INFO,
-        "Exact arithmetic overruled the ray engine",
-        "At some disputed samples the float32 ray engine named the wrong owner. The verdict "
-        "uses the exact owner.",
-    ),
-    Rule(
-        "ENGINE_BLIND_SPOTS",
-        Severity.INFO,
-        "The truth comes from a float32 engine",
-        "Exact arithmetic re-decided every disputed sample, so each violation is an exact "
-        "one; a miss that the ray engine itself does not see stays unseen, and ties that "
-        "nobody disputed are not listed. `--engine exact` lists every miss and every tie.",
-    ),
-    Rule(
-        "REBASE_INEXACT",
-        Severity.WARNING,
-        "The scene could not be moved to the origin without rounding",
-        "The scene spans too many magnitudes for a translation that keeps every coordinate "
-        "exact in float32. Far from the origin the ray engine may err; disputed samples are "
-        "exact all the same.",
-    ),
-    Rule(
-        "IMAGE_DIFFERS",
-        Severity.WARNING,
-        "The drawn set gives another picture than the whole scene",
-        "Redrawn in id order by the same rasteriser, the drawn set's picture differs from "
-        "the unculled one. It does not change the exit status: the verdict rests on rays "
-        "and exact arithmetic.",
-    ),
-    Rule(
-        "CULLER_FAILED",
-        Severity.ERROR,
-        "The culler broke down",
-        "It raised an error or returned something that is no drawn set. Its remaining frames "
-        "were not judged, so its verdict is inconclusive unless a violation came before.",
-    ),
-    Rule(
-        "NO_GL",
-        Severity.WARNING,
-        "A GL method could not run",
-        "No OpenGL context can be made on this machine; `visref doctor` says why.",
-    ),
-    Rule(
-        "NOTHING_JUDGED",
-        Severity.WARNING,
-        "Nothing could be judged",
-        "No frame was judged, or no object is visible in any of them. A run that checked "
-        "nothing proves nothing: it is inconclusive.",
-    ),
-    Rule(
-        "ANIMATION_IGNORED",
-        Severity.WARNING,
-        "Animated geometry is judged in its rest pose",
-        "Only cameras may move. The file animates nodes, skins or morph targets.",
-    ),
-    Rule(
-        "NONFINITE_DROPPED",
-        Severity.WARNING,
-        "Triangles with a NaN or infinite vertex were dropped",
-        "`--lenient` was given. Without it such a file is an error.",
-    ),
-    Rule(
-        "PARTLY_READ",
-        Severity.WARNING,
-        "Part of the scene file was not read",
-        "The file uses an extension, a material or a feature that visref does not know, or a "
-        "part of it is missing. The engine that draws it may see another scene than this one.",
-    ),
-    Rule(
-        "NO_TRIANGLES",
-        Severity.INFO,
-        "An object has no triangles",
-        "Points and lines own no samples; the object keeps its id and is never visible.",
-    ),
-    Rule(
-        "ALPHA_MASK_CONSTANT",
-        Severity.INFO,
-        "A masked material without a texture was decided by its constant alpha",
-        "Its triangles count as opaque, or were dropped where the alpha is below the cutoff.",
-    ),
-)
-
-RULES: dict[str, Rule] = {rule.code: rule for rule in _CATALOGUE}
+def rule_of(code: str, severity: str) -> Rule:
+    """The rule of a finding on file. Where another version of visref wrote it, and this one does
+    not know its code, what the record itself says of it."""
+    if code in Code.__members__:
+        return Code[code].rule
+    return Rule(
+        code,
+        Severity(severity) if severity in tuple(Severity) else Severity.WARNING,
+        "A finding that this version of visref does not know",
+        "Another version wrote it. Its message says what was found; the catalogue of that "
+        "version says what it means.",
+    )
 
 
 def document() -> str:
     """The catalogue as Markdown."""
+    rules = [code.rule for code in Code]
     lines = [
         "# Findings",
         "",
@@ -178,8 +200,8 @@ def document() -> str:
         "| code | severity | meaning |",
         "|---|---|---|",
     ]
-    lines += [f"| [`{r.code}`](#{r.code.lower()}) | {r.severity} | {r.title} |" for r in _CATALOGUE]
-    for rule in _CATALOGUE:
+    lines += [f"| [`{r.code}`](#{r.code.lower()}) | {r.severity} | {r.title} |" for r in rules]
+    for rule in rules:
         lines += ["", f"## {rule.code}", "", f"*{rule.severity}.* {rule.title}.", ""]
         lines.append(rule.explanation)
     return "\n".join(lines) + "\n"

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import inspect
+import json
 import tempfile
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
 from visref.findings import Finding
-from visref.formats.loading import load_path, load_scene
-from visref.registry import SCENES, available, load_entry
+from visref.formats import GLTF, load_path, load_scene
+from visref.generators import Generator, find_generator
+from visref.options import OptionValue
 from visref.scene import Scene
 
 
@@ -32,14 +33,6 @@ class Inputs:
 
     def make_engine(self) -> TruthEngine:
         return make_engine(self.engine, self.scene, threads=self.threads)
-
-
-class _Generated(Protocol):
-    """What a scene generator returns (entry-point group `visref.scenes`)."""
-
-    def write(self, directory: Path) -> tuple[Path, Path]:
-        """Write the scene and its path; return the two files."""
-        ...
 
 
 def open_inputs(
@@ -62,7 +55,7 @@ def open_inputs(
         cameras = load_path(path)
     elif own_path is not None:
         cameras = own_path
-    elif Path(scene).suffix.lower() in (".glb", ".gltf"):
+    elif Path(scene).suffix.lower() in GLTF:
         cameras = load_path(scene)
     else:
         raise InputError("the scene has no camera path", source=scene, fix="give --path")
@@ -85,78 +78,46 @@ def open_scene(
     A generated scene goes through files in `kept_in`, and is read from there the next time;
     without it, through files that are not kept.
     """
-    found = _generator(spec)
-    if found is None:
+    generator = _generator(spec)
+    if generator is None:
         loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
         return loaded, None, _findings(loaded)
-    name, generator, values = found
     with ExitStack() as closing:
         if kept_in is None:
             temporary = tempfile.TemporaryDirectory(prefix="visref-scene-")
-            files = _write(generator, values, Path(closing.enter_context(temporary)))
+            files = generator.write(Path(closing.enter_context(temporary)))
         else:
-            files = kept_in / f"{name}.glb", kept_in / f"{name}.path.json"
-            # The path is written last, so that where it stands the scene is whole.
-            if not files[1].is_file():
-                files = _write(generator, values, kept_in)
+            files = _kept(generator, kept_in)
         loaded = load_scene(files[0], cull_backfaces=cull_backfaces, lenient=lenient)
         path = load_path(files[1])
     # Records name what was asked for, not the files that it went through.
     return replace(loaded, source=spec), replace(path, source=spec), _findings(loaded)
 
 
-def generated_with(spec: str) -> dict[str, int | float]:
+def generated_with(spec: str) -> dict[str, OptionValue]:
     """The seed and whatever else a generated scene was made with, defaults included; empty where
     the spec is a file."""
-    found = _generator(spec)
-    if found is None:
-        return {}
-    _, generator, values = found
-    defaults = {
-        option: parameter.default
-        for option, parameter in inspect.signature(generator).parameters.items()
-        if isinstance(parameter.default, (int, float))
-    }
-    return defaults | values
+    generator = _generator(spec)
+    return {} if generator is None else generator.settings
 
 
-def _generator(spec: str) -> tuple[str, Any, dict[str, int | float]] | None:
-    """The name, the generator and the options that a spec gives; None where it is a file."""
-    name, _, options = spec.partition(":")
-    if Path(spec).exists() or name not in available(SCENES):
-        return None
-    return name, load_entry(SCENES, name, kind="scene"), _generator_options(spec, options)
+def _generator(spec: str) -> Generator | None:
+    return None if Path(spec).exists() else find_generator(spec)
 
 
-def _write(generator: Any, values: dict[str, int | float], folder: Path) -> tuple[Path, Path]:
-    generated = generator(**values)
-    if isinstance(generated, list):
-        names = [one.name for one in generated]
-        raise InputError(
-            f"this is a set of {len(names)} scenes ({names[0]}, …), not one",
-            fix="write them with `python -m datasets_gen NAME --out DIR` and name one",
-        )
-    return cast(_Generated, generated).write(folder)
+def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:
+    """The generated files in `folder`, from the time before or written now."""
+    # Written last, so that where it stands the scene is whole.
+    names = folder / f"{generator.name}.files.json"
+    if not names.is_file():
+        scene, path = generator.write(folder)
+        names.write_text(json.dumps([scene.name, path.name]))
+    scene_name, path_name = json.loads(names.read_text())
+    return folder / scene_name, folder / path_name
 
 
 def _findings(scene: Scene) -> tuple[Finding, ...]:
     return tuple(Finding(code, text) for code, text in scene.notes)
-
-
-def _generator_options(spec: str, text: str) -> dict[str, int | float]:
-    kinds: dict[str, type[int] | type[float]] = {"seed": int, "scale": float, "frames": int}
-    values: dict[str, int | float] = {}
-    for part in filter(None, text.split(",")):
-        name, _, value = part.partition("=")
-        if name not in kinds:
-            raise InputError(
-                f"'{spec}' has no option '{name}'", fix=f"known are {', '.join(kinds)}"
-            )
-        try:
-            values[name] = kinds[name](value)
-        except ValueError as error:
-            raise InputError(f"'{part}' in '{spec}' is not a number", fix="give one") from error
-    return values
 
 
 def picked_frames(text: str | None, count: int) -> range:

@@ -2,13 +2,13 @@
 
 A scene holds only what visibility needs: float32 vertices in world space, triangles in the
 order of their objects, and per triangle whether it is one-sided, alpha-masked or blended.
-Reading files is `visref.formats.loading`'s work.
+Reading files is `visref.formats`' work.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.findings import Code
 
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
@@ -57,7 +58,7 @@ class Scene:
     one_sided: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     alpha: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
     source: str = "scene"
-    notes: tuple[tuple[str, str], ...] = ()
+    notes: tuple[tuple[Code, str], ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -84,15 +85,14 @@ class Scene:
             raise InputError("one_sided or alpha is not one a triangle", source=self.source)
         if len(set(self.names)) != len(self.names):
             raise InputError("object names repeat", source=self.source, fix="use unique_names")
-        if count and (self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices)):
-            low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
-            bad = int(np.argmax((low < 0) | (high >= len(self.vertices))))
-            raise InputError(
-                f"triangle {bad} names a vertex outside 0…{len(self.vertices) - 1}",
-                source=self.source,
-                place=f"object '{self.names[self._object_at(bad)]}'",
-                fix="mend the index buffer",
+        try:
+            check_vertices(
+                self.triangles,
+                len(self.vertices),
+                lambda bad: f"object '{self.names[self._object_at(bad)]}'",
             )
+        except InputError as error:
+            raise error.at(source=self.source) from error
         if not np.isfinite(self.vertices).all():
             finite: NDArray[np.bool_] = np.all(np.isfinite(self.vertices), axis=1)
             bad_triangles = ~np.all(finite[self.triangles], axis=1)
@@ -127,13 +127,10 @@ class Scene:
             with np.errstate(over="ignore"):  # an infinity is refused below, with its object
                 points = np.asarray(points, np.float32).reshape(-1, 3)
             faces = np.asarray(faces, np.int64).reshape(-1, 3)
-            if faces.size and (faces.min() < 0 or faces.max() >= len(points)):
-                raise InputError(
-                    f"a triangle names a vertex outside 0…{len(points) - 1}",
-                    source=source,
-                    place=f"object '{name}'",
-                    fix="mend the index buffer",
-                )
+            try:
+                check_vertices(faces, len(points), lambda _: "")
+            except InputError as error:
+                raise error.at(place=f"object '{name}'", source=source) from error
             vertices.append(points)
             triangles.append((faces + base).astype(np.int32))
             base += len(points)
@@ -291,6 +288,21 @@ class Units:
             raise InputError("the units' offsets do not span their triangles", source=source)
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < scene.triangle_count:
             raise InputError("a unit names a triangle that the scene lacks", source=source)
+
+
+def check_vertices(triangles: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
+    """Raise InputError where one of (t, 3) `triangles` names a vertex that there is not; `place`
+    says of that triangle, by its number, where it is."""
+    if not triangles.size or 0 <= triangles.min() <= triangles.max() < vertex_count:
+        return
+    outside = (triangles < 0) | (triangles >= vertex_count)
+    bad = int(np.argmax(outside.any(axis=1)))
+    vertex = triangles[bad][outside[bad]][0]
+    raise InputError(
+        f"triangle {bad} names vertex {vertex}: index out of range 0…{vertex_count - 1}",
+        place=place(bad),
+        fix="mend the index buffer",
+    )
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:

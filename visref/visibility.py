@@ -82,7 +82,7 @@ class ObjectVisibility:
 class FrameTruth:
     """Who owns which samples of one frame, as one engine sees it.
 
-    `ties_complete` says that `ties` lists every tie (the exact engine's promise; a ray
+    `ties_complete` says that `ties` lists every tie (an exact engine's promise; a ray
     engine lists none). `undecided`: (k,) int64, sorted flat indices of samples where an
     alpha-masked triangle lies at or before the owner; they neither clear nor convict.
     `masked`: int32, ascending, the objects whose masked triangles those are.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from visref.scene import Float64, Int64
+from visref_culling.boxes.conservative import inflated, meets_frustum
 from visref_culling.gl.view import View
 
 FAN_OUT = 8
@@ -37,7 +38,7 @@ class BoxTree:
         nodes = np.arange(len(self.levels[-1]))
         for depth in range(len(self.levels) - 1, -1, -1):
             boxes = self.levels[depth]
-            nodes = nodes[view.meets_frustum(view.inflated(boxes[nodes]))]
+            nodes = nodes[meets_frustum(view, inflated(view, boxes[nodes]))]
             if depth:
                 children = (nodes[:, None] * FAN_OUT + np.arange(FAN_OUT)).reshape(-1)
                 nodes = children[children < len(self.levels[depth - 1])]

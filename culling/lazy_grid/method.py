@@ -42,8 +42,9 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.boxes.conservative import FARTHEST_QUERY, nearest_depth
 from visref_culling.gl.item_buffer import GLRaster
-from visref_culling.gl.view import FARTHEST_QUERY, View
+from visref_culling.gl.view import View
 from visref_culling.lazy_grid.boxes import triangle_boxes
 from visref_culling.lazy_grid.coverage import add_coverage
 from visref_culling.lazy_grid.grid import DepthGrid, Grid, OcclusionGrid
@@ -136,7 +137,7 @@ class LazyGridCulling(GLCuller):
         _within("whole", whole, 0, 1)
         _within("large", large, 0, None)
         self.occlusion_buffer = buffer == "occlusion"
-        self.update, self.query_way, self.cell = update, query, cell
+        self.updates, self.query_way, self.cell = update, query, cell
         self.leaf = leaf if boxes == "triangles" else None
         self.probability, self.whole, self.large = probability, whole, large
         self.areas: AreaQueries | None = None
@@ -186,7 +187,7 @@ class LazyGridCulling(GLCuller):
 
     def nearest(self, view: View, boxes: Float64) -> Float64:
         """(k,) least view depth."""
-        return view.nearest_depth(boxes)
+        return nearest_depth(view, boxes)
 
     def test_key(self, walk: Walk, node: int) -> float:
         return walk.near[node]
@@ -257,7 +258,7 @@ class LazyGridCulling(GLCuller):
             walk = self.walk(frame)
         frame.ids = np.arange(self.units.count)
         self.observe("grid", grid=walk.grid)
-        if self.update == "none":
+        if self.updates == "none":
             self.draw(frame, walk.nodes.unit[walk.nodes.unit != INNER])
             return
         if len(walk.unit):
@@ -355,7 +356,7 @@ class LazyGridCulling(GLCuller):
         self.observe("mark", area=walk.area[node], unit=unit)
         if self.probability > 0.0:
             add_coverage(walk.grid, walk.frame.view, self.scene, self.units, self.opaque, unit)
-        if self.update == "busy":
+        if self.updates == "busy":
             self.update_all(walk, node)
 
     def update_all(self, walk: Walk, node: int) -> None:

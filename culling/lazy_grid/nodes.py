@@ -1,7 +1,7 @@
 """The bounding-box hierarchy as one camera sees it: which nodes meet the view, and where.
 
 Every node's screen rectangle and depth range are found once a frame, for all nodes in the view
-together. The boxes come inflated (`View.inflated`), by twice what moves their geometry on the
+together. The boxes come inflated (`boxes.conservative`), by twice what moves their geometry on the
 rasteriser's side; float64 projects them, so half of that is left over for its rounding, which
 is some 2**-29 as large.
 """
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visref.scene import Float64, Int64
+from visref_culling.boxes.conservative import inflated, meets_frustum
 from visref_culling.boxes.hierarchy import FAN_OUT, BoxTree
 from visref_culling.gl.view import View
 
@@ -41,8 +42,8 @@ class ViewNodes:
 def nodes_in_view(tree: BoxTree, view: View) -> ViewNodes:
     """Descend from the root, leaving out what lies wholly outside one of the view's planes."""
     nodes = np.arange(len(tree.levels[-1]))
-    boxes = view.inflated(tree.levels[-1][nodes])
-    meets = view.meets_frustum(boxes)
+    boxes = inflated(view, tree.levels[-1][nodes])
+    meets = meets_frustum(view, boxes)
     nodes, boxes = nodes[meets], boxes[meets]
     parts, units, firsts, counts = [], [], [], []
     seen = 0
@@ -59,8 +60,8 @@ def nodes_in_view(tree: BoxTree, view: View) -> ViewNodes:
         parents = np.repeat(np.arange(len(nodes)), FAN_OUT)
         there = children < len(below)
         children, parents = children[there], parents[there]
-        boxes = view.inflated(below[children])
-        meets = view.meets_frustum(boxes)
+        boxes = inflated(view, below[children])
+        meets = meets_frustum(view, boxes)
         of_parent = np.bincount(parents[meets], minlength=len(nodes))
         units.append(np.full(len(nodes), INNER))
         firsts.append(seen + np.cumsum(of_parent) - of_parent)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.scene import Float64, Int64
+from visref_culling.boxes.conservative import growth
 from visref_culling.gl.device import Device, Target
 from visref_culling.gl.geometry import COMMAND_WORDS, Geometry
 from visref_culling.gl.view import View
@@ -147,7 +148,7 @@ def _view_bytes(view: View, classes: int) -> bytes:
     rows[6:10] = view.clip_from_relative
     rows[10, :3] = view.depth_row
     rows[11] = *camera.eye, np.abs(camera.eye).max()
-    rows[12] = *view.growth, camera.near
+    rows[12] = *growth(view), camera.near
     clip = camera.clip_from_camera(view.far)
     rows[13] = -clip[2, 2], clip[2, 3], view.depth_shift_ndc, float(camera.is_perspective)
     rows[14] = camera.width, camera.height, len(view.planes), classes

@@ -19,7 +19,7 @@ nothing of itself either: its own depth lies in its own rectangle, and is not ne
 
 Departures from the paper:
 
-- The box's depth and rectangle come from the inflated box (`gl.view`), and depths that
+- The box's depth and rectangle come from the inflated box (`boxes.conservative`), and depths that
   compare equal are visible.
 - A box across the near plane or around the eye is visible without a test.
 - Objects without opaque triangles are no occluders.
@@ -37,6 +37,7 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.boxes.conservative import inflated, meets_frustum, nearest_depth
 from visref_culling.boxes.hierarchy import FAN_OUT
 from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
@@ -92,7 +93,7 @@ class NBufferCulling(GLCuller):
         self.seen = np.zeros(units.count, np.bool_)
         if self.on_gpu:
             self.gpu = self.gpu_cull(
-                self.device, self.geometry, self.bounds, self.can_occlude, self.squares
+                self.device, self.geometry, self.unit_boxes, self.can_occlude, self.squares
             )
         return units
 
@@ -123,13 +124,13 @@ class NBufferCulling(GLCuller):
         return shown
 
     def nearest(self, frame: Frame, boxes: Float64) -> Float64:
-        return frame.view.nearest_depth(boxes)
+        return nearest_depth(frame.view, boxes)
 
     def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
         if not self.looks_up:
             return super().needs_no_query(view, boxes)
         # A rectangle is computed and not drawn, so nothing else needs sparing.
-        crosses: NDArray[np.bool_] = view.nearest_depth(boxes) <= view.camera.near
+        crosses: NDArray[np.bool_] = nearest_depth(view, boxes) <= view.camera.near
         return crosses
 
     # The algorithm.
@@ -166,8 +167,8 @@ class NBufferCulling(GLCuller):
         view, levels = frame.view, self.tree.levels
         nodes: Int64 = np.arange(len(levels[-1]))
         for depth in range(len(levels) - 1, -1, -1):
-            boxes = view.inflated(levels[depth][nodes])
-            inside = view.meets_frustum(boxes)
+            boxes = inflated(view, levels[depth][nodes])
+            inside = meets_frustum(view, boxes)
             nodes, boxes = nodes[inside], boxes[inside]
             nodes = nodes[self.visible(frame, boxes, self.needs_no_query(view, boxes))]
             if depth:

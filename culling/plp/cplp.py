@@ -45,9 +45,9 @@ from visref.camera import Camera
 from visref.culler import Option, Promise, QueryStats
 from visref.errors import InputError
 from visref.scene import Int32, Int64, Scene
+from visref_culling.boxes.conservative import round_outward
 from visref_culling.gl.device import State, Target
 from visref_culling.gl.item_buffer import GLRaster
-from visref_culling.gl.view import round_outward
 from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Asked, Frame, GLCuller, phase
 from visref_culling.plp.plp import PLP_OPTIONS, PLPCulling
 from visref_culling.queries.histogram import HistogramQueries

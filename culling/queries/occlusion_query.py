@@ -12,8 +12,8 @@ Four ways, one answer:
 The depth and image are read only in all four. Each can ask the eight corners, a point each, in
 place of the box: cheaper, and a "no" says nothing about the box.
 
-Boxes come inflated and in float32 (see `gl.view`), wholly beyond the near plane; depth is
-clamped behind the far plane, so a box that reaches across it is not cut open.
+Boxes come inflated and in float32 (see `boxes.conservative`), wholly beyond the near plane; depth
+is clamped behind the far plane, so a box that reaches across it is not cut open.
 """
 
 from __future__ import annotations

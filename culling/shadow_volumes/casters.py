@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.effects.shadows import Light
+from visref.effects.light import Light
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 
 

@@ -21,7 +21,7 @@ import math
 import moderngl
 import numpy as np
 
-from visref.effects.shadows import Light
+from visref.effects.light import Light
 from visref.scene import Float32, Float64
 from visref_culling.gl.device import Device, Target, set_uniform
 from visref_culling.gl.view import DEPTH_STEPS, FLOAT32_UNIT, TRANSFORM_ROUNDINGS, View

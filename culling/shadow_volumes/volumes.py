@@ -44,7 +44,7 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.effects.shadows import Light
+from visref.effects.light import Light
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
 from visref_culling.gl.device import Device, State, Target, device, set_uniform

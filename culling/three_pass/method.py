@@ -42,9 +42,10 @@ from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float32, Float64, Int64, Scene, Units
+from visref_culling.boxes.conservative import inflated, meets_frustum, round_outward
 from visref_culling.gl.device import Target
 from visref_culling.gl.geometry import Geometry
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from visref_culling.queries.mesh_query import ask_meshes, mesh_fragments
 from visref_culling.three_pass.parts import parts_of
@@ -278,10 +279,10 @@ class ThreePassCulling(GLCuller):
         counts = self.first_part[asked + 1] - first
         part = np.repeat(first - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         place = np.repeat(places, counts)
-        boxes = before.view.inflated(self.part_bounds[part])
+        boxes = inflated(before.view, self.part_bounds[part])
         if before.small:
             boxes = self.grown(before.view, boxes)
-        shown = before.view.meets_frustum(boxes)
+        shown = meets_frustum(before.view, boxes)
         unasked = shown & self.needs_no_query(before.view, boxes)
         sure = np.zeros(len(frame.ids), np.bool_)
         sure[place[unasked]] = True

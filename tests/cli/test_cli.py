@@ -334,7 +334,7 @@ def test_a_real_model_goes_through_truth_run_and_report(tmp_path):
     """A two-cylinder engine of 115 parts, orbited; drawn by its author, not by us."""
     from visref.camera import Camera, look_at
     from visref.camera_path import CameraPath
-    from visref.formats.loading import load_scene
+    from visref.formats import load_scene
 
     low, high = load_scene(REAL_MODEL).core_bounds
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low))

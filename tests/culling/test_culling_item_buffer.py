@@ -16,7 +16,8 @@ from tests.support.culling_scenes import (
 from visref.camera import Camera
 from visref.engines.embree import EmbreeEngine
 from visref.scene import Alpha, Scene
-from visref_culling.gl.item_buffer import GLRaster, ItemBufferEngine
+from visref_culling.gl.item_buffer import GLRaster
+from visref_culling.item_buffer_engine import ItemBufferEngine
 
 pytestmark = pytest.mark.gl
 

@@ -7,9 +7,10 @@ from tests.support.culling_scenes import ortho, perspective, quad
 from visref.camera import Camera
 from visref.culler import QueryStats
 from visref.scene import Scene
+from visref_culling.boxes.conservative import inflated, round_outward
 from visref_culling.gl.device import State, device
 from visref_culling.gl.geometry import Geometry, occluders
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
 from visref_culling.queries.occlusion_query import BoxQueries
 
 pytestmark = pytest.mark.gl
@@ -31,7 +32,7 @@ class Stage:
         self.queries = BoxQueries(device())
 
     def boxes(self, *bounds):
-        return round_outward(self.view.inflated(np.array(bounds, float)))
+        return round_outward(inflated(self.view, np.array(bounds, float)))
 
     def ask(self, *bounds, way="batch", cull=True, stats=None, **more):
         boxes = self.boxes(*bounds)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from tests.support.culling_scenes import ortho, perspective, random_camera
 from visref.scene import Scene
+from visref_culling.boxes.conservative import inflated
 from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.gl.view import View
 
@@ -20,7 +21,7 @@ def test_rectangle_holds_every_pixel_of_the_box_and_is_no_larger_than_its_part_i
     camera = random_camera(rng, 48, 32)
     view = View.of(camera, EMPTY, 8)
     bounds = np.sort(rng.normal(size=(1, 2, 3)), axis=1)
-    relative = view.inflated(bounds)
+    relative = inflated(view, bounds)
     x0, y0, x1, y1 = screen_rectangles(view, relative)[0]
     points = rng.uniform(bounds[0, 0], bounds[0, 1], (400, 3))
     pixels, depth = camera.pixel_of(points)
@@ -52,7 +53,7 @@ def test_rectangles_known_by_hand(make):
         return low, high
 
     bounds = np.array([at(2, 3, 5, 4), at(-5, -5, 3, 2), at(20, 2, 25, 4), at(0, -9, 4, -3)])
-    rectangles = screen_rectangles(view, view.inflated(bounds))
+    rectangles = screen_rectangles(view, inflated(view, bounds))
     assert rectangles[0].tolist() == [2, 3, 4, 3]
     assert rectangles[1].tolist() == [0, 0, 2, 1]
     assert rectangles[2][2] < rectangles[2][0]
@@ -64,9 +65,9 @@ def test_rectangle_of_a_box_across_the_near_plane_is_that_of_its_part_beyond():
     floor = np.array([[(-0.5, -0.9, -8.0), (0.5, -0.5, 3.0)]])  # passes under the eye
     behind = np.array([[(-9.0, -9.0, 1.0), (9.0, 9.0, 2.0)]])
     around = np.array([[(-9.0, -9.0, -9.0), (9.0, 9.0, 9.0)]])
-    x0, y0, x1, y1 = screen_rectangles(view, view.inflated(floor))[0]
+    x0, y0, x1, y1 = screen_rectangles(view, inflated(view, floor))[0]
     assert (x0, x1, y1) == (3, 12, 15)
     assert y0 == 8  # the far edge, at 0.5 / 8 below the middle
-    x0, y0, x1, y1 = screen_rectangles(view, view.inflated(behind))[0]
+    x0, y0, x1, y1 = screen_rectangles(view, inflated(view, behind))[0]
     assert x1 < x0
-    assert screen_rectangles(view, view.inflated(around))[0].tolist() == [0, 0, 15, 15]
+    assert screen_rectangles(view, inflated(view, around))[0].tolist() == [0, 0, 15, 15]

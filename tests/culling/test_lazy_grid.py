@@ -19,6 +19,7 @@ from visref.engines.exact import ExactEngine
 from visref.errors import InputError
 from visref.judging.referee import Referee
 from visref.scene import Alpha, Scene
+from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query
 from visref_culling.boxes.hierarchy import BoxTree
 from visref_culling.gl.device import device
 from visref_culling.gl.view import View
@@ -309,7 +310,7 @@ def test_nodes_lead_to_every_unit_in_the_view_through_boxes_that_hold_it(seed):
 def test_area_of_a_box_is_the_samples_that_it_covers():
     scene = Scene.from_objects([("o", *quad((-4.4, -2.0), (3.5, 1.2), -5.0))])
     view = View.of(ortho(16, 12), scene, 8)
-    boxes = view.inflated(scene.object_bounds)
+    boxes = inflated(view, scene.object_bounds)
     found = areas(*pixel_bounds(view, corners_of(boxes)), 16, 12)
     # Samples lie at x = -7.5, -6.5, ...: from -3.5 to 3.5, whose edge is just touched, and
     # y from 0.5 down to -1.5.
@@ -324,10 +325,10 @@ def test_area_holds_every_pixel_that_the_object_gets_from_the_rasteriser(seed):
     culler.prepare(scene)
     for _ in range(3):
         view = View.of(random_camera(rng, 41, 29), scene, device().subpixel_bits)
-        boxes = view.inflated(scene.object_bounds)
+        boxes = inflated(view, scene.object_bounds)
         corners = corners_of(boxes)
         beyond = (corners @ view.depth_row).max(axis=1) >= view.camera.near
-        crossing = view.needs_no_query(boxes)
+        crossing = needs_no_query(view, boxes)
         points = np.where(
             crossing[:, None, None],
             clipped_corners(view, boxes),
@@ -345,8 +346,8 @@ def test_area_holds_every_pixel_that_the_object_gets_from_the_rasteriser(seed):
 def test_box_across_the_near_plane_gets_the_area_of_what_lies_beyond_it():
     scene = Scene.from_objects([("floor", *box((0.0, -3.0, 0.0), (50.0, 1.0, 50.0)))])
     view = View.of(perspective(32, 24), scene, 8)
-    boxes = view.inflated(scene.object_bounds)
-    assert view.needs_no_query(boxes).all()
+    boxes = inflated(view, scene.object_bounds)
+    assert needs_no_query(view, boxes).all()
     # Its upper edge 50 away is at y = -2 / 50: just below the middle row.
     found = areas(*pixel_bounds(view, clipped_corners(view, boxes)), 32, 24)
     assert found.tolist() == [[0, 12, 32, 24]]
@@ -484,11 +485,11 @@ def test_depth_of_a_box_is_never_behind_what_the_rasteriser_stores():
             camera = random_camera(rng, 32, 24)
             view, target, stats = culler.view_of(camera), culler.target_for(camera), QueryStats()
             culler.areas.begin(view, target, stats)
-            boxes = view.inflated(culler.bounds)
-            for unit in np.flatnonzero(~view.needs_no_query(boxes)):
+            boxes = inflated(view, culler.unit_boxes)
+            for unit in np.flatnonzero(~needs_no_query(view, boxes)):
                 culler.clear(target, stats)
                 culler.geometry.draw(view, target, np.array([unit]), stats)
-                depth = culler.areas.depth_of(view.nearest_depth(boxes[[unit]]))[0]
+                depth = culler.areas.depth_of(nearest_depth(view, boxes[[unit]]))[0]
                 assert depth <= target.read_depth().min()
             culler.close()
 

@@ -12,6 +12,7 @@ from visref.culler import Promise
 from visref.errors import InputError
 from visref.scene import Scene, Units
 from visref_culling.baselines import SingleQueryCulling
+from visref_culling.boxes.conservative import inflated
 from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.gl.device import device
 from visref_culling.gl.view import View
@@ -375,7 +376,7 @@ def test_scene_in_view_spreads_the_tiles_over_its_own_rectangle():
     culler.prepare(scene)
     camera = perspective(640, 480)
     view = View.of(camera, scene, device().subpixel_bits)
-    whole = screen_rectangles(view, view.inflated(scene.bounds[None]))[0]
+    whole = screen_rectangles(view, inflated(view, scene.bounds[None]))[0]
     assert culler.region(view) == tuple(whole)
     pose = np.eye(4)
     pose[:3, 3] = (2, 1, -5)  # the eye in the box, then the box cut by the window's edge

@@ -12,7 +12,8 @@ from tests.support.effect_scenes import camera_at, particle_verdict, scene_with,
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.culler import RasterTolerance
-from visref.effects.sprites import Sprites, SpriteTruth
+from visref.effects.sprite_truth import SpriteTruth, corners, layers
+from visref.effects.sprites import Sprites
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
 from visref_culling.gl.view import View
@@ -34,25 +35,25 @@ def sprites_at(*places, side_px=8):
 
 def test_sprite_covers_its_square_of_pixels_and_no_others():
     sprites = sprites_at((10.2, 5.3, 4.0))
-    layers = sprites.layers(ExactEngine(scene_with(wall=WALL)).frame(EYE))
+    shown = layers(sprites, ExactEngine(scene_with(wall=WALL)).frame(EYE))
     # Its left border belongs at column 48 + 10.2 - 4 = 54.2, its top at row 36 - 5.3 - 4 = 26.7.
-    assert layers[27:35, 54:62].min() == layers.max() == 1
-    assert layers.sum() == 64
+    assert shown[27:35, 54:62].min() == shown.max() == 1
+    assert shown.sum() == 64
 
 
 def test_sprite_behind_a_wall_shows_where_it_leaves_it():
     sprites = sprites_at((-1.0, 0.0, 6.0), (-1.0, 0.0, 4.0), (-20.0, 0.0, 6.0))
-    layers = sprites.layers(ExactEngine(scene_with(wall=WALL)).frame(EYE))
+    shown = layers(sprites, ExactEngine(scene_with(wall=WALL)).frame(EYE))
     # The one behind shows right of column 48 alone; the one before shows whole.
-    assert layers[32:40, 43:48].tolist() == [[1] * 5] * 8
-    assert layers[32:40, 48:51].tolist() == [[2] * 3] * 8
-    assert layers.sum() == 5 * 8 + 2 * 3 * 8
+    assert shown[32:40, 43:48].tolist() == [[1] * 5] * 8
+    assert shown[32:40, 48:51].tolist() == [[2] * 3] * 8
+    assert shown.sum() == 5 * 8 + 2 * 3 * 8
 
 
 @pytest.mark.parametrize("depth", [0.1, -3.0])
 def test_sprite_before_the_near_plane_or_behind_the_eye_is_none(depth):
     truth = ExactEngine(scene_with(wall=WALL)).frame(EYE)
-    assert not sprites_at((0.0, 0.0, depth)).layers(truth).any()
+    assert not layers(sprites_at((0.0, 0.0, depth)), truth).any()
 
 
 def test_sprite_as_deep_as_the_wall_may_show_or_not():
@@ -93,7 +94,7 @@ def test_sprite_is_culled_where_all_of_its_square_is_nearer_and_only_there():
     particles = Particles(made.scene, sprites)
     everything, culled = particles.frame(camera, culled=False), particles.frame(camera)
     farthest = particles.levels.read()[0]
-    corner, depth = sprites.corners(camera)
+    corner, depth = corners(sprites, camera)
     # The window depth of an endless view; what is within the shift of it may go either way.
     window, shift = (
         1.0 - camera.near / depth,
@@ -115,7 +116,7 @@ def test_sprite_is_culled_where_all_of_its_square_is_nearer_and_only_there():
 def test_one_lookup_stands_for_a_sprite_in_the_image():
     made, sprites = snowfall(1)
     frame = Particles(made.scene, sprites).frame(made.cameras[0], fragments=True)
-    corner, depth = sprites.corners(made.cameras[0])
+    corner, depth = corners(sprites, made.cameras[0])
     inside = (depth >= 0.25) & (corner > -8).all(axis=1) & (corner < (96, 72)).all(axis=1)
     assert frame.lookups == frame.in_image == np.count_nonzero(inside)
     assert len(frame.kept) * 8 <= frame.fragments <= len(frame.kept) * 64

@@ -16,8 +16,9 @@ from visref.culler import Promise, QueryStats
 from visref.errors import InputError
 from visref.registry import make_culler
 from visref.scene import Scene
+from visref_culling.boxes.conservative import inflated, round_outward
 from visref_culling.gl.device import State, device
-from visref_culling.gl.view import View, round_outward
+from visref_culling.gl.view import View
 from visref_culling.plp import ConservativePLPCulling, PLPCulling
 from visref_culling.plp.octree import MAX_GROWTH, STEPS, build
 from visref_culling.plp.solidity import solidity
@@ -193,7 +194,7 @@ def test_all_ways_of_asking_find_the_same_boxes(count, size):
         0.05, 1.0, (count, 1, 1)
     )
     view = View.of(camera, scene, 8)
-    boxes = round_outward(view.inflated(bounds))
+    boxes = round_outward(inflated(view, bounds))
     found = ways(view, target, boxes, cull_back_faces=True)
     assert np.array_equal(target.read_depth(), depth)
     visible = found["sync"] > 0
@@ -217,7 +218,7 @@ def test_differential_sees_ids_that_wrap_at_256():
     view, target = View.of(camera, EMPTY, 8), device().target(64, 64, channels=4)
     bounds = np.repeat([[(50.0, 50.0, -5.0), (51.0, 51.0, -4.0)]], 256, axis=0)
     bounds[255] = (-1.0, -1.0, -5.0), (1.0, 1.0, -4.0)
-    boxes = round_outward(view.inflated(bounds))
+    boxes = round_outward(inflated(view, bounds))
     found = {}
     for kind in (ItemBufferQueries, WrappedIds):
         items = kind(device())
@@ -243,7 +244,7 @@ def test_item_buffer_reads_active_tiles_and_one_channel_while_ids_fit_a_byte():
     items.begin(200, 130)
     for count in (1, 256, 1):
         stats = QueryStats()
-        boxes = round_outward(view.inflated(np.repeat(bounds, count, axis=0)))
+        boxes = round_outward(inflated(view, np.repeat(bounds, count, axis=0)))
         items.ask(view, target.scratch, boxes, stats, whole_front=True, cull_back_faces=True)
         read.append(stats.bytes_read_back)
     tile = 64 * 64

@@ -20,8 +20,9 @@ from tests.support.effect_scenes import (
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.culler import RasterTolerance
-from visref.effects import solid
-from visref.effects.shadows import Light, ShadowCaster, sample_points, sun
+from visref.effects.light import Light, sun
+from visref.effects.shadow_truth import ShadowTruth, sample_points
+from visref.effects.solid import solid
 from visref.errors import InputError
 from visref.scene import Alpha
 from visref_culling.shadow_volumes import ShadowVolumes
@@ -54,10 +55,10 @@ def spot(scene, at=(1.0, 7.0, 2.0)) -> Light:
 
 def test_shadow_of_a_board_under_the_sun_is_the_board_moved_down():
     scene = scene_with(ground=ground(), board=BOARD)
-    caster = ShadowCaster(scene, sun(DOWN, scene, 32))
+    rays = ShadowTruth(scene, sun(DOWN, scene, 32))
     camera = camera_at((0.3, 6.0, 9.0), (0.0, 0.0, 0.0))
-    truth = caster.engine.frame(camera)
-    image = caster.image(truth).reshape(-1)
+    truth = rays.engine.frame(camera)
+    image = rays.image(truth).reshape(-1)
     seen = np.flatnonzero(truth.buffer.triangle.reshape(-1) >= 0)
     point = sample_points(camera, seen, truth.buffer.depth.reshape(-1)[seen])
     on_ground = point[:, 1] < 1e-6
@@ -65,7 +66,7 @@ def test_shadow_of_a_board_under_the_sun_is_the_board_moved_down():
     assert np.array_equal(image[seen[on_ground]] > 0, inside[on_ground])
     # The board's top is lit.
     assert not image[seen[point[:, 1] > 2.4 - 1e-6]].any()
-    caster.close()
+    rays.close()
 
 
 def test_sheet_seen_from_its_dark_side_is_in_shadow_and_from_the_other_lit():
@@ -74,22 +75,22 @@ def test_sheet_seen_from_its_dark_side_is_in_shadow_and_from_the_other_lit():
         [[0, 1, 2], [0, 2, 3]],
     )
     scene = scene_with(sheet=sheet)
-    caster = ShadowCaster(scene, sun((0.1, -1.0, 0.1), scene, 8))
+    rays = ShadowTruth(scene, sun((0.1, -1.0, 0.1), scene, 8))
     for height, shadow in ((5.0, 0), (-1.0, 1)):
         camera = camera_at((0.2, height, 4.0), (0.0, 2.0, 0.0))
-        truth = caster.engine.frame(camera)
+        truth = rays.engine.frame(camera)
         seen = truth.buffer.triangle >= 0
         assert seen.any()
-        assert (caster.image(truth)[seen] == shadow).all()
+        assert (rays.image(truth)[seen] == shadow).all()
 
 
 def test_bounds_are_narrow_but_next_to_a_shadows_edge():
     scene = scene_with(ground=ground(cells=4), board=BOARD)
-    caster = ShadowCaster(scene, sun((0.2, -1.0, 0.1), scene, 32))
+    rays = ShadowTruth(scene, sun((0.2, -1.0, 0.1), scene, 32))
     camera = camera_at((0.3, 6.0, 9.0), (0.0, 0.0, 0.0), near=1.0)
-    truth = caster.engine.frame(camera)
-    image = caster.image(truth).reshape(-1)
-    bounds = caster.bounds(camera, np.arange(camera.samples), TOLERANCE)
+    truth = rays.engine.frame(camera)
+    image = rays.image(truth).reshape(-1)
+    bounds = rays.bounds(camera, np.arange(camera.samples), TOLERANCE)
     assert (bounds.least <= image).all()
     assert (image <= bounds.most).all()
     # Sure nearly everywhere: what is open is about shadows' and triangles' edges.
@@ -98,10 +99,10 @@ def test_bounds_are_narrow_but_next_to_a_shadows_edge():
 
 def test_the_sun_holds_all_of_the_scene_and_a_spot_light_its_cone():
     made = pedestals(1)
-    truth = ShadowCaster(made.scene, made.light).engine.frame(made.cameras[0])
+    truth = ShadowTruth(made.scene, made.light).engine.frame(made.cameras[0])
     seen = truth.buffer.triangle >= 0
     for light, share in ((made.light, 1.0), (spot(made.scene), 0.9)):
-        held = ShadowCaster(made.scene, light).lit_domain(truth, TOLERANCE)
+        held = ShadowTruth(made.scene, light).lit_domain(truth, TOLERANCE)
         assert not held[~seen].any()
         assert (held.sum() == seen.sum()) == (share == 1.0)
         assert held.sum() > 0.1 * seen.sum()
@@ -266,10 +267,10 @@ def test_planes_are_the_extremes_over_each_casters_rectangle():
 def test_every_visible_sample_lies_in_its_lexels_range():
     made = pedestals(2)
     camera = endless(made.cameras[0])
-    volumes, caster = ShadowVolumes(made.scene, made.light), ShadowCaster(made.scene, made.light)
+    volumes, rays = ShadowVolumes(made.scene, made.light), ShadowTruth(made.scene, made.light)
     volumes.frame(camera)
     nearest, farthest = volumes.litmaps.read()
-    truth = caster.engine.frame(camera)
+    truth = rays.engine.frame(camera)
     # Away from silhouettes, where GL may see another surface than rays do.
     whole = np.zeros(truth.buffer.triangle.shape, np.bool_)
     owner = truth.buffer.triangle

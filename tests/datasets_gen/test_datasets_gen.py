@@ -15,7 +15,7 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
-from visref.formats.loading import load_scene
+from visref.formats import load_scene
 from visref.scene import Scene
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
 from visref_datasets_gen import Dataset, scene_of, shapes

@@ -12,12 +12,15 @@ import pytest
 
 from tests.support.truth_scenes import Part, box, brute_force, build, filled, quad, random_soup
 from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.engines import embree, engine_names, make_engine
 from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
+from visref.engines.exact import ExactEngine
 from visref.engines.open3d import Open3DEngine
 from visref.engines.rays import choose_rebase
 from visref.errors import InputError
+from visref.judging.referee import Referee
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
 
@@ -584,3 +587,21 @@ def test_coordinates_that_embree_ignores_are_refused(make: Make) -> None:
     )
     with pytest.raises(InputError, match="beyond 1e\\+18"):
         make(build(huge))
+
+
+def test_an_engine_is_exact_by_its_own_word_whatever_its_name():
+    """A plug-in engine that is exact has no blind spots, live or from its own truth file."""
+
+    class Mine(ExactEngine):
+        name = "mine"
+
+    class Rays(ExactEngine):
+        name = "rays"
+        exact = False
+
+    scene = random_soup(1)
+    path = CameraPath((Camera(look_at((0, 0, 9), (0, 0, 0)), 8, 6, near=0.1, yfov=1.0),))
+    for engine, blind in ((Mine, False), (Rays, True), (ExactEngine, False)):
+        outcome = Referee(scene, lambda made=engine: made(scene)).run(path, [0], [])
+        codes = {finding.code for finding in outcome.findings}
+        assert ("ENGINE_BLIND_SPOTS" in codes) == blind

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from visref.errors import InputError
-from visref.formats.loading import load_scene
+from visref.formats import load_scene
 
 pytest.importorskip("collada", reason="the extra 'collada' is not installed")
 

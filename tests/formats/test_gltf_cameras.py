@@ -11,7 +11,7 @@ from tests.support.gltf_files import Gltf
 from visref.camera import look_at
 from visref.camera_path import CameraPath
 from visref.errors import InputError
-from visref.formats.loading import load_path
+from visref.formats import load_path
 
 
 def camera_file(**node) -> Gltf:

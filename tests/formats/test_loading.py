@@ -16,7 +16,7 @@ import visref.formats.placed
 from tests.support.bad_input import BAD_INPUT, BAD_PATHS, BadInput, good_path, good_scene
 from tests.support.gltf_files import SQUARE, TRIANGLE, TWO, Gltf, one_triangle
 from visref.errors import InputError
-from visref.formats.loading import load_path, load_scene, scene_from_trimesh
+from visref.formats import load_path, load_scene, scene_from_trimesh
 from visref.scene import Alpha, Scene
 
 ENGINE = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")

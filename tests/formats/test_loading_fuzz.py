@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.gltf_files import SQUARE, TWO, Gltf
 from visref.errors import InputError
-from visref.formats.loading import load_path, load_scene
+from visref.formats import load_path, load_scene
 
 VALUES: list[Any] = [
     *(None, True, -1, 0, 1, 2, 3, 7, 0.5, 1e300, -1e300, float("nan"), 10**30, 10**400),

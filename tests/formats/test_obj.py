@@ -7,7 +7,7 @@ import pytest
 
 import visref.formats.obj
 from visref.errors import InputError
-from visref.formats.loading import load_scene
+from visref.formats import load_scene
 from visref.scene import Alpha, Scene
 
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.hand_made import soup, triangle_units, truth
+from tests.support.hand_made import judged, soup, triangle_units, truth
 from visref.culler import Promise
 from visref.exact import Owners
 from visref.judging.disputes import Rulings, find_disputes
-from visref.judging.judge import Counts, MissKind, judge
+from visref.judging.judge import Counts, MissKind
 from visref.scene import Alpha, Scene, Units
 from visref.visibility import BlendVisibility, FrameTruth
 
@@ -22,7 +22,7 @@ CONSERVATIVE = Promise.CONSERVATIVE
 
 def verdict(scene, frame, drawn, promise=CONSERVATIVE, rulings=None, units=None):
     units = units or scene.object_units()
-    return judge(scene, frame, units, np.array(drawn, np.int32), promise, rulings)
+    return judged(scene, frame, units, drawn, promise, rulings)
 
 
 def test_drawing_everything_is_safe_and_superfluous():
@@ -286,7 +286,7 @@ def test_judge_equals_the_contract_read_aloud(data):
     )
     drawn = data.draw(st.permutations(range(len(cells)))) if cells else []
     drawn = drawn[: data.draw(st.integers(0, len(drawn)))]
-    found = judge(scene, frame, units, np.array(drawn, np.int32), CONSERVATIVE)
+    found = verdict(scene, frame, drawn, units=units)
     assert found.counts == brute_force(scene, frame, units, drawn)
     counts = found.counts
     assert counts.missed == counts.confirmed + counts.ties + counts.within_raster_tolerance

@@ -16,10 +16,11 @@ from visref.culler import Culler, DrawnSet, Promise, QueryStats, Raster, RasterT
 from visref.engines import make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
-from visref.judging.disputes import find_disputes, settle
+from visref.judging.disputes import find_disputes
 from visref.judging.judge import judge
 from visref.judging.outcome import verdict_json
 from visref.judging.referee import Referee
+from visref.judging.settle import settle
 from visref.judging.status import Exit
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.run_folder.write import Recorder, slug
@@ -485,7 +486,7 @@ def test_two_runs_write_the_same_bytes_but_for_the_times(tmp_path):
 def test_truth_of_a_run_serves_the_next(tmp_path):
     first = recording(tmp_path / "first", Draws(), half())
     recalled = read_truth(tmp_path / "first" / "truth.parquet", SCENE, PATH, FRAMES)
-    assert (recalled.engine, recalled.ties_complete) == ("exact", True)
+    assert (recalled.engine, recalled.exact) == ("exact", True)
     second = recording(tmp_path / "second", Draws(), half(), recalled=recalled)
     assert comparable(second) == comparable(first)
     # It was not cast whole, so it is not written again.
@@ -605,11 +606,8 @@ def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
     # As a float32 engine would have it whose rays slipped through the leaf.
     slipped = replace(true, ties_complete=False, undecided=np.zeros(0, np.int64))
     drawn = np.array([True, True, False, False])
-    disputes = find_disputes(slipped, scene, drawn)
-    rulings = settle(exact, slipped, disputes, drawn, None)
-    found = judge(
-        scene, slipped, scene.object_units(), np.array([0]), Promise.CONSERVATIVE, rulings
-    )
+    settled = settle(scene, slipped, drawn, exact=lambda: exact)
+    found = judge(settled, scene.object_units(), np.array([0]), Promise.CONSERVATIVE)
     assert (found.counts.missed, found.counts.undecided) == (0, 1)
 
 

@@ -79,7 +79,7 @@ def test_every_violation_on_rays_is_an_exact_violation(engine, unit, offset):
 
 def test_without_settling_rays_would_convict_the_innocent(monkeypatch):
     """So the test above can fail: here Embree's own word is taken."""
-    monkeypatch.setattr("visref.judging.referee.settle", lambda *_: Rulings())
+    monkeypatch.setattr("visref.judging.settle.decide", lambda *_: Rulings())
     innocent = 0
     for seed in range(6):
         scene = lattice_scene(seed, 1.0, 0.0)

@@ -28,7 +28,7 @@ def test_one_cullers_status(outcome, expected):
 @pytest.mark.parametrize(
     ("statuses", "expected"),
     [
-        ([], Exit.NOTHING_JUDGED),
+        ([], Exit.NO_VIOLATION),  # no culler was asked for
         ([Exit.NO_VIOLATION], Exit.NO_VIOLATION),
         ([Exit.NO_VIOLATION, Exit.NOTHING_JUDGED], Exit.NOTHING_JUDGED),
         ([Exit.NOTHING_JUDGED, Exit.VIOLATION, Exit.NO_VIOLATION], Exit.VIOLATION),

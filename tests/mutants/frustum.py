@@ -122,7 +122,7 @@ class CentresAlone:
     """A box is in the view if its centre is."""
 
     def in_frustum(self, view):
-        return in_planes(self, view, self.bounds.mean(axis=1)[:, None], view.planes)
+        return in_planes(self, view, self.unit_boxes.mean(axis=1)[:, None], view.planes)
 
 
 @mutant("U4", of=FRUSTUM, caught_by="eye_inside_an_object")

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from tests.support.effect_scenes import Stage, particle_verdict, shadow_verdict
 from tests.support.strategies import cases
-from visref.effects import solid
-from visref.effects.shadows import sun
+from visref.effects.light import sun
+from visref.effects.solid import solid
 from visref.effects.sprites import Sprites
 
 pytestmark = pytest.mark.gl

@@ -21,7 +21,7 @@ from visref.conformance.scenes import Case
 from visref.culler import Culler, Option
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
-from visref.formats.loading import load_scene
+from visref.formats import load_scene
 from visref.judging.referee import Referee
 from visref.registry import CULLERS, available
 from visref.scene import Scene

@@ -30,7 +30,7 @@ def file(tmp_path):
 
 def test_frames_come_back_whatever_their_order(file):
     read = read_truth(file, SCENE, PATH, range(3))
-    assert (read.engine, read.ties_complete) == ("hand", True)
+    assert (read.engine, read.exact) == ("hand", True)
     assert {frame: rows.objects.tolist() for frame, rows in read.frames.items()} == {
         0: [1],
         1: [],

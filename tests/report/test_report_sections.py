@@ -79,6 +79,20 @@ def test_a_run_folder_from_before_causes_and_rates_by_pixel_is_still_shown(runs,
     assert set(cells) == {"–"}
 
 
+def test_a_finding_of_a_newer_version_is_shown_by_what_its_record_says(runs, tmp_path):
+    folder = shutil.copytree(runs["clean"], tmp_path / "run")
+    verdict = json.loads((folder / "verdict.json").read_text())
+    shape = {"culler": "", "frame": None, "object": ""}
+    verdict["findings"] += [
+        {"code": "NO_GL", "severity": "warning", "message": "of this one", **shape},
+        {"code": "LATER_CODE", "severity": "error", "message": "of a later one", **shape},
+    ]
+    (folder / "verdict.json").write_text(json.dumps(verdict))
+    page = write_report([folder], tmp_path / "page").read_text()
+    assert page.index("of a later one") < page.index("of this one")  # the gravest first
+    assert "<code>LATER_CODE</code>" in page
+
+
 def test_the_junit_case_says_how_to_replay_and_the_rates(runs, tmp_path):
     write_report([runs["violation"]], tmp_path / "a" / "b")
     suite = ET.parse(tmp_path / "a" / "b" / "junit.xml").getroot()

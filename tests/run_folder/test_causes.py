@@ -10,12 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.hand_made import square
+from tests.support.hand_made import judged, square
 from tests.support.report_runs import ALSO_HIDDEN, EVERYTHING, HIDDEN, OUTSIDE, Scripted, write_run
 from visref.camera import Camera, look_at
-from visref.culler import CullerError, DrawnSet, Promise, check_asked
+from visref.culler import CullerError, DrawnSet, check_asked
 from visref.engines import make_engine
-from visref.judging.judge import judge
 from visref.registry import make_culler
 from visref.run_folder import causes
 from visref.run_folder.causes import Cause, boxes_show, superfluous_causes
@@ -56,7 +55,7 @@ def cause_of(unit, order, asked_at=None, *, scene=SCENE, camera=CAMERA, ordered=
     units = scene.object_units()
     order = np.array(order, np.int32)
     asked = None if asked_at is None else np.array(asked_at, np.int32)
-    verdict = judge(scene, truth, units, order, Promise.CONSERVATIVE)
+    verdict = judged(scene, truth, units, order)
     assert unit in verdict.superfluous_units
     drawn = DrawnSet(order, asked_at=asked, ordered=ordered)
     found = superfluous_causes(scene, truth, units, drawn, verdict.superfluous_units)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.hand_made import scene_of_squares, square, truth
+from tests.support.hand_made import judged, scene_of_squares, square, truth
 from visref.camera import Camera, look_at
 from visref.culler import Promise
-from visref.judging.judge import judge
 from visref.run_folder.pictures import (
     MISSED_RGB,
     PAGE_WIDTH_PX,
@@ -29,7 +28,7 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
     units = units or scene.object_units()
     drawn = np.array(drawn, np.int32)
-    verdict = judge(scene, frame_truth, units, drawn, promise)
+    verdict = judged(scene, frame_truth, units, drawn, promise)
     return draw_pictures(
         folder / "pictures",
         "mine",

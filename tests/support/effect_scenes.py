@@ -9,8 +9,10 @@ import numpy as np
 
 from visref.camera import Camera, look_at
 from visref.effects.images import ImageVerdict
-from visref.effects.shadows import Light, ShadowCaster, sun
-from visref.effects.sprites import Sprites, SpriteTruth
+from visref.effects.light import Light, sun
+from visref.effects.shadow_truth import ShadowTruth
+from visref.effects.sprite_truth import SpriteTruth
+from visref.effects.sprites import Sprites
 from visref.scene import Scene
 from visref_culling.n_buffer.particles import Particles
 from visref_culling.shadow_volumes import ShadowVolumes
@@ -97,15 +99,15 @@ def eye_in_shadow() -> Stage:
 def shadow_verdict(made: Stage, method: type[ShadowVolumes] = ShadowVolumes) -> ImageVerdict:
     """A method's clamped shadows against its full ones of the sound method, and against rays,
     over all cameras of a stage."""
-    caster = ShadowCaster(made.scene, made.light)
+    rays = ShadowTruth(made.scene, made.light)
     sound, volumes = ShadowVolumes(made.scene, made.light), method(made.scene, made.light)
     verdict = ImageVerdict()
     for camera in map(endless, made.cameras):
         reference = sound.frame(camera, clamped=False).image
         image = volumes.frame(camera).image
-        truth = caster.engine.frame(camera)
-        verdict = verdict.plus(caster.judge(truth, image, reference, sound.tolerance(camera)))
-    for part in (caster, sound, volumes):
+        truth = rays.engine.frame(camera)
+        verdict = verdict.plus(rays.judge(truth, image, reference, sound.tolerance(camera)))
+    for part in (rays, sound, volumes):
         part.close()
     return verdict
 

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from visref.camera import Camera, look_at
+from visref.culler import Promise
+from visref.judging.disputes import Rulings
+from visref.judging.judge import judge
+from visref.judging.settle import with_rulings
 from visref.scene import Scene, Units
 from visref.visibility import FrameTruth, Ties, VisibilityBuffer
 
@@ -70,3 +74,10 @@ def triangle_units(scene: Scene) -> Units:
     """A unit a triangle."""
     count = scene.triangle_count
     return Units(np.arange(count + 1), np.arange(count, dtype=np.int32), "triangle")
+
+
+def judged(scene, frame, units, drawn, promise=Promise.CONSERVATIVE, rulings=None):
+    """The verdict on units drawn, the truth taken at its word but for `rulings`."""
+    drawn = np.array(drawn, np.int32)
+    shown = units.mask(drawn, scene.triangle_count)
+    return judge(with_rulings(scene, frame, shown, rulings or Rulings()), units, drawn, promise)

@@ -18,12 +18,12 @@ from visref.bench.measure import REPEATS, Bench
 from visref.bench.plot import pictures
 from visref.bench.verdict import headline, sentences
 from visref.camera_path import CameraPath
-from visref.engines.rays import available_threads
 from visref.recordings.truth_file import path_digest
 from visref.report import words
 from visref.report.bench_record import MARKER
 from visref.report.environment import page_environment
 from visref.scene import Scene
+from visref.threads import available_threads
 
 _LIBRARIES = ("visref", "embreex", "open3d-cpu", "open3d", "moderngl", "numba", "numpy")
 _DENSITIES = {16: "1", 8: "1/2", 4: "1/4", 2: "1/8", 1: "1/16"}

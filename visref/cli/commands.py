@@ -26,6 +26,7 @@ from visref.judging.outcome import RunOutcome
 from visref.judging.referee import ImageCheck, Listener, Referee
 from visref.papers import Paper, tables_beside
 from visref.papers.table import Table
+from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.recordings.visible_sets import Replay, read_visible_sets
 from visref.registry import CULLERS, available, load_entry, make_culler
@@ -98,9 +99,7 @@ def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
 
 def bench_frames(inputs: Inputs) -> list[int]:
     """`BENCH_FRAMES` of the frames at most, evenly picked."""
-    count = min(BENCH_FRAMES, len(inputs.frames))
-    picked = np.unique(np.linspace(0, len(inputs.frames) - 1, count).astype(int))
-    return [inputs.frames[int(i)] for i in picked]
+    return [inputs.frames[i] for i in evenly_picked(len(inputs.frames), BENCH_FRAMES)]
 
 
 def bench(
@@ -160,7 +159,6 @@ def run(
     if truth is not None:
         recorded = read_truth(truth, scene, inputs.path, frames)
         inputs = _of_the_same_engine(inputs, recorded.engine, truth)
-    picked = np.unique(np.linspace(0, len(frames) - 1, min(pictures, len(frames))).astype(int))
     with replacing_folder(out, marker=MANIFEST) as folder, ExitStack() as closing:
         checker = None
         if image_check:
@@ -173,7 +171,7 @@ def run(
             inputs.path,
             engine=inputs.engine,
             settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
-            picture_frames=[frames[i] for i in picked],
+            picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
         )
         referee = Referee(
             scene,

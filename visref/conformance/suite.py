@@ -20,7 +20,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import StrEnum
 from functools import lru_cache
 
@@ -35,11 +34,12 @@ from visref.culler import Culler, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
-from visref.findings import Severity
+from visref.findings import Code, Severity
 from visref.judging.outcome import CullerRecord
 from visref.judging.referee import Referee
 from visref.scene import Scene
 from visref.visibility import FrameTruth
+from visref.wording import did_you_mean
 
 MakeCuller = Callable[[], Culler]
 
@@ -154,9 +154,9 @@ def _known(names: Iterable[str] | Mapping[str, str]) -> None:
     catalogue = [check.name for check in conformance_checks()]
     for name in names:
         if name not in catalogue:
-            near = get_close_matches(name, catalogue, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(catalogue)}"
-            raise InputError(f"no conformance check is named '{name}'", fix=hint)
+            raise InputError(
+                f"no conformance check is named '{name}'", fix=did_you_mean(name, catalogue)
+            )
         if isinstance(names, Mapping) and not names[name].strip():
             raise InputError(f"expected failure '{name}' has no reason", fix="say why")
 
@@ -218,8 +218,8 @@ def judge_on(
     problems = [
         f"{finding.code}: {finding.message}"
         for finding in outcome.findings
-        if finding.code == "NO_GL"
-        or (finding.rule.severity is Severity.ERROR and finding.code != "MISSED_OBJECT")
+        if finding.code == Code.NO_GL
+        or (finding.rule.severity is Severity.ERROR and finding.code != Code.MISSED_OBJECT)
     ]
     if record.promise.convicts:
         problems += _losses(record, built)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from visref.camera import Camera
-from visref.culler import Option
+from visref.options import Option
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 
@@ -19,11 +19,15 @@ class TruthEngine(ABC):
     means all cores; the answer is the same for any number. Found by name through the
     entry-point group `visref.engines`, and named as `NAME[:option=value,…]`: the values of
     its `options` are further keyword arguments of the constructor.
+
+    `exact`: every sample's owner is decided exactly and every tie is listed. Whoever asks how
+    far a truth goes asks this: it is recorded in manifests and truth files.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     options: ClassVar[Mapping[str, Option]] = {}
+    exact: ClassVar[bool] = False
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         self.scene = scene
@@ -32,6 +36,11 @@ class TruthEngine(ABC):
     @abstractmethod
     def frame(self, camera: Camera) -> FrameTruth:
         """The truth of one camera's samples. Its arrays may be reused by the next call."""
+
+    def pose(self, scene: Scene) -> None:
+        """Meet the scene as it stands now: called before a frame in which something has moved,
+        appeared or vanished; triangles, objects and names are those that the engine was made
+        with. An engine that leaves this as it is casts scenes that stand still."""
 
     def describe(self) -> str:
         """What it runs on here (library version, renderer, limits), for `visref doctor`."""

@@ -9,9 +9,9 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from visref.culler import Option
 from visref.engines.embree_packets import PacketScene, load_library
 from visref.engines.rays import RayEngine
+from visref.options import Option
 from visref.scene import Float32, Int32, Scene
 
 

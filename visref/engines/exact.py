@@ -13,11 +13,12 @@ class ExactEngine(TruthEngine):
     """Every sample's owner in exact arithmetic, every tie listed."""
 
     name = "exact"
+    exact = True
     summary = "exact arithmetic on every close call; lists every tie"
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         super().__init__(scene, threads=threads)
-        self._exact = ExactScene(scene, threads=threads)
+        self.arithmetic = ExactScene(scene, threads=threads)
 
     def frame(self, camera: Camera) -> FrameTruth:
-        return self._exact.certify(camera)
+        return self.arithmetic.certify(camera)

@@ -14,7 +14,6 @@ origin, and rays start just before the scene or the near plane, however far the 
 
 from __future__ import annotations
 
-import os
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +29,7 @@ from visref.engines.base import TruthEngine
 from visref.engines.ray_kernels import BLEND, MASK, OWN, PENDING, Grid, Layers, Mesh
 from visref.errors import InputError
 from visref.scene import Alpha, Float32, Float64, Int32, Scene
+from visref.threads import available_threads
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
 
 T = TypeVar("T")
@@ -277,13 +277,6 @@ class RayEngine(TruthEngine):
         if self._pool is None or workers == 1:
             return [work(index) for index in range(workers)]
         return list(self._pool.map(work, range(workers)))
-
-
-def available_threads() -> int:
-    """How many threads this process may run at once."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def choose_rebase(scene: Scene) -> Float64:

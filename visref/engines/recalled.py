@@ -19,6 +19,7 @@ class RecalledTruths(TruthEngine):
 
     name = "exact"
     summary = "exact truths cast before"
+    exact = True
 
     def __init__(self, scene: Scene, path: CameraPath, truths: Sequence[FrameTruth]) -> None:
         super().__init__(scene)

@@ -8,7 +8,6 @@ triangle's plane (kept from frame to frame), not a decision a sample.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
 from visref.exact.rational import ExactFrame, lowest_bit, plane_names
 from visref.scene import Alpha, Float64, Int32, Int64, Scene
+from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
@@ -67,7 +67,7 @@ class ExactScene:
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         self.scene = scene
-        self._threads = threads or os.cpu_count() or 1
+        self._threads = threads or available_threads()
         order = _spatial_order(scene)
         self.order = order.astype(np.int32)
         corners = scene.vertices[scene.triangles[order]]

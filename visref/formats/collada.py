@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from visref.errors import InputError
+from visref.findings import Code
 from visref.formats.placed import Mesh, Placed, compose
-from visref.scene import Float64
+from visref.scene import Float64, check_vertices
 
 # y_up_from_axis, by rows: what the new x, y and z are made of (COLLADA 1.4, "up_axis").
 _Y_UP = {
@@ -80,18 +81,18 @@ class _Reader:
                 raise InputError(f"a geometry is lost: {error}", fix="export triangles")
         notes = self.placed.notes
         if document.errors:
-            notes.append(("PARTLY_READ", f"pycollada skipped a part: {document.errors[0]}"))
+            notes.append((Code.PARTLY_READ, f"pycollada skipped a part: {document.errors[0]}"))
         if self.skinned:
             notes.append(
-                ("PARTLY_READ", f"{self.skinned} skinned or morphed meshes stand as bound")
+                (Code.PARTLY_READ, f"{self.skinned} skinned or morphed meshes stand as bound")
             )
         if self.see_through:
             notes.append(
-                ("PARTLY_READ", f"{self.see_through} transparent materials count as opaque")
+                (Code.PARTLY_READ, f"{self.see_through} transparent materials count as opaque")
             )
         if len(document.animations):
             notes.append(
-                ("ANIMATION_IGNORED", f"{len(document.animations)} animations are not played")
+                (Code.ANIMATION_IGNORED, f"{len(document.animations)} animations are not played")
             )
 
     def walk(self, node: Any, name: str, world_from_parent: Float64) -> None:
@@ -133,12 +134,7 @@ class _Reader:
                 continue
             positions = np.asarray(primitive.vertex)
             triangles = np.asarray(primitive.vertex_index).reshape(-1, 3)
-            if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(positions):
-                raise InputError(
-                    f"a triangle names a vertex: index out of range 0…{len(positions) - 1}",
-                    place=f"geometry '{geometry.id}'",
-                    fix="mend the index buffer",
-                )
+            check_vertices(triangles, len(positions), lambda _: f"geometry '{geometry.id}'")
             effect = effects.get(primitive.material)
             one_sided = not (effect is not None and effect.double_sided)
             self.see_through += effect is not None and _see_through(effect)

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.files import map_file
+from visref.findings import Code
 from visref.formats.placed import Mesh, Placed
-from visref.scene import Alpha, Int64
+from visref.scene import Alpha, Int64, check_vertices
 
 # Bytes at a time: the index arrays of a chunk take some twenty times as much.
 _CHUNK_BYTES = 1 << 23
@@ -195,16 +196,11 @@ def _is_number(word: NDArray[np.uint8], dtype: type) -> bool:
 
 
 def _check_indices(reading: _Reading, triangles: Int64) -> None:
-    bad = (triangles < 0) | (triangles >= reading.vertex_count)
-    if bad.any():
-        index = int(np.argmax(bad.any(axis=1)))
-        line = np.concatenate(reading.lines)[index]
-        raise InputError(
-            f"a face names a vertex that the file lacks (it has {reading.vertex_count}):"
-            " index out of range",
-            place=f"line {line}",
-            fix="mend the face",
-        )
+    check_vertices(
+        triangles,
+        reading.vertex_count,
+        lambda bad: f"line {np.concatenate(reading.lines)[bad]}",
+    )
 
 
 def _objects(reading: _Reading) -> tuple[list[str], Int64]:
@@ -240,7 +236,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError:
             placed.notes.append(
-                ("PARTLY_READ", f"material file '{named}' is missing: all is opaque")
+                (Code.PARTLY_READ, f"material file '{named}' is missing: all is opaque")
             )
             continue
         current = ""

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.scene import Alpha, Float64, Int64, Scene, unique_names
+from visref.findings import Code
+from visref.scene import Alpha, Float64, Int64, Scene, check_vertices, unique_names
 
 # How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.
 _BLOCK_VERTICES = 1 << 20
@@ -45,7 +46,11 @@ class Mesh:
         one_sided: bool = True,
         alpha: Alpha = Alpha.OPAQUE,
     ) -> Mesh:
-        """A mesh of one material, without the vertices that no triangle uses."""
+        """A mesh of one material, without the vertices that no triangle uses.
+
+        Raises InputError where a triangle names a vertex that there is not.
+        """
+        check_vertices(triangles, len(positions), lambda _: "")
         positions, triangles = _without_unused(positions, triangles)
         count = len(triangles)
         return cls(
@@ -83,7 +88,7 @@ class Placed:
     names: list[str] = field(default_factory=list)
     mesh_of_object: list[int] = field(default_factory=list)
     world_from_object: list[Float64] = field(default_factory=list)
-    notes: list[tuple[str, str]] = field(default_factory=list)
+    notes: list[tuple[Code, str]] = field(default_factory=list)
 
     def add(self, name: str, mesh: int, world_from_object: Float64) -> None:
         """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4)."""
@@ -158,12 +163,12 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
         starts = np.concatenate([[0], np.cumsum(kept)])[starts]
         dropped = int((~kept).sum())
         notes.append(
-            ("NONFINITE_DROPPED", f"{dropped} triangles with a NaN or infinite vertex dropped")
+            (Code.NONFINITE_DROPPED, f"{dropped} triangles with a NaN or infinite vertex dropped")
         )
     empty = np.flatnonzero(np.diff(starts) == 0)
     if len(empty):
         first = f"'{names[empty[0]]}'"
-        notes.append(("NO_TRIANGLES", f"{len(empty)} objects have no triangles, first {first}"))
+        notes.append((Code.NO_TRIANGLES, f"{len(empty)} objects have no triangles, first {first}"))
     return Scene(vertices, triangles, starts, names, one_sided, alpha, source, tuple(notes))
 
 

@@ -18,15 +18,11 @@ from numpy.typing import NDArray
 
 from visref import kernels
 from visref.culler import Promise
-from visref.judging.disputes import (
-    Rulings,
-    SampleWalk,
-    blended_triangles,
-    corrected,
-    walk_samples,
-)
+from visref.judging.disputes import Rulings, blended_triangles
+from visref.judging.settle import SettledFrame
+from visref.judging.walk import SampleWalk
 from visref.scene import Alpha, Int32, Scene, Units
-from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
+from visref.visibility import FrameTruth, ObjectVisibility
 
 
 class MissKind(StrEnum):
@@ -92,25 +88,10 @@ class FrameVerdict:
     owned: int | None = None
 
 
-def judge(
-    scene: Scene,
-    truth: FrameTruth,
-    units: Units,
-    drawn_units: Int32,
-    promise: Promise,
-    rulings: Rulings | None = None,
-) -> FrameVerdict:
-    """Judge one frame's drawn set against its truth.
-
-    `rulings` are `settle`'s exact answers at the disputed samples; they replace the engine's
-    there. None means that nothing was disputed, or that the truth is exact already.
-    """
-    rulings = rulings or Rulings()
-    truth = corrected(truth, rulings)
-    drawn = units.mask(drawn_units, scene.triangle_count)
-    seen = objects_seen(truth, scene)
-
-    walk = walk_samples(truth, scene, drawn)
+def judge(frame: SettledFrame, units: Units, drawn_units: Int32, promise: Promise) -> FrameVerdict:
+    """Judge one frame's drawn set, settled against its truth."""
+    scene, truth, seen, walk = frame.scene, frame.truth, frame.seen, frame.walk
+    drawn, rulings = frame.drawn, frame.rulings
     shows = walk.shows.copy()
     for object_id in truth.blend.object:
         shows[object_id] |= bool(drawn[blended_triangles(scene, int(object_id))].any())

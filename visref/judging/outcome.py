@@ -19,10 +19,13 @@ from visref.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
-    """One culler's frame: the verdict, the cost, and whether the picture held
-    (`image_pixels_differ`: pixels, None if it was not asked)."""
+    """One culler's drawn set in one frame: the verdict, the cost, and whether the picture held
+    (`image_pixels_differ`: pixels, None if it was not asked). `view`: the view that the set is
+    for; `width`: its image's, in samples."""
 
     frame: int
+    view: str
+    width: int
     verdict: FrameVerdict
     stats: QueryStats
     triangles_drawn: int

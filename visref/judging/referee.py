@@ -1,8 +1,8 @@
 """Scene × path × cullers: the order of work, progress, and the isolation of failures.
 
-Each frame's truth is cast once and judged against every culler. A culler that breaks down
-stops alone. With a recorded truth, a frame is cast again only if a culler left something
-visible out of it.
+Each view of a frame is cast once and judged against every culler; without cullers a run is the
+truth alone. A culler that breaks down stops alone. With a recorded truth, a frame is cast again
+only if a culler left something visible out of it.
 """
 
 from __future__ import annotations
@@ -27,15 +27,19 @@ from visref.culler import (
     check_stats,
 )
 from visref.engines.base import TruthEngine
+from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
-from visref.findings import Finding
-from visref.judging.disputes import Rulings, corrected, find_disputes, settle
+from visref.findings import Code, Finding
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.judging.settle import SettledFrame, settle
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
+from visref.wording import counted
+
+Cast = tuple[FrameTruth, ObjectVisibility]
 
 
 class ImageCheck(Protocol):
@@ -74,13 +78,18 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class JudgedFrame:
-    """What a listener may want to keep of one culler's frame. `truth` is the corrected truth,
-    None where a recorded truth was enough."""
+    """What a listener may want to keep of one culler's answer. `settled`: what the verdict rests
+    on, None where a recorded truth was enough. `drawn`: (t,) bool."""
 
     record: FrameRecord
-    truth: FrameTruth | None
+    settled: SettledFrame | None
     drawn_set: DrawnSet
     drawn: NDArray[np.bool_]
+
+    @property
+    def truth(self) -> FrameTruth | None:
+        """The corrected truth."""
+        return self.settled.truth if self.settled is not None else None
 
     @property
     def drawn_units(self) -> Int32:
@@ -120,7 +129,7 @@ class Referee:
         try:
             jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
             for frame in frames:
-                self._frame(path.frames[frame], frame, jobs, outcome, listeners)
+                self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
         finally:
@@ -141,7 +150,7 @@ class Referee:
                 units = replace(units, kind="unit")
         except NothingToJudge as error:
             record.failed = True
-            outcome.findings.append(Finding("NO_GL", str(error), culler=spec))
+            outcome.findings.append(Finding(Code.NO_GL, str(error), culler=spec))
             return None
         except InputError:
             raise
@@ -166,68 +175,90 @@ class Referee:
     ) -> None:
         record.failed = True
         text = str(error) if isinstance(error, CullerError) else f"{type(error).__name__}: {error}"
-        outcome.findings.append(Finding("CULLER_FAILED", text, culler=record.spec, frame=frame))
+        outcome.findings.append(Finding(Code.CULLER_FAILED, text, culler=record.spec, frame=frame))
 
     def _frame(
         self,
-        camera: Camera,
+        path: CameraPath,
         frame: int,
         jobs: Sequence[Job],
         outcome: RunOutcome,
         listeners: Sequence[Listener],
     ) -> None:
-        cast: tuple[FrameTruth, ObjectVisibility] | None = None
+        cameras = path.views(frame)
+        casts: dict[str, Cast] = {}
         if self.recorded is None:
-            cast = self._cast(camera, frame, listeners)
+            casts = {camera.view: self._cast(camera, frame, listeners) for camera in cameras}
         for job in jobs:
-            if job.record.failed:
-                continue
-            try:
-                drawn_set = self._cull(job, camera, frame)
-            except InputError:
-                raise
-            except Exception as error:  # a plug-in may raise anything; the others go on
-                self._fail(job.record, outcome, frame, error)
-                continue
-            drawn_units = drawn_set.unit_ids
-            drawn = job.units.mask(drawn_units, self.scene.triangle_count)
-            rows = self.recorded.frames[frame] if self.recorded else None
-            verdict = _clean_verdict(self.scene, rows, job, drawn_units) if rows else None
-            truth, rulings = None, Rulings()
-            if verdict is None:
-                cast = cast or self._cast(camera, frame, ())
-                try:
-                    truth, rulings = self._settle(cast[0], drawn, job.culler)
-                except CullerError as error:  # its rasteriser's picture is the plug-in's too
-                    self._fail(job.record, outcome, frame, error)
-                    continue
-                verdict = judge(
-                    self.scene, truth, job.units, drawn_units, job.record.promise, rulings
-                )
-                truth = corrected(truth, rulings)
-            differ = None
-            if self.image_check is not None:
-                differ = self.image_check.pixels_differ(camera, drawn)
-            record = FrameRecord(
-                frame,
-                verdict,
-                drawn_set.stats,
-                int(np.count_nonzero(drawn)),
-                rulings.corrections,
-                differ,
-            )
-            job.record.frames.append(record)
-            judged = JudgedFrame(record, truth, drawn_set, drawn)
-            for listener in listeners:
-                listener.on_verdict(job, judged)
+            for camera in cameras:
+                if not job.record.failed:
+                    self._view(camera, frame, job, casts, outcome, listeners)
 
-    def _cast(
-        self, camera: Camera, frame: int, listeners: Sequence[Listener]
-    ) -> tuple[FrameTruth, ObjectVisibility]:
+    def _view(
+        self,
+        camera: Camera,
+        frame: int,
+        job: Job,
+        casts: dict[str, Cast],
+        outcome: RunOutcome,
+        listeners: Sequence[Listener],
+    ) -> None:
+        """One culler's answer for one view, judged. Truths that it needs go to `casts`."""
+        try:
+            drawn_set = self._cull(job, camera, frame)
+        except InputError:
+            raise
+        except Exception as error:  # a plug-in may raise anything; the others go on
+            self._fail(job.record, outcome, frame, error)
+            return
+        drawn_units = drawn_set.unit_ids
+        drawn = job.units.mask(drawn_units, self.scene.triangle_count)
+        rows = self.recorded.frames[frame] if self.recorded else None
+        verdict = _clean_verdict(self.scene, rows, job, drawn_units) if rows else None
+        settled = None
+        if verdict is None:
+            if camera.view not in casts:
+                casts[camera.view] = self._cast(camera, frame, ())
+            truth, seen = casts[camera.view]
+            try:
+                settled = settle(
+                    self.scene,
+                    truth,
+                    drawn,
+                    exact=self._arithmetic,
+                    raster=job.culler.raster,
+                    seen=seen,
+                )
+            except CullerError as error:  # its rasteriser's picture is the plug-in's too
+                self._fail(job.record, outcome, frame, error)
+                return
+            verdict = judge(settled, job.units, drawn_units, job.record.promise)
+        differ = None
+        if self.image_check is not None:
+            differ = self.image_check.pixels_differ(camera, drawn)
+        record = FrameRecord(
+            frame,
+            camera.view,
+            camera.width,
+            verdict,
+            drawn_set.stats,
+            int(np.count_nonzero(drawn)),
+            settled.rulings.corrections if settled is not None else 0,
+            differ,
+        )
+        job.record.frames.append(record)
+        judged = JudgedFrame(record, settled, drawn_set, drawn)
+        for listener in listeners:
+            listener.on_verdict(job, judged)
+
+    def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener]) -> Cast:
         if self._engine is None:
             self._engine = self.engine()
         start = time.perf_counter()
         truth = self._engine.frame(camera)
+        if truth.ties_complete != self._engine.exact:
+            # An engine that lists its ties and says so nowhere is taken at its class's word.
+            truth = replace(truth, ties_complete=self._engine.exact)
         seen = objects_seen(truth, self.scene)
         ms = (time.perf_counter() - start) * 1e3
         for listener in listeners:
@@ -236,7 +267,10 @@ class Referee:
 
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
         start = time.perf_counter()
-        drawn_set = job.culler.cull(camera)
+        if job.culler.joint:
+            drawn_set = job.culler.cull_joint((camera,))
+        else:
+            drawn_set = job.culler.cull(camera)
         elapsed_ms = (time.perf_counter() - start) * 1e3
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
@@ -245,30 +279,27 @@ class Referee:
         stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
         return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
 
-    def _settle(
-        self, truth: FrameTruth, drawn: NDArray[np.bool_], culler: Culler
-    ) -> tuple[FrameTruth, Rulings]:
-        disputes = find_disputes(truth, self.scene, drawn)
-        if not disputes:
-            return truth, Rulings()
+    def _arithmetic(self) -> ExactScene:
         if self._exact is None:
-            self._exact = ExactScene(self.scene, threads=self.threads)
-        return truth, settle(self._exact, truth, disputes, drawn, culler.raster)
+            engine = self._engine
+            if isinstance(engine, ExactEngine):
+                self._exact = engine.arithmetic
+            else:
+                self._exact = ExactScene(self.scene, threads=self.threads)
+        return self._exact
 
     def _summarise(self, outcome: RunOutcome) -> None:
         for record in outcome.cullers:
             outcome.findings.extend(_culler_findings(record, self.scene))
         engine = self._engine
-        if self.recorded is not None:
-            caster = "" if self.recorded.ties_complete else self.recorded.engine
-        else:
-            caster = "" if engine is None or engine.name == "exact" else engine.name
-        if caster:
+        caster: RecordedTruth | TruthEngine | None = self.recorded or engine
+        if caster is not None and not caster.exact:
+            name = caster.engine if isinstance(caster, RecordedTruth) else caster.name
             outcome.findings.append(
-                Finding("ENGINE_BLIND_SPOTS", f"the truth was cast by '{caster}'")
+                Finding(Code.ENGINE_BLIND_SPOTS, f"the truth was cast by '{name}'")
             )
         if engine is not None and not getattr(engine, "rebase_exact", True):
-            outcome.findings.append(Finding("REBASE_INEXACT", "the scene spans too far"))
+            outcome.findings.append(Finding(Code.REBASE_INEXACT, "the scene spans too far"))
 
 
 def _promise(spec: str, culler: Culler) -> Promise:
@@ -298,22 +329,22 @@ def _clean_verdict(
 
 
 _CODES = {
-    MissKind.TIE: "MISSED_TIE",
-    MissKind.WITHIN_RASTER: "MISSED_WITHIN_RASTER",
+    MissKind.TIE: Code.MISSED_TIE,
+    MissKind.WITHIN_RASTER: Code.MISSED_WITHIN_RASTER,
 }
 
 
 def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     """One finding an object and kind, and what else a reader of the numbers should know."""
     found: list[Finding] = []
-    confirmed = "MISSED_OBJECT" if record.promise.convicts else "MISSED_DECLARED"
+    confirmed = Code.MISSED_OBJECT if record.promise.convicts else Code.MISSED_DECLARED
     frames_of: dict[int, int] = {}
     for row in record.frames:
         for miss in row.verdict.misses:
             if miss.kind is MissKind.CONFIRMED:
                 frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
     for pixels, frame, miss in record.losses():
-        lost, seen = _count(pixels, "sample"), _count(frames_of[miss.object], "frame")
+        lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
@@ -332,22 +363,20 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         for obj in row.verdict.undecided_objects:
             undecided.setdefault(int(obj), row.frame)
     found += [
-        Finding("UNDECIDED_OBJECT", f"first in frame {frame}", record.spec, frame, scene.names[obj])
+        Finding(
+            Code.UNDECIDED_OBJECT, f"first in frame {frame}", record.spec, frame, scene.names[obj]
+        )
         for obj, frame in sorted(undecided.items())
     ]
     corrections = sum(row.corrections for row in record.frames)
     if corrections:
-        found.append(Finding("ENGINE_CORRECTED", _count(corrections, "sample"), record.spec))
+        found.append(Finding(Code.ENGINE_CORRECTED, counted(corrections, "sample"), record.spec))
     differ = [row for row in record.frames if row.image_pixels_differ]
     if differ:
         pixels = sum(row.image_pixels_differ or 0 for row in differ)
-        text = f"{_count(pixels, 'pixel')} over {_count(len(differ), 'frame')}"
-        found.append(Finding("IMAGE_DIFFERS", text, record.spec, differ[0].frame))
+        text = f"{counted(pixels, 'pixel')} over {counted(len(differ), 'frame')}"
+        found.append(Finding(Code.IMAGE_DIFFERS, text, record.spec, differ[0].frame))
     if not record.failed and not record.totals.visible:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
-        found.append(Finding("NOTHING_JUDGED", text, record.spec))
+        found.append(Finding(Code.NOTHING_JUDGED, text, record.spec))
     return found
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

@@ -48,6 +48,6 @@ def status_of(outcome: CullerOutcome) -> Exit:
 
 
 def decide(statuses: Iterable[Exit]) -> Exit:
-    """The run's status; a run without cullers judged nothing."""
+    """The run's status; where no culler was asked for, nothing was violated."""
     present = set(statuses)
-    return next((status for status in _PRECEDENCE if status in present), Exit.NOTHING_JUDGED)
+    return next((status for status in _PRECEDENCE if status in present), Exit.NO_VIOLATION)

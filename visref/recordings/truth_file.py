@@ -53,10 +53,10 @@ class FrameRows:
 
 @dataclass(frozen=True, eq=False)
 class RecordedTruth:
-    """A truth file's content by frame, and which engine cast it."""
+    """A truth file's content by frame, which engine cast it, and whether that engine is exact."""
 
     engine: str
-    ties_complete: bool
+    exact: bool
     frames: dict[int, FrameRows]
 
 

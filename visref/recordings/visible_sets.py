@@ -12,7 +12,6 @@ import re
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ from visref.culler import (
 from visref.errors import InputError
 from visref.files import parse_json
 from visref.scene import Int32, Scene, Units
+from visref.wording import did_you_mean
 
 _WHOLE = re.compile(r"\s*[+-]?[0-9]+\s*")
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
@@ -164,12 +164,11 @@ def _object_id(entry: int | str, scene: Scene, source: str, place: str) -> int:
     if isinstance(entry, str):
         if entry in scene.id_of_name:
             return scene.id_of_name[entry]
-        near = get_close_matches(entry, scene.names, n=1)
         raise InputError(
             f"the scene has no object named {entry!r}",
             source=source,
             place=place,
-            fix=f"did you mean {near[0]!r}?" if near else "use the names of `visref objects`",
+            fix=did_you_mean(entry, scene.names, "use the names of `visref objects`"),
         )
     if not 0 <= entry < scene.object_count:
         raise InputError(

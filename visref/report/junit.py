@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 
+from visref.findings import Code
 from visref.report.summary import Measures, measure
 from visref.report.words import (
     counted,
@@ -73,7 +74,7 @@ def _add_case(suite: ET.Element, run: RunRecord, row: Measures, out: Path) -> No
     output += [
         f"{finding['code']}: {finding['message']}"
         for finding in run.verdict["findings"]
-        if finding["culler"] == row.culler and finding["code"] in ("CULLER_FAILED", "NO_GL")
+        if finding["culler"] == row.culler and finding["code"] in (Code.CULLER_FAILED, Code.NO_GL)
     ]
     ET.SubElement(case, "system-out").text = _clean("\n".join(output))
 

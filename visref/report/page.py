@@ -13,8 +13,9 @@ from typing import Any
 from markupsafe import Markup
 
 from visref.errors import InputError
-from visref.findings import RULES, Rule, Severity
+from visref.findings import Code, Rule, Severity, rule_of
 from visref.papers import tables_beside
+from visref.picking import evenly_picked
 from visref.report import words
 from visref.report.bench_record import BenchRecord
 from visref.report.environment import page_environment
@@ -349,8 +350,7 @@ def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
     chosen = guilty[: MAX_FRAMES // 2]
     others = sorted(set(by_frame) - set(chosen))
     room = MAX_FRAMES - len(chosen)
-    if len(others) > room:
-        others = [others[round(i * (len(others) - 1) / (room - 1))] for i in range(room)]
+    others = [others[i] for i in evenly_picked(len(others), room)]
     views = []
     for frame in sorted([*chosen, *others]):
         shared: dict[str, Picture] = {}
@@ -388,17 +388,18 @@ def _data_uri(file: Path) -> str:
 
 def _shown(code: str) -> int:
     """How many findings of this code are listed: lost objects have a section of their own."""
-    return 0 if code in ("MISSED_OBJECT", "MISSED_DECLARED") else MAX_FINDINGS
+    return 0 if code in (Code.MISSED_OBJECT, Code.MISSED_DECLARED) else MAX_FINDINGS
 
 
 def _findings(run: RunRecord) -> list[FindingGroup]:
-    """Findings by code, the gravest first, else in the catalogue's order."""
-    by_code: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    """Findings by code, the gravest first, else in the catalogue's order and unknown codes last."""
+    by_code: dict[str, list[dict[str, Any]]] = {code: [] for code in Code}
     for finding in run.verdict["findings"]:
-        by_code[finding["code"]].append(finding)
+        by_code.setdefault(finding["code"], []).append(finding)
+    rules = [rule_of(code, found[0]["severity"]) for code, found in by_code.items() if found]
     gravity = {severity: rank for rank, severity in enumerate(Severity)}
     return [
-        FindingGroup(rule, found[: (shown := _shown(code))], max(0, len(found) - shown))
-        for code, rule in sorted(RULES.items(), key=lambda item: gravity[item[1].severity])
-        if (found := by_code.get(code))
+        FindingGroup(rule, found[: (shown := _shown(rule.code))], max(0, len(found) - shown))
+        for rule in sorted(rules, key=lambda rule: gravity[rule.severity])
+        for found in [by_code[rule.code]]
     ]

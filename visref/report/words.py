@@ -12,6 +12,7 @@ from visref.judging.status import Exit, decide
 from visref.report.summary import Measures
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import Row, RunRecord
+from visref.wording import counted as counted
 
 HEADLINES = {
     "violation": "Violation",
@@ -32,11 +33,6 @@ def plain(text: str) -> str:
 def count(number: int) -> str:
     """An integer with its thousands set apart."""
     return f"{number:,}"
-
-
-def counted(number: int, noun: str, plural: str = "") -> str:
-    """`1 frame`, `2 frames`."""
-    return f"{count(number)} {noun if number == 1 else plural or noun + 's'}"
 
 
 def percent(share: float | None) -> str:

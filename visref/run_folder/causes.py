@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import DrawnSet
 from visref.exact.outside import certainly_outside
+from visref.picking import evenly_picked
 from visref.run_folder.silhouettes import UnitImage
 from visref.scene import Alpha, Float32, Float64, Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth
@@ -68,8 +69,7 @@ def superfluous_causes(
 ) -> dict[int, Cause]:
     """The cause by unit, for `MAX_UNITS` of a frame's superfluous units at most."""
     ids = np.unique(superfluous_units).astype(np.int64)
-    if len(ids) > MAX_UNITS:
-        ids = ids[np.linspace(0, len(ids) - 1, MAX_UNITS).astype(np.int64)]
+    ids = ids[evenly_picked(len(ids), MAX_UNITS)]
     boxes = scene.bounds_of(units)[ids]
     camera = truth.camera
     causes = np.full(len(ids), Cause.HIDDEN, object)

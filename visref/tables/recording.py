@@ -23,6 +23,7 @@ from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.files import replacing_folder
+from visref.findings import Code
 from visref.inputs import generated_with, open_scene
 from visref.judging.referee import Job, JudgedFrame, Referee
 from visref.papers import Paper
@@ -267,6 +268,6 @@ def _judge(
     outcome = referee.run(path, frames, cullers, [recorder, share])
     for finding in outcome.findings:
         # A table of the frames before it would be a table of something else.
-        if finding.code in ("CULLER_FAILED", "NO_GL"):
+        if finding.code in (Code.CULLER_FAILED, Code.NO_GL):
             raise NothingToJudge(f"{finding.culler}: {finding.message}")
     recorder.finish(outcome)

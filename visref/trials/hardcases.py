@@ -13,7 +13,6 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -28,7 +27,8 @@ from visref.engines import check_engine, make_engine
 from visref.engines.base import TruthEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError, NothingToJudge
-from visref.formats.loading import load_path, load_scene
+from visref.findings import Code
+from visref.formats import load_path, load_scene
 from visref.judging.judge import MissKind
 from visref.judging.outcome import CullerRecord, RunOutcome
 from visref.judging.referee import Referee
@@ -36,6 +36,7 @@ from visref.judging.status import Exit, decide
 from visref.registry import CULLERS, SCENES, available, load_entry, make_culler
 from visref.scene import Scene
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
+from visref.wording import counted, did_you_mean
 
 EXACT = "exact"
 SCENE_FILE, PATH_FILE, EXPECTED_FILE = "{}.glb", "{}.path.json", "{}.expected.json"
@@ -211,9 +212,7 @@ def read_cases(folder: Path, only: Sequence[str] | None = None) -> tuple[HardCas
     names = [dataset.name for dataset in made]
     for name in only or ():
         if name not in names:
-            near = get_close_matches(name, names, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(names)}"
-            raise InputError(f"no hard case is named '{name}'", fix=hint)
+            raise InputError(f"no hard case is named '{name}'", fix=did_you_mean(name, names))
     cases = []
     for dataset in made:
         if only is None or dataset.name in only:
@@ -347,10 +346,10 @@ def _culler_cell(outcome: RunOutcome, record: CullerRecord) -> Cell:
     details = {
         finding.code: finding.message
         for finding in outcome.findings
-        if finding.code in ("NO_GL", "CULLER_FAILED")
+        if finding.code in (Code.NO_GL, Code.CULLER_FAILED)
     }
     totals = record.totals
-    if "NO_GL" in details:
+    if Code.NO_GL in details:
         state = State.UNAVAILABLE
     elif totals.violations:
         state = State.WRONG
@@ -462,8 +461,3 @@ def _unavailable(
         except NothingToJudge as error:
             missing[spec] = Cell(State.UNAVAILABLE, detail=str(error))
     return missing
-
-
-def counted(number: int, noun: str) -> str:
-    """`1 sample`, `2,000 samples`."""
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"

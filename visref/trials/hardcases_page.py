@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from visref.trials.hardcases import Cell, ExpectedFrame, HardCase, HardCaseTable, State, counted
+from visref.trials.hardcases import Cell, ExpectedFrame, HardCase, HardCaseTable, State
+from visref.wording import counted
 
 _HEAD = """# Hard cases
 

@@ -48,7 +48,7 @@ class CornersBehindTheEye:
         window = np.array([camera.width, camera.height])
         result = np.empty((len(frame.ids), 4), np.int32)
         for place, unit in enumerate(frame.ids):
-            low, high = self.bounds[unit]
+            low, high = self.unit_boxes[unit]
             choice = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)])
             at = np.nan_to_num(camera.pixel_of(np.where(choice, high, low))[0] + 0.5)
             result[place, :2] = np.floor(at.min(axis=0).clip(0, window))

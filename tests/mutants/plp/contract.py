@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.mutants.harness import Suite, Trace
+from visref_culling.boxes.conservative import inflated, meets_frustum, needs_no_query
 from visref_culling.gl.view import View
 from visref_culling.plp.traversal import near_corners
 
@@ -62,9 +63,9 @@ def cells_come_in_the_order_of_what_shows(trace: Trace) -> Iterator[str]:
     octree, budget = trace.culler.octree, trace.culler.budget
     view = View.of(camera, scene, 8)
     bounds, units = octree.bounds, octree.units
-    boxes = view.inflated(bounds)
-    in_view = np.flatnonzero(view.meets_frustum(boxes)).tolist()
-    sure = view.needs_no_query(boxes)
+    boxes = inflated(view, bounds)
+    in_view = np.flatnonzero(meets_frustum(view, boxes)).tolist()
+    sure = needs_no_query(view, boxes)
     pixels = {cell: rectangle_by_hand(camera, bounds[cell]) for cell in in_view}
     light = {cell: 1.0 for cell in in_view if sure[cell] or on_open_hull(octree, view, cell)}
     held = {

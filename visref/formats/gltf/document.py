@@ -118,7 +118,7 @@ class Json:
 class Document:
     """An open glTF or GLB file. Bytes are mapped, not read: images cost nothing.
 
-    Raises InputError (without the file's name; `visref.formats.loading` adds it).
+    Raises InputError (without the file's name; `visref.formats` adds it).
     """
 
     def __init__(self, path: Path) -> None:

@@ -17,7 +17,7 @@ from visref.errors import InputError
 from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.document import MESHOPT, Document, Json
 from visref.formats.placed import Mesh
-from visref.scene import Alpha, Float64
+from visref.scene import Alpha, Float64, check_vertices
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _DRACO = "KHR_draco_mesh_compression"
@@ -93,19 +93,17 @@ class _Primitive:
             corners = read_raw(self.document, indices, ("SCALAR",), UNSIGNED)[:, 0]
         else:
             corners = np.arange(vertex_count)
-        if len(corners) and int(corners.max()) >= vertex_count:
-            (indices or self.json).fail(
-                f"a triangle names vertex {corners.max()}, index out of range 0…{vertex_count - 1}",
-                "mend the index buffer",
-            )
-        if kind == _TRIANGLES:
-            # As in OpenGL, one or two vertices left over form no triangle.
-            return corners[: len(corners) // 3 * 3].reshape(-1, 3)
         count = max(0, len(corners) - 2)
         first, odd = np.arange(count), np.arange(count) % 2
-        if kind == _STRIP:
-            return corners[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
-        return corners[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
+        if kind == _TRIANGLES:
+            # As in OpenGL, one or two vertices left over form no triangle.
+            triangles = corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        elif kind == _STRIP:
+            triangles = corners[np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)]
+        else:
+            triangles = corners[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
+        check_vertices(triangles, vertex_count, lambda _: (indices or self.json).place)
+        return triangles
 
     def morphed(self, positions: NDArray[Any], weights: list[float]) -> NDArray[Any]:
         targets = self.json.get("targets")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from visref.findings import Code
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.meshes import read_mesh
@@ -12,6 +15,11 @@ from visref.formats.placed import NO_MESH, Placed, compose
 from visref.scene import Float64
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
+
+
+def read_gltf(path: Path) -> Placed:
+    """The objects of a .glb, .gltf or .vrm file. Raises InputError naming the place."""
+    return read_objects(Document(path))
 
 
 def read_objects(document: Document) -> Placed:
@@ -46,10 +54,13 @@ def read_objects(document: Document) -> Placed:
         placed.add(_name(entry) or _name(mesh), index, _instances(document, entry, world))
     if constant:
         placed.notes.append(
-            ("ALPHA_MASK_CONSTANT", f"{len(constant)} materials, first materials[{min(constant)}]")
+            (
+                Code.ALPHA_MASK_CONSTANT,
+                f"{len(constant)} materials, first materials[{min(constant)}]",
+            )
         )
     placed.notes.extend(
-        ("PARTLY_READ", f"extension {name} is not known; it may move or hide geometry")
+        (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
     )
     _note_animation(document, nodes, placed)
@@ -133,7 +144,7 @@ def _note_animation(document: Document, nodes: Nodes, placed: Placed) -> None:
         count += node in carried or any(bone in carried for bone in bones)
     if count:
         placed.notes.append(
-            ("ANIMATION_IGNORED", f"{count} animated nodes with a mesh stand in their rest pose")
+            (Code.ANIMATION_IGNORED, f"{count} animated nodes with a mesh stand in their rest pose")
         )
 
 

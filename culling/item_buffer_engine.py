@@ -1,0 +1,127 @@
+"""The item buffer as a truth engine of its own (`gl`): truth as this rasteriser sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.culler import Option
+from visref.engines.base import TruthEngine
+from visref.scene import Alpha, Float32, Float64, Int64, Scene
+from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
+from visref_culling.boxes.conservative import inflated, meets_frustum
+from visref_culling.gl.device import Target, device
+from visref_culling.gl.item_buffer import ItemBuffer
+from visref_culling.gl.view import FLOAT32_UNIT, View
+
+
+class ItemBufferEngine(TruthEngine):
+    """Truth as this rasteriser sees it: quick, and wrong wherever snapping or depth rounds."""
+
+    name = "gl"
+    summary = "OpenGL item buffer: snapped to sub-pixels, rounded depth; one GL thread"
+    options: ClassVar[Mapping[str, Option]] = {
+        "depth": Option(32, "bits of the depth buffer: 24 fixed point, 32 floating point", (24, 32))
+    }
+
+    def __init__(self, scene: Scene, *, threads: int | None = None, depth: int = 32) -> None:
+        super().__init__(scene, threads=threads)
+        self.items = ItemBuffer(device(), scene, depth_bits=depth)
+        self.masked = self.items.upload(scene.alpha == Alpha.MASK)
+
+    def describe(self) -> str:
+        """Renderer and limits."""
+        return ", ".join(f"{name} {value}" for name, value in device().report().items())
+
+    def pixels_differ(self, camera: Camera, drawn: NDArray[np.bool_]) -> int:
+        """Pixels in which the picture of some triangles, (t,) bool, is not the whole scene's."""
+        whole = self.items.whole_image(camera)
+        return int(np.count_nonzero(self.items.image(camera, drawn) != whole))
+
+    def frame(self, camera: Camera) -> FrameTruth:
+        items = self.items
+        view, target = items.view(camera), items.clear(camera)
+        items.draw(view, target, items.opaque, depth_write=True)
+        triangle = np.ascontiguousarray(target.read_ids())
+        window = target.read_depth()
+        depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
+        undecided, masked = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        if self.masked:
+            items.forget_ids(target)
+            items.draw(view, target, self.masked, depth_write=False)
+            ids = target.read_ids().reshape(-1)
+            undecided = np.flatnonzero(ids != BACKGROUND)
+            masked = np.unique(self.scene.object_of_triangle[ids[undecided]])
+        return FrameTruth(
+            camera,
+            self.name,
+            VisibilityBuffer(triangle, depth),
+            undecided=undecided,
+            masked=masked,
+            blend=self._blend(camera, view, target),
+        )
+
+    def _blend(self, camera: Camera, view: View, target: Target) -> BlendVisibility:
+        """An image for each BLEND object in the view, against the opaque depth."""
+        scene = self.scene
+        if not scene.has_blend:
+            return BlendVisibility()
+        blended = scene.alpha == Alpha.BLEND
+        seen: list[tuple[int, int, int, int, float]] = []
+        for object_id in np.unique(scene.object_of_triangle[blended]):
+            bounds = inflated(view, scene.object_bounds[object_id : object_id + 1])
+            if not meets_frustum(view, bounds)[0]:
+                continue
+            batches = self.items.upload(blended & (scene.object_of_triangle == object_id))
+            self.items.forget_ids(target)
+            self.items.draw(view, target, batches, depth_write=False)
+            for batch in batches:
+                batch.release()
+            ids = target.read_ids().reshape(-1)
+            covered = np.flatnonzero(ids != BACKGROUND)
+            if len(covered):
+                sample = int(covered[0])
+                triangle = int(ids[sample])
+                depth = plane_depth(scene.vertices[scene.triangles[triangle]], camera, sample)
+                seen.append((int(object_id), len(covered), sample, triangle, depth))
+        if not seen:
+            return BlendVisibility()
+        columns = list(zip(*seen, strict=True))
+        return BlendVisibility(
+            object=np.array(columns[0], np.int32),
+            pixels=np.array(columns[1], np.int64),
+            sample=np.array(columns[2], np.int64),
+            triangle=np.array(columns[3], np.int32),
+            depth=np.array(columns[4]),
+        )
+
+    def close(self) -> None:
+        for batch in self.masked:
+            batch.release()
+        self.items.release()
+
+
+def view_depth(window: Float32, view: View) -> Float64:
+    """View depth from window depth in [0, 1], both (height, width); float64."""
+    # A point so far that its depth rounded to 1 is put half a rounding step before infinity.
+    ndc = 2.0 * np.minimum(window.astype(np.float64), 1.0 - 0.5 * FLOAT32_UNIT) - 1.0
+    clip = view.camera.clip_from_camera(view.far)
+    scale, offset = clip[2, 2], clip[2, 3]
+    depth: Float64
+    depth = offset / (ndc + scale) if view.camera.is_perspective else (offset - ndc) / scale
+    return depth
+
+
+def plane_depth(corners: Float32, camera: Camera, sample: Int64 | int) -> float:
+    """View depth at which a sample's ray meets a triangle's plane, kept within the corners'."""
+    origin, direction = camera.ray(int(sample) % camera.width, int(sample) // camera.width)
+    points = corners.astype(np.float64) - origin
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    slope = float(normal @ direction)
+    depths = camera.pixel_of(corners.astype(np.float64))[1]
+    at = float(normal @ points[0]) / slope if slope else float(depths.min())
+    return float(np.clip(at, max(camera.near, depths.min()), min(camera.far, depths.max())))
