@@ -234,6 +234,7 @@ def one_line(text: str) -> str:
     return text.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD_INPUT, ids=lambda case: case[0])
 def test_bad_scene_or_path_is_one_line_and_status_2(case, tmp_path, capsys):
     _, make, expected = case
@@ -328,6 +329,7 @@ def test_run_with_one_and_two_threads_leaves_the_same_bytes(inputs, tmp_path):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.skipif(not REAL_MODEL.exists(), reason="Debian's assimp-testmodels is not installed")
 def test_a_real_model_goes_through_truth_run_and_report(tmp_path):
@@ -364,6 +366,7 @@ def test_a_real_model_goes_through_truth_run_and_report(tmp_path):
     assert re.search(r"no violation found", page, re.IGNORECASE)
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program(inputs):
     scene, _ = inputs
     command = [sys.executable, "-m", "visref", "objects", scene, "--json"]
@@ -373,6 +376,7 @@ def test_the_module_runs_as_a_program(inputs):
     assert sum(row["triangles"] for row in rows) == 36
 
 
+@pytest.mark.slow
 def test_a_reader_that_stops_reading_changes_no_status():
     reader, writer = os.pipe()
     os.close(reader)
@@ -388,6 +392,7 @@ def test_a_reader_that_stops_reading_changes_no_status():
     assert (run.returncode, run.stderr) == (0, b"")
 
 
+@pytest.mark.slow
 def test_a_set_of_scenes_is_refused_in_one_line(tmp_path, capsys):
     given = ["run", "hard", "--culler", "none", "--out", str(tmp_path / "run")]
     assert main(given) == 2

@@ -135,6 +135,7 @@ def open_ends() -> list[str]:
     return unaccounted(suites().values(), registered, COMMON)
 
 
+@pytest.mark.slow
 def test_method_by_the_guide_is_listed_runs_and_conforms(installed, capsys):
     assert main(["cullers"]) == 0
     assert (
