@@ -1,4 +1,4 @@
-"""python -m datasets_gen NAME --out DIR: write a generated data set as GLB and path JSON."""
+"""python -m visref_datasets_gen NAME --out DIR: write a generated data set as GLB and path JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from visref_datasets_gen.dataset import Dataset
 def main(arguments: list[str] | None = None) -> int:
     """Write the data set that the command line names; returns the exit status."""
     known = available(SCENES)
-    parser = argparse.ArgumentParser(prog="python -m datasets_gen", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m visref_datasets_gen", description=__doc__)
     parser.add_argument("name", metavar="NAME[:option=value,…]", help=f"one of: {', '.join(known)}")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--seed", type=int, help="of everything random (default 0)")

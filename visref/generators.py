@@ -52,7 +52,7 @@ class Generator:
             names = [one.name for one in made]
             raise InputError(
                 f"this is a set of {len(names)} scenes ({names[0]}, …), not one",
-                fix="write them with `python -m datasets_gen NAME --out DIR` and name one",
+                fix="write them with `python -m visref_datasets_gen NAME --out DIR` and name one",
             )
         return cast(Generated, made).write(directory)
 

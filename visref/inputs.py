@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +16,24 @@ from visref.findings import Finding
 from visref.formats import GLTF, load_path, load_scene
 from visref.generators import Generator, find_generator
 from visref.options import OptionValue
+from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """A scene, a path, the frames of it to judge, and who casts the truth."""
+    """A scene, a path, the frames of it to judge, and who casts the truth.
+
+    `engine` is a spec of `make_engine`; `threads` None means all cores; `settings` are recorded
+    as JSON with a run, and `notes` are findings about the input.
+    """
 
     scene: Scene
     path: CameraPath
     frames: range
-    engine: str
-    threads: int | None
-    settings: dict[str, Any]
+    engine: str = DEFAULT_ENGINE
+    threads: int | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[Finding, ...] = ()
 
     def make_engine(self) -> TruthEngine:
@@ -38,9 +43,9 @@ class Inputs:
 def open_inputs(
     scene: str,
     *,
-    path: str | None,
-    frames: str | None,
-    engine: str,
+    path: str | None = None,
+    frames: str | None = None,
+    engine: str = DEFAULT_ENGINE,
     threads: int | None = None,
     cull_backfaces: bool = False,
     lenient: bool = False,

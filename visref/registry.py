@@ -10,14 +10,21 @@ import importlib
 import sys
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from visref.culler import Culler
 from visref.errors import InputError
 from visref.options import read_options
 from visref.wording import did_you_mean
 
+if TYPE_CHECKING:
+    from visref.culler import Culler
+
 CULLERS = "visref.cullers"
+ENGINES = "visref.engines"
 SCENES = "visref.scenes"
+
+# The engine that casts where nobody names another.
+DEFAULT_ENGINE = "embree"
 
 
 def available(group: str) -> dict[str, EntryPoint]:
@@ -38,6 +45,8 @@ def make_culler(spec: str) -> Culler:
 
     Raises InputError for an unknown name, option or value.
     """
+    from visref.culler import Culler
+
     name, _, rest = spec.partition(":")
     if name in available(CULLERS):
         found = load_entry(CULLERS, name, kind="culler")
@@ -52,9 +61,10 @@ def make_culler(spec: str) -> Culler:
 
 
 def _import(module: str, attribute: str) -> object:
-    # As `python -m` does: a culler in the current folder needs no installation.
-    if str(Path.cwd()) not in sys.path:
-        sys.path.insert(0, str(Path.cwd()))
+    # As `python -m` does: a culler in the current folder needs no installation. Once it is
+    # imported, the folder stands last: whatever else is in it hides no library from us.
+    here = str(Path.cwd())
+    sys.path.insert(0, here)
     try:
         return getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
@@ -66,3 +76,8 @@ def _import(module: str, attribute: str) -> object:
         raise InputError(f"module '{module}' does not import: {error}") from error
     except AttributeError as error:
         raise InputError(f"module '{module}' has no '{attribute}'", fix="check the name") from error
+    finally:
+        # An entry that was there before stays where it was.
+        sys.path.remove(here)
+        if here not in sys.path:
+            sys.path.append(here)

@@ -20,17 +20,18 @@ from visref.between.search import (
     FrameGeometry,
     GeometricSearch,
     Status,
+    geometric_line,
     point_camera,
     write_geometric,
 )
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
-from visref.cli import commands
 from visref.engines.embree import EmbreeEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.exact.outside import certainly_outside, degenerate, image_limits
 from visref.inputs import open_inputs
+from visref.runs import truth_to_file
 from visref.scene import Alpha, Int32, Scene
 from visref.visibility import BACKGROUND, objects_seen
 
@@ -254,13 +255,15 @@ def test_the_command_writes_both_files_and_refuses_one_name_for_both(tmp_path: P
     inputs = open_inputs("city:scale=0.02,frames=2", path=None, frames="0:1", engine="embree")
     inputs = replace(inputs, path=inputs.path.resized(64, 48))
     truth, geometric = tmp_path / "truth.parquet", tmp_path / "geometric.parquet"
-    line = commands.cast_truth(inputs, truth, geometric=geometric)
+    cast = truth_to_file(inputs, truth, geometric=geometric)
     visible = {row["object"] for row in pq.read_table(truth).to_pylist()}
     rows = pq.read_table(geometric).to_pylist()
     assert visible == {row["object"] for row in rows if row["status"] == "visible"}
-    assert f"{sum(row['status'] == 'subpixel' for row in rows)} objects visible between" in line
+    subpixel = sum(row["status"] == "subpixel" for row in rows)
+    assert geometric_line(cast.between).startswith(f"{subpixel} objects visible between")
+    assert visible == set(np.flatnonzero(cast.visible))
     with pytest.raises(InputError, match="same file"):
-        commands.cast_truth(inputs, truth, geometric=truth)
+        truth_to_file(inputs, truth, geometric=truth)
 
 
 def test_projected_area_is_that_of_the_part_inside_the_view() -> None:

@@ -18,6 +18,7 @@ import trimesh
 from tests.support.bad_input import BAD_INPUT
 from visref.cli.main import main
 from visref.inputs import open_inputs
+from visref.registry import make_culler
 
 REAL_MODEL = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")
 
@@ -169,7 +170,7 @@ def test_a_breakdown_of_visref_is_no_verdict(inputs, tmp_path, monkeypatch, caps
     def breaks(given):
         raise RuntimeError("boom")
 
-    monkeypatch.setattr("visref.cli.main._doctor", breaks)
+    monkeypatch.setattr("visref.cli.doctor.run", breaks)
     assert main(["doctor"]) == 70
     assert "boom" in capsys.readouterr().err
 
@@ -374,6 +375,15 @@ def test_the_module_runs_as_a_program(inputs):
     rows = json.loads(result.stdout)
     assert {row["name"] for row in rows} == {"front", "behind", "beside"}
     assert sum(row["triangles"] for row in rows) == 36
+
+
+def test_a_plug_ins_folder_stands_last_once_the_plug_in_is_imported(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in ("one_of_mine", "other_of_mine"):
+        (tmp_path / f"{name}.py").write_text("from visref_culling.baselines import NoCulling\n")
+        assert make_culler(f"{name}:NoCulling").name == "none"
+        assert sys.path.index(str(tmp_path)) == len(sys.path) - 1
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from tests.support import chromium, tables_runs
 from tests.support.tables_runs import ALL, NOTHING, SIZE, STOPPED, TOWN, Steps, paper
 from visref.cli import main as cli
+from visref.cli import tables as tables_command
 from visref.judging.status import Exit
 from visref.papers.table import Experiment, Walk
 from visref.tables import measure, recording, write_tables
@@ -112,7 +113,7 @@ def test_the_page_opens_offline_at_any_width_without_complaint(measured):
 
 
 def test_the_command_measures_writes_and_prints_the_claims(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(cli, "load_paper", lambda name: paper())
+    monkeypatch.setattr(tables_command, "load_paper", lambda name: paper())
     out = tmp_path / "out"
     assert cli.main(["tables", "--paper", "toy", "--frames", "2", "--out", str(out)]) == 0
     assert "fewer queries than the paper" in capsys.readouterr().out
@@ -122,10 +123,10 @@ def test_the_command_measures_writes_and_prints_the_claims(tmp_path, monkeypatch
 def test_an_interrupted_command_says_that_it_can_go_on(tmp_path, monkeypatch, capsys):
     first, second = paper().walks
     stopped = Walk(second.key, TOWN, (STOPPED,), size=SIZE)
-    monkeypatch.setattr(cli, "load_paper", lambda name: paper((first, stopped), ()))
+    monkeypatch.setattr(tables_command, "load_paper", lambda name: paper((first, stopped), ()))
     out = tmp_path / "out"
     assert cli.main(["tables", "--paper", "toy", "--frames", "1", "--out", str(out)]) == 130
-    assert "the same command goes on from there" in capsys.readouterr().err
+    assert "the same command continues from there" in capsys.readouterr().err
     assert (out / "records" / "toy" / first.key / "manifest.json").is_file()
 
 

@@ -8,12 +8,10 @@ from typing import Any
 from visref.engines.base import TruthEngine
 from visref.errors import InputError
 from visref.options import read_options
-from visref.registry import available, load_entry
+from visref.registry import ENGINES, available, load_entry
 from visref.scene import Scene
 
 __all__ = ["ENGINES", "TruthEngine", "check_engine", "engine_names", "make_engine"]
-
-ENGINES = "visref.engines"
 
 
 def engine_names() -> list[str]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
-from visref.judging.judge import Counts
+if TYPE_CHECKING:
+    from visref.judging.judge import Counts
 
 
 class Exit(IntEnum):

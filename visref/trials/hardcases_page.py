@@ -14,8 +14,9 @@ _HEAD = """# Hard cases
 Written by `visref hardcases --out docs/hard-cases.md`; do not edit.
 
 Small scenes around the numerical traps of visibility, each with its right verdict, which
-follows in closed form from how the scene is laid out. `python -m datasets_gen hard --out DIR`
-writes them (`NAME.glb`, `NAME.path.json`, `NAME.expected.json`), for any engine to try.
+follows in closed form from how the scene is laid out.
+`python -m visref_datasets_gen hard --out DIR` writes them (`NAME.glb`, `NAME.path.json`,
+`NAME.expected.json`), for any engine to try.
 
 - An **engine** is *right* on a case if it gives every sample of every frame to its owner. Where
   several objects are tied, any of them is right; ties that an engine does not list are counted

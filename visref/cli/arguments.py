@@ -1,0 +1,64 @@
+"""Arguments that several commands take."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from visref.inputs import Inputs, open_inputs
+from visref.registry import DEFAULT_ENGINE, ENGINES, available
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """The scene, the path and who casts the truth; `inputs_of` reads them."""
+    parser.add_argument(
+        "scene",
+        metavar="SCENE",
+        help="a file (GLB, glTF, OBJ, PLY, …) or a generated scene (city:scale=0.05)",
+    )
+    parser.add_argument(
+        "--path", metavar="PATH", help="a camera path (JSON), or a glTF file with cameras"
+    )
+    parser.add_argument("--frames", metavar="A:B:STEP", help="a part of the path, as a slice")
+    parser.add_argument(
+        "--engine",
+        default=DEFAULT_ENGINE,
+        metavar="NAME[:option=value]",
+        help=f"{', '.join(available(ENGINES))} (default {DEFAULT_ENGINE})",
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--cull-backfaces",
+        action="store_true",
+        help="triangles whose material is not double-sided show their front only",
+    )
+    parser.add_argument(
+        "--lenient", action="store_true", help="drop triangles with a NaN or infinite vertex"
+    )
+
+
+def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where the run folder goes and what goes into it; `visref.cli.judged` reads them."""
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the run folder")
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="a truth file, instead of casting again; its engine looks at what was missed",
+    )
+    parser.add_argument(
+        "--pictures", type=int, default=4, metavar="N", help="frames to draw (default 4)"
+    )
+
+
+def inputs_of(given: argparse.Namespace) -> Inputs:
+    """What the scene arguments name. Raises InputError for anything wrong with it."""
+    return open_inputs(
+        given.scene,
+        path=given.path,
+        frames=given.frames,
+        engine=given.engine,
+        threads=given.threads,
+        cull_backfaces=given.cull_backfaces,
+        lenient=given.lenient,
+    )

@@ -1,0 +1,42 @@
+"""visref bench: speed against error, where to stop paying."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from visref.bench import MARKER, Measurement, write_bench
+from visref.bench.verdict import headline, sentences
+from visref.cli.arguments import add_scene_arguments, inputs_of
+from visref.cli.terminal import OUT, frame_bar
+from visref.files import replacing_folder
+from visref.inputs import Inputs
+from visref.judging.status import Exit
+from visref.picking import evenly_picked
+
+FRAMES = 6
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scene_arguments(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    # Every engine is measured, against this one.
+    parser.set_defaults(engine="exact")
+
+
+def run(given: argparse.Namespace) -> Exit:
+    inputs = inputs_of(given)
+    frames = _some_frames(inputs) if given.frames is None else list(inputs.frames)
+    scene, path, threads = inputs.scene, inputs.path, inputs.threads
+    with frame_bar(len(frames)) as bar, replacing_folder(given.out, marker=MARKER) as folder:
+        measured = Measurement(scene, path, frames, threads).run(bar.on_frame_done)
+        write_bench(folder, measured, scene, path, threads)
+    for line in (headline(measured), *sentences(measured)):
+        OUT.print(line, markup=False)
+    OUT.print(f"\nThe page: {given.out / 'bench.html'}", markup=False)
+    return Exit.NO_VIOLATION
+
+
+def _some_frames(inputs: Inputs) -> list[int]:
+    """`FRAMES` of the frames at most, evenly picked."""
+    return [inputs.frames[i] for i in evenly_picked(len(inputs.frames), FRAMES)]

@@ -1,0 +1,44 @@
+"""visref explain: replay a witness from the run folder alone."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from visref.cli.terminal import OUT
+from visref.judging.status import Exit
+from visref.run_folder.explain import draw_neighbourhood, explain
+from visref.run_folder.write import slug
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("--frame", type=int, required=True, metavar="F")
+    parser.add_argument("--object", required=True, metavar="O", help="object id or name")
+    parser.add_argument("--culler", metavar="NAME", help="default: every culler that missed it")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="default: beside the witness in RUN"
+    )
+
+
+def run(given: argparse.Namespace) -> Exit:
+    explanations = explain(given.run, given.frame, given.object, given.culler)
+    for index, explanation in enumerate(explanations):
+        picture = _picture(given, explanation.witness, index)
+        draw_neighbourhood(explanation, picture)
+        for line in (*explanation.lines, f"the neighbourhood: {picture}"):
+            OUT.print(line, markup=False)
+        OUT.print("the claim holds" if explanation.holds else "THE CLAIM DOES NOT HOLD")
+    holds = all(explanation.holds for explanation in explanations)
+    return Exit.NO_VIOLATION if holds else Exit.VIOLATION
+
+
+def _picture(given: argparse.Namespace, witness: Mapping[str, Any], index: int) -> Path:
+    """Where the picture of the witness with this index goes."""
+    if given.picture is None:
+        name = f"{slug(witness['culler'])}-{given.frame:05d}-{witness['object']}.png"
+        return Path(given.run / "witnesses" / name)
+    first: Path = given.picture
+    return first.with_stem(f"{first.stem}-{index + 1}") if index else first

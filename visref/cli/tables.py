@@ -1,0 +1,56 @@
+"""visref tables: measure the papers' tables again, beside the published numbers."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from visref.cli.terminal import ERRORS, OUT, Steps, progress
+from visref.judging.status import Exit
+from visref.papers import load_paper, paper_names
+from visref.tables import measure, write_tables
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--paper",
+        action="append",
+        metavar="NAME",
+        help=f"repeat for several; {', '.join(paper_names())} (default: all)",
+    )
+    parser.add_argument(
+        "--frames", type=int, metavar="N", help="only N frames of each path, for a quick look"
+    )
+    parser.add_argument(
+        "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
+    )
+    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="continues with what is there",
+    )
+    kept = "what was measured is kept, and the same command continues from there"
+    parser.set_defaults(interrupted=kept)
+
+
+def run(given: argparse.Namespace) -> Exit:
+    names = list(dict.fromkeys(given.paper or paper_names()))
+    papers = [load_paper(name) for name in names]
+    with progress() as shown:
+        measured = measure(
+            papers,
+            given.out,
+            Steps(shown),
+            frames=given.frames,
+            large=given.large,
+            threads=given.threads,
+        )
+    page, status = write_tables(measured)
+    for label, why in measured.failures.items():
+        ERRORS.print(f"not measured: {label}: {why}", markup=False)
+    OUT.print((given.out / "trends.md").read_text(encoding="utf-8"), markup=False, end="")
+    OUT.print(f"\nThe tables: {page}", markup=False)
+    return status

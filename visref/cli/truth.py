@@ -1,0 +1,40 @@
+"""visref truth: cast who owns which samples, to a Parquet file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from visref.between.search import geometric_line
+from visref.cli.arguments import add_scene_arguments, inputs_of
+from visref.cli.terminal import OUT, frame_bar
+from visref.judging.status import Exit
+from visref.runs import truth_to_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scene_arguments(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.parquet")
+    parser.add_argument(
+        "--geometric",
+        type=Path,
+        metavar="FILE.parquet",
+        help="look between the samples too: who is visible anywhere in the image, with a witness",
+    )
+
+
+def run(given: argparse.Namespace) -> Exit:
+    inputs = inputs_of(given)
+    frames = len(inputs.frames)
+    with frame_bar(frames) as bar:
+        cast = truth_to_file(inputs, given.out, geometric=given.geometric, listeners=[bar])
+    OUT.print(
+        f"{given.out}: {frames} frames, {np.count_nonzero(cast.visible)} of "
+        f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})",
+        markup=False,
+    )
+    if given.geometric is not None:
+        OUT.print(f"{given.geometric}: {geometric_line(cast.between)}", markup=False)
+    return Exit.NO_VIOLATION

@@ -1,0 +1,182 @@
+"""Whole runs, from inputs to files: a run folder, and a file of truth.
+
+`visref.judging` decides and `visref.run_folder` writes; this brings them together, for the command
+line and for Python alike.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
+from visref.culler import Culler
+from visref.engines import TruthEngine, check_engine, make_engine
+from visref.engines.rays import RayEngine
+from visref.errors import InputError
+from visref.exact import ExactScene
+from visref.files import replacing_file, replacing_folder
+from visref.inputs import Inputs
+from visref.judging.outcome import RunOutcome
+from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
+from visref.picking import evenly_picked
+from visref.recordings.truth_file import TruthTable, read_truth
+from visref.registry import DEFAULT_ENGINE
+from visref.run_folder.write import MANIFEST, TRUTH, Recorder
+from visref.visibility import FrameTruth, ObjectVisibility
+
+
+def judge_to_folder(
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    out: Path | str,
+    *,
+    truth: Path | str | None = None,
+    pictures: int = 4,
+    image_check: bool = False,
+    listeners: Sequence[Listener] = (),
+) -> RunOutcome:
+    """Judge cullers, each with the name that reports give it, and write the run folder `out`.
+
+    `truth`: a truth file to take instead of casting again; its engine looks at what was missed.
+    `pictures`: how many frames to draw, evenly picked. `image_check`: redraw each drawn set by
+    OpenGL and compare it with the unculled picture.
+
+    Raises InputError where `out` cannot be written to or holds what is no run, and where the
+    truth file is of another scene, path or engine; NothingToJudge where an engine cannot start.
+    """
+    if pictures < 0:
+        raise InputError(f"--pictures is {pictures}", fix="give 0 or more")
+    scene, frames = inputs.scene, inputs.frames
+    recorded = None
+    if truth is not None:
+        truth = Path(truth)
+        recorded = read_truth(truth, scene, inputs.path, frames)
+        inputs = _of_the_same_engine(inputs, recorded.engine, truth)
+    with replacing_folder(out, marker=MANIFEST) as folder, ExitStack() as closing:
+        checker = None
+        if image_check:
+            # Any engine that redraws and compares pictures would do.
+            checker = make_engine("gl", scene)
+            closing.callback(checker.close)
+        recorder = Recorder(
+            folder,
+            scene,
+            inputs.path,
+            engine=inputs.engine,
+            settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
+            picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
+        )
+        referee = Referee(
+            scene,
+            inputs.make_engine,
+            threads=inputs.threads,
+            recorded=recorded,
+            image_check=cast(ImageCheck | None, checker),
+        )
+        outcome = referee.run(inputs.path, frames, cullers, [recorder, *listeners])
+        outcome.findings[:0] = inputs.notes
+        recorder.finish(outcome)
+        if truth is not None:
+            shutil.copyfile(truth, folder / TRUTH)
+    return outcome
+
+
+def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
+    """Inputs that cast with the engine of a truth file. What that truth says was missed, another
+    engine might not see at all."""
+    if inputs.engine not in (engine, DEFAULT_ENGINE):
+        raise InputError(
+            f"it was cast by '{engine}', not '{inputs.engine}'",
+            source=str(truth),
+            fix="leave --engine out, or cast the truth again",
+        )
+    try:
+        check_engine(engine)
+    except InputError as error:
+        raise error.at(source=str(truth)) from error
+    return replace(inputs, engine=engine)
+
+
+@dataclass(frozen=True, eq=False)
+class CastTruth:
+    """What `truth_to_file` found. `visible`: (n,) bool, the objects that own a sample in some
+    frame; `between`: who shows between the samples, one per frame, empty unless asked for."""
+
+    visible: NDArray[np.bool_]
+    between: tuple[FrameGeometry, ...] = ()
+
+
+def truth_to_file(
+    inputs: Inputs,
+    out: Path | str,
+    *,
+    geometric: Path | str | None = None,
+    listeners: Sequence[Listener] = (),
+) -> CastTruth:
+    """Cast who owns which samples in each frame and write it to `out`, a Parquet file; with
+    `geometric`, who shows between the samples to another.
+
+    Raises InputError where a file cannot be written, and NothingToJudge where the engine cannot
+    start.
+    """
+    out = Path(out)
+    if geometric is not None and Path(geometric).resolve() == out.resolve():
+        raise InputError("--geometric and --out are the same file", fix="name two")
+    with replacing_file(out) as file:
+        engine = inputs.make_engine()
+        search = _geometric_search(inputs, engine) if geometric is not None else None
+        cast_ = _Casting(inputs, search)
+        try:
+            # A run without cullers is the truth alone.
+            referee = Referee(inputs.scene, lambda: engine, threads=inputs.threads)
+            referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
+        finally:
+            engine.close()
+            if search is not None:
+                search.close()
+        if geometric is not None:
+            with replacing_file(geometric) as beside:
+                write_geometric(
+                    beside, inputs.scene, inputs.path, cast_.between, engine=inputs.engine
+                )
+        cast_.table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=engine.exact)
+    return CastTruth(cast_.visible, tuple(one for _, one in cast_.between))
+
+
+class _Casting:
+    """A run's listener that keeps its truth, and with `search` what shows between the samples."""
+
+    def __init__(self, inputs: Inputs, search: GeometricSearch | None) -> None:
+        self.table = TruthTable(inputs.scene)
+        self.visible = np.zeros(inputs.scene.object_count, np.bool_)
+        self.between: list[tuple[int, FrameGeometry]] = []
+        self._search = search
+
+    def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+        self.table.add(frame, truth.camera.width, seen)
+        self.visible |= seen.visible
+        if self._search is not None:
+            self.between.append((frame, self._search.frame(frame, truth.camera, seen)))
+
+    def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
+        pass
+
+    def on_frame_done(self, frame: int) -> None:
+        pass
+
+
+def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
+    """Over the engine's own rays, or Embree's where it casts none."""
+    exact = ExactScene(inputs.scene, threads=inputs.threads)
+    if isinstance(engine, RayEngine):
+        return GeometricSearch(inputs.scene, engine, exact)
+    prober = cast(RayEngine, make_engine("embree", inputs.scene, threads=inputs.threads))
+    return GeometricSearch(inputs.scene, prober, exact)
