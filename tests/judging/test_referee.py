@@ -152,6 +152,7 @@ def test_promise_settled_while_preparing_is_the_one_that_counts():
     assert run(Settles(0)).cullers[0].promise is Promise.AGGRESSIVE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("then", "told"),
     [
@@ -365,6 +366,7 @@ def comparable(outcome):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", range(4))
 def test_recorded_truth_gives_the_verdict_that_casting_gives(tmp_path, engine, seed):

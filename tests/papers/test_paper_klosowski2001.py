@@ -31,6 +31,7 @@ def test_published_tables_fall_with_the_budget_and_give_the_derived_numbers():
     assert [round(ratio) for ratio in ratios] == [12, 6]
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_walks_name_cullers_that_exist_with_the_papers_leaves():
     for walk in paper.WALKS:
@@ -269,6 +270,7 @@ def test_primitives_time_every_side_and_channel(monkeypatch):
         assert image["histogram_ms"] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_run_prints_table_3_beside_the_papers(tmp_path, capsys):
     spec = "soda_hall:scale=0.1,frames=2"

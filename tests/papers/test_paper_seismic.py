@@ -147,6 +147,7 @@ def test_without_records_nothing_is_claimed():
     assert all(table.figure is None for table in made)
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_specs_are_cullers_and_the_experiment_is_measured_at_the_walks_reductions():
     for walk in paper.WALKS:

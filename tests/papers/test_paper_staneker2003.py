@@ -49,6 +49,7 @@ def test_set_ups_are_scenes_and_cullers_of_ours():
     assert {one.name for one in EXPERIMENTS} <= set(available(GROUP))
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_experiments_measure_the_map_and_every_size():
     lookup = measured.lookup(None, None)

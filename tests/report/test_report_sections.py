@@ -141,6 +141,7 @@ def test_a_spoilt_bench_folder_is_an_error_in_one_line(runs, tmp_path, spoil):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatch):
     """Only the rows and the trends that this run measures."""
     wanted = papers.Walk("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))

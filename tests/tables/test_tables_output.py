@@ -97,6 +97,7 @@ def test_names_of_a_paper_are_text_on_the_page_and_no_markup(measured):
     assert "A Paper &amp; Its Tables" in page.read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
 def test_the_page_opens_offline_at_any_width_without_complaint(measured):
     page_file, _ = write_tables(measured)

@@ -387,6 +387,7 @@ def test_the_front_has_no_point_that_another_beats() -> None:
     assert front == [(1.0, 5.0), (2.0, 3.0), (4.0, 0.0)]
 
 
+@pytest.mark.slow
 def test_the_plot_is_the_same_bytes_for_the_same_numbers() -> None:
     numbers = with_numbers(1.1, 5)
     assert pictures(numbers, "a title") == pictures(numbers, "a title")
@@ -399,6 +400,7 @@ def test_the_plot_is_the_same_bytes_for_the_same_numbers() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_folder_and_the_page_stands_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
