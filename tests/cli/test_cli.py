@@ -196,6 +196,7 @@ def test_truth_file_has_the_promised_columns_and_metadata(inputs, tmp_path):
     table = pq.read_table(truth)
     assert dict(zip(table.schema.names, map(str, table.schema.types), strict=True)) == {
         "frame": "int32",
+        "view": "string",
         "object": "int32",
         "name": "string",
         "pixels": "int64",

@@ -390,7 +390,7 @@ def foreign_manifest(folder):
 
 def newer_manifest(folder):
     manifest = json.loads((folder / "manifest.json").read_text())
-    (folder / "manifest.json").write_text(json.dumps(manifest | {"version": 2}))
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"version": 3}))
 
 
 def list_manifest(folder):
@@ -416,7 +416,7 @@ def drop(name):
         (spoil_json, "verdict.json"),
         (spoil_table, "objects.parquet"),
         (foreign_manifest, "manifest.json"),
-        (newer_manifest, "version 1"),
+        (newer_manifest, "version 1 to 2"),
         (list_manifest, "manifest.json"),
     ],
 )
