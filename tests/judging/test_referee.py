@@ -274,7 +274,10 @@ def test_run_without_a_visible_object_is_vacuous():
     assert outcome.exit is Exit.NOTHING_JUDGED
     assert codes(outcome) == ["NOTHING_JUDGED"]
     assert run(Draws(), frames=[]).exit is Exit.NOTHING_JUDGED
-    assert run().exit is Exit.NOTHING_JUDGED
+
+
+def test_run_without_cullers_is_the_truth_alone_and_violates_nothing():
+    assert run().exit is Exit.NO_VIOLATION
 
 
 def test_only_the_asked_frames_are_judged_in_the_order_asked():

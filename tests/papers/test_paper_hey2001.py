@@ -22,7 +22,7 @@ def test_published_ratios_are_those_that_follow_from_the_published_numbers():
 def test_set_ups_are_cullers_of_ours(scene):
     for update, spec in specs(scene).items():
         culler = make_culler(spec)
-        assert culler.update == update
+        assert culler.updates == update
         assert culler.leaf == (None if scene == "forest" else 1500)
         culler.close()
 
