@@ -44,7 +44,7 @@ lint: $(READY)
 	$(BIN)/lint-imports
 
 bench: setup
-	$(BIN)/python -m tests.bench
+	$(BIN)/python -m benchmarks
 
 # The papers' tables, on so many frames of each path, and the documentation made from them.
 TABLES := tables

@@ -106,7 +106,7 @@ def is_count(value: object) -> bool:
 def is_duration(value: object) -> bool:
     """Whether a time may be this: a number, finite and not negative."""
     number = isinstance(value, (int, float, np.integer, np.floating))
-    return number and 0.0 <= value <= sys.float_info.max  # type: ignore[operator]
+    return number and not isinstance(value, bool) and 0.0 <= value <= sys.float_info.max  # type: ignore[operator]
 
 
 @dataclass(frozen=True, eq=False)

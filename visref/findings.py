@@ -91,6 +91,13 @@ class Code(StrEnum):
         "one; a miss that the ray engine itself does not see stays unseen, and ties that "
         "nobody disputed are not listed. `--engine exact` lists every miss and every tie.",
     )
+    TRUTH_UNSEALED = Rule(
+        "TRUTH_UNSEALED",
+        Severity.INFO,
+        "The truth file has no digest",
+        "It is of version 1: whether somebody edited it after it was cast cannot be seen, and it "
+        "does not say whether its engine is exact. Cast the truth again to have both.",
+    )
     REBASE_INEXACT = Rule(
         "REBASE_INEXACT",
         Severity.WARNING,

@@ -29,7 +29,8 @@ from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Refer
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.write import MANIFEST, TRUTH, Recorder
+from visref.run_folder.layout import MANIFEST, TRUTH
+from visref.run_folder.write import RunWriter
 from visref.visibility import FrameTruth, ObjectVisibility
 
 
@@ -66,11 +67,12 @@ def judge_to_folder(
             # Any engine that redraws and compares pictures would do.
             checker = make_engine("gl", scene)
             closing.callback(checker.close)
-        recorder = Recorder(
+        writer = RunWriter(
             folder,
             scene,
             inputs.path,
             engine=inputs.engine,
+            exact=recorded.exact if recorded is not None else None,
             settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
             picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
         )
@@ -81,9 +83,9 @@ def judge_to_folder(
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
         )
-        outcome = referee.run(inputs.path, frames, cullers, [recorder, *listeners])
-        outcome.findings[:0] = inputs.notes
-        recorder.finish(outcome)
+        outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])
+        outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
+        writer.finish(outcome)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
@@ -147,7 +149,13 @@ def truth_to_file(
                 write_geometric(
                     beside, inputs.scene, inputs.path, cast_.between, engine=inputs.engine
                 )
-        cast_.table.write(file, engine=inputs.engine, path=inputs.path, ties_complete=engine.exact)
+        cast_.table.write(
+            file,
+            engine=inputs.engine,
+            path=inputs.path,
+            ties_complete=engine.exact,
+            exact=engine.exact,
+        )
     return CastTruth(cast_.visible, tuple(one for _, one in cast_.between))
 
 
@@ -161,7 +169,7 @@ class _Casting:
         self._search = search
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
-        self.table.add(frame, truth.camera.width, seen)
+        self.table.add(frame, truth.camera.width, seen, view=truth.camera.view)
         self.visible |= seen.visible
         if self._search is not None:
             self.between.append((frame, self._search.frame(frame, truth.camera, seen)))

@@ -66,6 +66,7 @@ def ids(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return a.ravel(), b.ravel()
 
 
+@pytest.mark.slow
 @both_projections
 def test_a_third_of_a_pixel_between_the_samples_is_found_with_a_witness_on_it(
     camera_of: Callable[..., Camera],

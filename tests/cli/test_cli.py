@@ -196,6 +196,7 @@ def test_truth_file_has_the_promised_columns_and_metadata(inputs, tmp_path):
     table = pq.read_table(truth)
     assert dict(zip(table.schema.names, map(str, table.schema.types), strict=True)) == {
         "frame": "int32",
+        "view": "string",
         "object": "int32",
         "name": "string",
         "pixels": "int64",
@@ -235,6 +236,7 @@ def one_line(text: str) -> str:
     return text.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD_INPUT, ids=lambda case: case[0])
 def test_bad_scene_or_path_is_one_line_and_status_2(case, tmp_path, capsys):
     _, make, expected = case
@@ -329,6 +331,7 @@ def test_run_with_one_and_two_threads_leaves_the_same_bytes(inputs, tmp_path):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.skipif(not REAL_MODEL.exists(), reason="Debian's assimp-testmodels is not installed")
 def test_a_real_model_goes_through_truth_run_and_report(tmp_path):
@@ -365,6 +368,7 @@ def test_a_real_model_goes_through_truth_run_and_report(tmp_path):
     assert re.search(r"no violation found", page, re.IGNORECASE)
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program(inputs):
     scene, _ = inputs
     command = [sys.executable, "-m", "visref", "objects", scene, "--json"]
@@ -383,6 +387,7 @@ def test_a_plug_ins_folder_stands_last_once_the_plug_in_is_imported(tmp_path, mo
         assert sys.path.index(str(tmp_path)) == len(sys.path) - 1
 
 
+@pytest.mark.slow
 def test_a_reader_that_stops_reading_changes_no_status():
     reader, writer = os.pipe()
     os.close(reader)
@@ -398,6 +403,7 @@ def test_a_reader_that_stops_reading_changes_no_status():
     assert (run.returncode, run.stderr) == (0, b"")
 
 
+@pytest.mark.slow
 def test_a_set_of_scenes_is_refused_in_one_line(tmp_path, capsys):
     given = ["run", "hard", "--culler", "none", "--out", str(tmp_path / "run")]
     assert main(given) == 2

@@ -50,11 +50,13 @@ def statuses(results):
     return {result.check: result.status for result in results}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("check", CHECKS, ids=str)
 def test_culler_that_draws_everything_conforms(check):
     assert_conforms(DrawsAll, checks=[check])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("check", CHECKS, ids=str)
 def test_culler_that_draws_nothing_fails_wherever_something_is_visible(check):
     (found,) = check_culler(DrawsNothing, checks=[check])
@@ -65,6 +67,7 @@ def test_culler_that_draws_nothing_fails_wherever_something_is_visible(check):
         assert found.missed > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 7])
 @pytest.mark.parametrize("made", SCENES, ids=lambda made: made.name)
 def test_every_scene_has_something_visible_in_each_frame(made, seed):

@@ -36,6 +36,7 @@ def missed(culler, scene, cameras):
     return count, drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", CULLERS)
 def test_every_visible_object_is_drawn(make):
     for seed in range(12):

@@ -80,6 +80,7 @@ def test_infinite_range_gives_finite_depths():
     assert np.isfinite(frame.buffer.depth).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("origin", [0.0, 1e5, 1e7])
 @pytest.mark.parametrize("seed", range(4))
 def test_agrees_with_rays_wherever_the_answer_is_clear(origin, seed):

@@ -67,6 +67,7 @@ def violations(scene, cameras, variants):
     return [(record.totals.violations, record.totals.drawn) for record in outcome.cullers]
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), size=st.sampled_from([(1, 1), (33, 17), (24, 24), (9, 40)]))
 def test_no_variant_misses_anything_on_random_scenes(seed, size):
@@ -93,6 +94,7 @@ def crowd(seed, count=80):
     return Scene.from_objects([("wall", wall, faces), *boxes])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("buffer", BUFFERS)
 @pytest.mark.parametrize("query", QUERIES)
 def test_lazy_and_busy_draw_the_same_set_and_lazy_asks_less(buffer, query):
@@ -112,6 +114,7 @@ def test_lazy_and_busy_draw_the_same_set_and_lazy_asks_less(buffer, query):
     assert 0 < asked["lazy"] < 0.6 * asked["busy"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ALL, ids=str)
 def test_busy_updates_conform(method):
     assert_conforms(lambda: LazyGridCulling(**{**method.options, "update": "busy"}))
@@ -150,6 +153,7 @@ def test_every_way_of_asking_draws_about_the_same():
         assert max(sizes) < 0.6 * scene.object_count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", EXTENSIONS, ids=str)
 @pytest.mark.parametrize("buffer", BUFFERS)
 def test_extensions_of_section_6_stay_safe(extension, buffer):
@@ -356,6 +360,7 @@ def test_box_across_the_near_plane_gets_the_area_of_what_lies_beyond_it():
 # The grid.
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     width=st.integers(1, 40),

@@ -43,6 +43,7 @@ def test_gpu_draws_what_the_cpu_draws(name, squares):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(built=strategies.cases(), squares=st.sampled_from([1, 4]), depth=st.sampled_from([24, 32]))
 def test_gpu_draws_what_the_cpu_draws_on_scenes_of_hypothesis(built, squares, depth):

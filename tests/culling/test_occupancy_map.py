@@ -98,6 +98,7 @@ def test_one_unset_tile_at_any_end_of_a_row_is_seen(c0, c1):
 # Safety.
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_every_visible_object_is_drawn(options):
@@ -146,6 +147,7 @@ def test_small_object_around_the_eye_is_never_left_out_for_its_size():
 # Compiled against stepwise.
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_compiled_traversal_decides_as_the_stepwise_one(options):
@@ -266,6 +268,7 @@ def check_contract(steps, lists_count):
     return skipped
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("maps", [1, 5])
 @pytest.mark.parametrize("scale", ["window", "scene"])
@@ -314,6 +317,7 @@ class ArrangingMapNotMarked(StepwiseOccupancyMap):
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize(
     "broken",

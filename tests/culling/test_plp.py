@@ -54,6 +54,7 @@ def crowd(seed: int = 0, count: int = 80) -> Scene:
 # The octree.
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)  # the first call compiles
 @given(st.integers(0, 10**6), st.integers(2, 30))
 def test_octree_tiles_its_root_and_holds_each_triangle_wherever_it_passes(seed, limit):
@@ -96,6 +97,7 @@ def test_links_are_the_pairs_of_leaves_that_share_a_face(limit):
         assert a[1, axis] == b[0, axis] or b[1, axis] == a[0, axis]
 
 
+@pytest.mark.slow
 def test_leaves_are_below_the_limit_unless_halving_tells_nothing_apart():
     scene = scene_of(soda_hall(scale=0.2, frames=1))
     octree = build(scene, 500)
@@ -278,6 +280,7 @@ def assert_whole_picture(culler, scene, camera) -> int:
     return scene.triangle_count - int(drawn.sum())
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_picture_is_whole_from_anywhere(options):
@@ -296,6 +299,7 @@ def test_picture_is_whole_from_anywhere(options):
     assert spared > 200
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 10**9), st.sampled_from(OPTIONS), st.integers(2, 20), st.integers(0, 60))
@@ -308,6 +312,7 @@ def test_picture_is_whole_for_any_scene_cells_and_budget(seed, options, leaf, bu
     culler.close()
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS[:6], ids=str)
 def test_eye_outside_inside_between_cells_and_in_a_solid(options):
@@ -357,6 +362,7 @@ def test_ray_through_an_edge_that_cells_share_keeps_the_chain():
         culler.close()
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", [OPTIONS[0], OPTIONS[2]], ids=str)
 @pytest.mark.parametrize("check", conformance_checks(), ids=str)
@@ -367,6 +373,7 @@ def test_cplp_conforms(check, options):
 # What it costs.
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_ways_of_asking_draw_the_same_cells_in_as_many_rounds():
     scene = crowd(5)
@@ -411,6 +418,7 @@ def test_budget_for_everything_leaves_nothing_to_find():
     culler.close()
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_more_budget_means_fewer_rounds_and_fewer_extra_triangles():
     dataset = soda_hall(scale=0.25, frames=5)
@@ -445,6 +453,7 @@ def test_names_options_and_promises():
 # The scenes.
 
 
+@pytest.mark.slow
 def test_soda_hall_is_three_equal_floors_of_rooms():
     dataset = soda_hall(frames=20)
     scene = scene_of(dataset)

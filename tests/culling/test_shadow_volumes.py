@@ -84,6 +84,7 @@ def test_sheet_seen_from_its_dark_side_is_in_shadow_and_from_the_other_lit():
         assert (rays.image(truth)[seen] == shadow).all()
 
 
+@pytest.mark.slow
 def test_bounds_are_narrow_but_next_to_a_shadows_edge():
     scene = scene_with(ground=ground(cells=4), board=BOARD)
     rays = ShadowTruth(scene, sun((0.2, -1.0, 0.1), scene, 32))

@@ -66,6 +66,7 @@ def survey():
 # What the mutants leave open.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{}, {"scale": 4}, {"threshold": 5}, {"reduction": 10}], ids=str
 )
@@ -75,6 +76,7 @@ def test_published_mode_keeps_every_contract_on_a_survey(options, survey):
     assert departures(method, [(scene, path.frames[:4])]) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", SAFE, ids=str)
 def test_without_the_second_clear_the_conservative_picture_is_the_same_bit_for_bit(method, survey):
     """Why U3 is equivalent there."""
@@ -89,11 +91,13 @@ def test_without_the_second_clear_the_conservative_picture_is_the_same_bit_for_b
 # The conservative mode is safe.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", CONSERVATIVE, ids=str)
 def test_conservative_mode_conforms(options):
     assert_conforms(lambda: conservative(**options))
 
 
+@pytest.mark.slow
 @QUIET
 @given(
     built=strategies.cases(),
@@ -109,6 +113,7 @@ def test_conservative_mode_misses_nothing_of_what_hypothesis_finds(built, reduct
     assert problems == ()
 
 
+@pytest.mark.slow
 def test_conservative_mode_is_right_on_every_hard_case():
     names = ("reduction=1", "extra=0,reduction=1", "extra=0,reduction=1,scale=4")
     specs = [f"three-pass:mode=conservative,{options}" for options in names]
@@ -122,6 +127,7 @@ def test_conservative_mode_is_right_on_every_hard_case():
     assert wrong == {}
 
 
+@pytest.mark.slow
 def test_conservative_mode_misses_nothing_between_layers_and_culls(survey):
     scene, path = survey
     options = [{"extra": 0, "reduction": r, "scale": s} for r in (1, 10, 100) for s in (1, 4)]
@@ -163,6 +169,7 @@ def test_published_mode_declares_itself_approximate_and_the_conservative_one_doe
     assert conservative().promise is Promise.CONSERVATIVE
 
 
+@pytest.mark.slow
 def test_published_misses_are_listed_with_witnesses_and_fail_no_run(tmp_path: Path):
     out = tmp_path / "run"
     spec = "three-pass:extra=0,reduction=30"
@@ -180,6 +187,7 @@ def test_published_misses_are_listed_with_witnesses_and_fail_no_run(tmp_path: Pa
     assert list((out / "witnesses").iterdir())
 
 
+@pytest.mark.slow
 def test_published_misses_rise_with_reduction_threshold_and_scale(survey):
     scene, path = survey
     options = [{}, {"reduction": 10}, {"reduction": 36}, {"threshold": 30}, {"scale": 8}]

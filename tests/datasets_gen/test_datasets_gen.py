@@ -71,6 +71,7 @@ def test_icosphere_has_twenty_times_four_to_the_n_outward_faces() -> None:
         assert 2.5 < signed_volume(sphere) < 4.0 * np.pi / 3.0
 
 
+@pytest.mark.slow
 def test_city_at_scale_1_is_about_768k_triangles_in_4000_objects() -> None:
     scene = scene_of(city())
     assert scene.triangle_count == pytest.approx(768_000, rel=0.04)
@@ -78,6 +79,7 @@ def test_city_at_scale_1_is_about_768k_triangles_in_4000_objects() -> None:
     assert (areas(scene) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_city_grows_with_its_scale_and_is_stored_as_instances() -> None:
     small, large = city(scale=0.1), city(scale=0.4)
     ratio = scene_of(large).triangle_count / scene_of(small).triangle_count
@@ -100,6 +102,7 @@ def test_city_path_cuts_once_and_turns_twice() -> None:
     assert {(camera.width, camera.height) for camera in frames} == {(1280, 960)}
 
 
+@pytest.mark.slow
 def test_walker_meets_nothing_closer_than_the_near_plane() -> None:
     dataset = city(scale=0.2, frames=240)
     boxes = scene_of(dataset).object_bounds
@@ -126,6 +129,7 @@ def test_isosurface_of_a_ball_is_closed_and_has_its_volume() -> None:
     assert signed_volume((vertices, triangles)) == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
     digests = []
     for run, seed in enumerate((7, 7, 8)):
@@ -153,6 +157,7 @@ def test_size_options_set_the_path(tmp_path: Path) -> None:
     assert [(camera.width, camera.height) for camera in frames] == [(64, 48)] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
@@ -200,6 +205,7 @@ def assert_same_scene(ours: Scene, theirs: Scene) -> None:
         np.testing.assert_array_equal(getattr(ours, field), getattr(theirs, field), err_msg=field)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cull_backfaces", [False, True])
 def test_scene_in_memory_equals_the_file_loaded(cull_backfaces: bool, tmp_path: Path) -> None:
     dataset = city(scale=0.06)
@@ -247,6 +253,7 @@ CASES = {case.name: case for case in hard_cases()}
 SOUND = [name for name, case in CASES.items() if not case.error]
 
 
+@pytest.mark.slow
 def test_hard_cases_have_unique_names_and_speak_of_objects_they_have() -> None:
     assert len(CASES) == len(hard_cases()) >= 60
     for name in SOUND:
@@ -261,6 +268,7 @@ def test_hard_cases_have_unique_names_and_speak_of_objects_they_have() -> None:
             assert {owner for patch in frame["owners"] for owner in patch["owners"]} <= names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOUND)
 def test_exact_engine_sees_each_hard_case_as_its_construction_says(name: str) -> None:
     case = CASES[name]
@@ -277,6 +285,7 @@ def test_exact_engine_sees_each_hard_case_as_its_construction_says(name: str) ->
         assert [scene.names[i] for i in tied] == expected["tied"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SOUND if name != "empty-scene"])
 def test_hard_case_notices_when_a_visible_object_is_gone(name: str) -> None:
     case = CASES[name]
@@ -294,6 +303,7 @@ def test_hard_case_notices_when_a_visible_object_is_gone(name: str) -> None:
     assert disagreements(case, truth, lacking, 0)
 
 
+@pytest.mark.slow
 def test_hard_case_files_load_to_the_same_scenes_and_verdicts(tmp_path: Path) -> None:
     assert main(["hard", "--out", str(tmp_path)]) == 0
     assert len(list(tmp_path.iterdir())) == 3 * len(CASES)

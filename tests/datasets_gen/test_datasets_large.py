@@ -12,6 +12,8 @@ from visref_datasets_gen.forest import forest
 from visref_datasets_gen.glb import glb_bytes
 from visref_datasets_gen.terrain import patch
 
+pytestmark = pytest.mark.slow
+
 
 def slope(x, z):
     return 0.1 * x + 0.2 * z

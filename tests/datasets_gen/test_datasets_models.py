@@ -74,6 +74,7 @@ def is_closed(soup: Soup) -> bool:
     return bool((counts[:, 0] == counts[:, 1]).all())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fine", [0.1, 1.0, 1.7])
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solid_is_closed_and_faces_outward_at_any_fineness(name: str, fine: float) -> None:
@@ -120,6 +121,7 @@ def test_only_an_open_border_gives_an_odd_number_of_triangles() -> None:
         split_to(welded(box([0, 0, 0], [1, 2, 3])), 13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", PUBLISHED)
 def test_model_has_the_papers_shapes_and_polygons(make) -> None:  # type: ignore[no-untyped-def]
     scene = scene_of(whole(make))
@@ -129,6 +131,7 @@ def test_model_has_the_papers_shapes_and_polygons(make) -> None:  # type: ignore
     assert (areas(scene) > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "scale"),
     [
@@ -148,6 +151,7 @@ def test_model_at_another_scale_has_its_share_of_triangles(make, scale) -> None:
     assert scene.object_count == (CARS * 306 + round(own * scale) if make is city_cars else shapes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "scale"), [(boombox, 0.5), (formula_one, 0.2), (city_cars, 0.1)])
 def test_same_seed_same_bytes_and_another_seed_others(make, scale) -> None:  # type: ignore[no-untyped-def]
     made = [make(seed=seed, scale=scale, frames=3) for seed in (5, 5, 6)]
@@ -156,6 +160,7 @@ def test_same_seed_same_bytes_and_another_seed_others(make, scale) -> None:  # t
     assert made[0].path.to_json() == made[1].path.to_json()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [boombox, formula_one, city_cars])
 @pytest.mark.parametrize(
     ("settings", "line"),
@@ -186,6 +191,7 @@ def test_assembly_gives_its_odd_triangle_to_the_sheet_that_stands_first() -> Non
         assert len(screws.places) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "scale"), [(angio, 0.05), (boombox, 0.3), (formula_one, 0.1)])
 def test_path_turns_the_whole_model_then_moves_in_through_free_space(make, scale) -> None:  # type: ignore[no-untyped-def]
     dataset = make(scale=scale, frames=60)
@@ -238,6 +244,7 @@ INSIDE_THE_BOOMBOX = {
 UNDER_THE_ENGINE_COVER = {"trumpet", "head-left", "injector", "ignition-coil", "cam-cover-left"}
 
 
+@pytest.mark.slow
 def test_boombox_case_hides_all_inside_and_shows_it_when_taken_off() -> None:
     dataset = boombox(scale=0.3, frames=18)
     scene, path = scene_of(dataset), dataset.path.resized(219, 146)
@@ -250,6 +257,7 @@ def test_boombox_case_hides_all_inside_and_shows_it_when_taken_off() -> None:
         assert len(INSIDE_THE_BOOMBOX & set(shown)) > 6
 
 
+@pytest.mark.slow
 def test_engine_cover_hides_the_engine_and_shows_it_when_taken_off() -> None:
     dataset = formula_one(scale=0.1, frames=18)
     scene, path = scene_of(dataset), dataset.path.resized(219, 146)
@@ -258,6 +266,7 @@ def test_engine_cover_hides_the_engine_and_shows_it_when_taken_off() -> None:
     assert len(UNDER_THE_ENGINE_COVER & shown) > 2
 
 
+@pytest.mark.slow
 def test_city_has_four_cars_as_instances_and_meets_them_on_its_walk() -> None:
     dataset = city_cars(scale=0.1, frames=40)
     scene = scene_of(dataset)
@@ -318,6 +327,7 @@ def objects_of(node: Node) -> int:
     return (node.mesh is not None) + sum(map(objects_of, node.children))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", documented_sizes())
 def test_documented_sizes_are_the_scenes(name: str) -> None:
     dataset = whole(available(SCENES)[name].load())

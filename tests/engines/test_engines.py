@@ -255,6 +255,7 @@ def test_a_blended_object_of_many_layers_counts_a_sample_once(make: Make) -> Non
     assert truth.blend.depth[0] == solid.buffer.depth.min() == 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [Alpha.MASK, Alpha.BLEND])
 @both_projections
 def test_what_float64_decides_alone_is_what_the_library_decides(
@@ -343,6 +344,7 @@ def test_degenerate_and_edge_on_triangles_cover_nothing_and_hide_nothing(make: M
     assert (objects(make(scene).frame(camera), scene) == 3).all()
 
 
+@pytest.mark.slow
 def test_forty_thousand_objects_of_one_triangle_own_a_pixel_each(make: Make) -> None:
     side = 200
     camera = orthographic(side, side)
@@ -360,6 +362,7 @@ def test_forty_thousand_objects_of_one_triangle_own_a_pixel_each(make: Make) -> 
     np.testing.assert_array_equal(truth.buffer.triangle.ravel(), np.arange(side**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("offset", [0.0, 0.37, 1 / 3])
 def test_nothing_shows_through_a_tessellated_wall(make: Make, scale: float, offset: float) -> None:
@@ -404,6 +407,7 @@ def view(seed: int, width: int = 48, height: int = 36) -> Camera:
     return Camera(pose, width, height, -1.0, 9.0, ymag=3.0, **shift)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_owners_are_those_of_brute_force_save_where_float32_cannot_tell(
     make: Make, seed: int
@@ -426,6 +430,7 @@ def test_the_comparison_with_brute_force_can_fail() -> None:
     assert ((truth.buffer.triangle != other.owner) & ~other.doubtful).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_embree_and_open3d_agree_on_random_scenes(seed: int) -> None:
     pytest.importorskip("open3d")
@@ -524,6 +529,7 @@ def contents(truth: FrameTruth) -> list[bytes]:
     return [array.tobytes() for array in arrays]
 
 
+@pytest.mark.slow
 def test_any_number_of_threads_gives_the_same_bytes(make: Make) -> None:
     scene, camera = mixed_scene(), view(4, 320, 240)
     one, two, five = (contents(make(scene, threads=n).frame(camera)) for n in (1, 2, 5))
@@ -531,6 +537,7 @@ def test_any_number_of_threads_gives_the_same_bytes(make: Make) -> None:
     assert all(len(part) for part in one)
 
 
+@pytest.mark.slow
 def test_a_frame_does_not_depend_on_the_frames_before_it(make: Make) -> None:
     scene = mixed_scene()
     engine = make(scene)

@@ -79,6 +79,7 @@ def test_masked_objects_that_may_be_seen_are_named(engine):
     assert truth.masked.tolist() == [0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_exact_and_rays_name_the_same_masked_objects(seed):
     scene = mixed_scene(seed)

@@ -17,6 +17,8 @@ from visref.exact import ExactScene
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 
+pytestmark = pytest.mark.slow
+
 CHUNKS, FRAMES = 10, 200
 
 

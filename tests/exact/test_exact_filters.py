@@ -102,6 +102,7 @@ def edge_on(rng: np.random.Generator, perspective: bool) -> tuple[np.ndarray, Ca
     return v, camera_at(rng, eye, turn, perspective), x, y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [True, False])
 def test_bounds_hold_and_the_float_path_alone_would_be_wrong(perspective: bool) -> None:
     rng = np.random.default_rng(2026)
@@ -144,6 +145,7 @@ def test_bounds_hold_and_the_float_path_alone_would_be_wrong(perspective: bool) 
     assert min(tightest.values()) > 1e-3, tightest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [True, False])
 def test_coverage_is_right_where_float64_alone_is_wrong(perspective: bool) -> None:
     rng = np.random.default_rng(8)
@@ -166,6 +168,7 @@ def test_coverage_is_right_where_float64_alone_is_wrong(perspective: bool) -> No
     assert contradicted > 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [True, False])
 def test_depth_order_is_right_where_float64_alone_is_wrong(perspective: bool) -> None:
     rng = np.random.default_rng(9)

@@ -13,6 +13,8 @@ from visref.exact import ExactScene
 from visref.exact.rational import ExactFrame
 from visref.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 WIDTH, HEIGHT = 200, 141
 
 

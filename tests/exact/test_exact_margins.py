@@ -175,6 +175,7 @@ def random_mesh(rng: np.random.Generator) -> Soup:
     return np.column_stack([ends, rng.uniform(-14, -6, 3)]), np.array([[0, 1, 2]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [False, True])
 def test_no_displacement_loses_a_surviving_witness(perspective: bool) -> None:
     rng = np.random.default_rng(17)
@@ -232,6 +233,7 @@ def moved_scene(scene: Scene, camera: Camera, pixels: np.ndarray, depth: np.ndar
     return Scene(vertices.astype(np.float32), scene.triangles, scene.object_offsets, scene.names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("perspective", [False, True])
 def test_the_sample_may_move_as_far_as_its_margin(perspective: bool) -> None:
     # A lens shift moves every sample alike.

@@ -15,6 +15,7 @@ from visref.errors import InputError
 from visref.exact.ray import Ray, along_ray
 
 
+@pytest.mark.slow
 def test_replayed_rays_equal_the_brute_force() -> None:
     by_floats = exactly = bounded = 0
     for index in range(60):

@@ -91,6 +91,7 @@ def test_deciding_some_samples_is_what_the_frame_says_of_them() -> None:
         frame_of(owners, frame, samples)
 
 
+@pytest.mark.slow
 def test_excluded_triangles_do_not_exist() -> None:
     for index in range(60):
         scene, view = random_case(31, index)

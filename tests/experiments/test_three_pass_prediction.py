@@ -81,6 +81,7 @@ def test_correlations_of_known_lists():
     assert spearman(np.array([1.0, 7.0, 7.0, 9.0]), x) == pytest.approx(4.5 / np.sqrt(22.5))
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_errors_grow_with_reduction_and_the_outline_foretells_them(monkeypatch):
     monkeypatch.setattr(three_pass, "REDUCTIONS", (1, 5, 30))

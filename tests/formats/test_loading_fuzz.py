@@ -118,6 +118,7 @@ def test_file_with_every_feature_is_good(tmp_path):
     assert len(load_path(file)) == 2
 
 
+@pytest.mark.slow
 def test_spoilt_gltf_is_read_or_refused_in_one_line(tmp_path):
     gltf, file = everything(), tmp_path / "spoilt.glb"
     wanted = json.dumps(gltf.json)

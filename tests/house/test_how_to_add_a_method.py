@@ -26,30 +26,30 @@ pytestmark = pytest.mark.gl
 
 # Step 1, the module.
 MODULE = '''
-"""The nearest units are drawn, and all others asked at once: no paper's."""
+"""An occlusion query per unit, where that may pay: no paper's."""
 
 import numpy as np
 from visref.culler import Option
 from visref_culling.method import GL_OPTIONS, GLCuller
 
 
-class NearestFirstCulling(GLCuller):
-    name = "nearest-first"
-    summary = "draws the nearest units, then asks all others at once"
-    options = {"nearest": Option(4, "units drawn without being asked"), **GL_OPTIONS}
+class LargeAskedCulling(GLCuller):
+    name = "large-asked"
+    summary = "front to back, an occlusion query for each unit of many triangles"
+    options = {"least": Option(32, "triangles from which a unit is asked"), **GL_OPTIONS}
     notes_asked = True
-    way = "batch"
 
-    def __init__(self, *, nearest=4, depth=24, fragments=False):
+    def __init__(self, *, least=32, depth=24, fragments=False):
         super().__init__(depth=depth, fragments=fragments)
-        self.nearest = nearest
+        self.least = least
 
     def decide(self, frame):
-        places = np.arange(len(frame.ids))
-        sure = frame.sure | (places < self.nearest)
-        self.draw(frame, places[sure])
-        if not sure.all():
-            self.draw(frame, self.shown(places[~sure], self.query(frame, places[~sure])))
+        small = self.units.sizes[frame.ids] < self.least
+        for place in np.arange(len(frame.ids)):
+            places = place[None]
+            if not (frame.sure | small)[place]:
+                places = self.shown(places, self.query(frame, places))
+            self.draw(frame, places)
 
     def shown(self, places, visible):
         return places[visible]
@@ -58,32 +58,32 @@ class NearestFirstCulling(GLCuller):
 # Step 3, the line.
 LINE = """
 [visref.cullers]
-nearest-first = nearest_first_culling:NearestFirstCulling
+large-asked = large_asked_culling:LargeAskedCulling
 """
 
 # Mutants, as first written: the list is there, and little of it is tried.
 BEGUN = """
-from nearest_first_culling import NearestFirstCulling
+from large_asked_culling import LargeAskedCulling
 from tests.mutants.common import common
 from tests.mutants.harness import Suite, mutant, not_here
 
 SUITE = Suite({"U1": "depth mask left on", "W2": "answers left out"}, watched=("crowd",))
-NEAREST = (SUITE.method("nearest-first", NearestFirstCulling, nearest=0),)
+LARGE = (SUITE.method("large-asked", LargeAskedCulling, least=0),)
 
-common("G2 G9 G10 G12 G13", of=NEAREST)
-not_here("G1 G3 G4 G5 G6 G7", NEAREST, "the rasteriser projects, rounds and compares the box")
-not_here("G8", NEAREST, "an object's own depth is not there when its box is asked")
-not_here("G11", NEAREST, "nothing is kept from one frame to the next")
+common("G2 G9 G10 G12 G13", of=LARGE)
+not_here("G1 G3 G4 G5 G6 G7", LARGE, "the rasteriser projects, rounds and compares the box")
+not_here("G8", LARGE, "an object's own depth is not there when its box is asked")
+not_here("G11", LARGE, "nothing is kept from one frame to the next")
 """
 
 # The same, finished, with a contract.
 FINISHED = (
     BEGUN
     + '''
-common("G14", of=NEAREST)
+common("G14", of=LARGE)
 
 
-@mutant("U1", of=NEAREST, caught_by="stacks_of_sheets")
+@mutant("U1", of=LARGE, caught_by="stacks_of_sheets")
 class DepthMaskLeftOn:
     """Query boxes write their depth, and hide the boxes asked after them."""
 
@@ -99,11 +99,11 @@ def what_was_asked_and_hidden_is_not_drawn(trace):
             yield f"units {sorted(hidden & set(trace.drawn))} are drawn"
 
 
-SUITE.kept_by(*NEAREST)
-SUITE.kept_by(*NEAREST, nearest=3)
+SUITE.kept_by(*LARGE)
+SUITE.kept_by(*LARGE, least=12)
 
 
-@mutant("W2", of=NEAREST, contract="what_was_asked_and_hidden_is_not_drawn")
+@mutant("W2", of=LARGE, contract="what_was_asked_and_hidden_is_not_drawn")
 class AnswersLeftOut:
     """All that was asked is drawn."""
 
@@ -117,10 +117,10 @@ class AnswersLeftOut:
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The module and its line, as an installation has them; gives a folder that `tests/mutants/`
     goes on in."""
-    (tmp_path / "nearest_first_culling.py").write_text(MODULE)
-    info = tmp_path / "nearest_first-1.dist-info"
+    (tmp_path / "large_asked_culling.py").write_text(MODULE)
+    info = tmp_path / "large_asked-1.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: nearest-first\nVersion: 1\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: large-asked\nVersion: 1\n")
     (info / "entry_points.txt").write_text(LINE)
     monkeypatch.syspath_prepend(tmp_path)
     folder = tmp_path / "mutants"
@@ -135,19 +135,23 @@ def open_ends() -> list[str]:
     return unaccounted(suites().values(), registered, COMMON)
 
 
+@pytest.mark.slow
 def test_method_by_the_guide_is_listed_runs_and_conforms(installed, capsys):
     assert main(["cullers"]) == 0
-    assert "draws the nearest units, then asks all others at once" in capsys.readouterr().out
-    assert_conforms(lambda: make_culler("nearest-first:nearest=2"))
+    assert (
+        "front to back, an occlusion query for each unit of many triangles"
+        in capsys.readouterr().out
+    )
+    assert_conforms(lambda: make_culler("large-asked:least=12"))
 
 
 def test_method_without_mutants_fails_the_suite(installed):
-    assert open_ends() == ["no mutants of nearest-first"]
+    assert open_ends() == ["no mutants of large-asked"]
 
 
 def test_list_that_is_begun_fails_the_suite(installed):
     (installed / "begun.py").write_text(BEGUN)
-    assert open_ends() == [f"{id} of nearest-first" for id in ("G14", "U1", "W2")]
+    assert open_ends() == [f"{id} of large-asked" for id in ("G14", "U1", "W2")]
 
 
 def test_method_by_the_guide_has_its_mutants_caught_and_keeps_its_contract(installed):

@@ -60,7 +60,7 @@ PLANTS = [
     (NO_GL, "visref.engines.rays", "glcontext"),
     (NO_GL, "visref.judging.judge", "visref_culling.gl.device"),
     (NO_GL, "visref.trials.hardcases", "visref_datasets_gen.hard"),
-    (NO_GL, "visref.tables.recording", "visref_experiments.timing"),
+    (NO_GL, "visref.tables.runs", "visref_experiments.timing"),
     (JUDGE, "visref.judging.referee", "visref.engines.embree"),
     (JUDGE, "visref.judging.judge", "visref.formats.loading"),
     (JUDGE, "visref.engines.base", "visref.engines.rays"),  # through what it may see

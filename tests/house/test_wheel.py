@@ -65,7 +65,11 @@ def test_the_wheel_holds_our_folders_under_their_installed_names(wheel):
         relative = {file.relative_to(ROOT / folder).as_posix() for file in files}
         ours = {f"{installed}/{file}" for file in relative if "__pycache__" not in file}
         assert {name for name in names if name.startswith(f"{installed}/")} == ours
-    assert {"visref/py.typed", "visref_culling/shaders/box.vert"} <= names
+    assert {
+        "visref/py.typed",
+        "visref/schemas/verdict.json",
+        "visref_culling/shaders/box.vert",
+    } <= names
 
 
 def test_entry_points_name_modules_that_are_in_the_wheel(wheel):

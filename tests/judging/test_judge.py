@@ -386,6 +386,7 @@ def brute_force(scene, frame, units, drawn_units):
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None)  # the first call compiles
 @given(data=st.data())
 def test_judge_equals_the_contract_read_aloud(data):

@@ -23,7 +23,7 @@ from visref.judging.referee import Referee
 from visref.judging.settle import settle
 from visref.judging.status import Exit
 from visref.recordings.truth_file import TruthTable, read_truth
-from visref.run_folder.write import Recorder, slug
+from visref.run_folder.write import RunWriter, slug
 from visref.scene import Alpha, Units
 from visref.visibility import objects_seen
 
@@ -152,6 +152,7 @@ def test_promise_settled_while_preparing_is_the_one_that_counts():
     assert run(Settles(0)).cullers[0].promise is Promise.AGGRESSIVE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("then", "told"),
     [
@@ -273,7 +274,10 @@ def test_run_without_a_visible_object_is_vacuous():
     assert outcome.exit is Exit.NOTHING_JUDGED
     assert codes(outcome) == ["NOTHING_JUDGED"]
     assert run(Draws(), frames=[]).exit is Exit.NOTHING_JUDGED
-    assert run().exit is Exit.NOTHING_JUDGED
+
+
+def test_run_without_cullers_is_the_truth_alone_and_violates_nothing():
+    assert run().exit is Exit.NO_VIOLATION
 
 
 def test_only_the_asked_frames_are_judged_in_the_order_asked():
@@ -365,6 +369,7 @@ def comparable(outcome):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", range(4))
 def test_recorded_truth_gives_the_verdict_that_casting_gives(tmp_path, engine, seed):
@@ -414,7 +419,7 @@ def test_recorded_truth_of_units_that_are_no_objects_is_looked_at_by_sample(tmp_
 
 def recording(folder, *cullers, recalled=None):
     folder.mkdir()
-    recorder = Recorder(
+    recorder = RunWriter(
         folder, SCENE, PATH, engine="exact", settings={"frames": "0:3"}, picture_frames=[1]
     )
     outcome = run(*cullers, listeners=[recorder], recorded=recalled)
@@ -431,7 +436,9 @@ def test_run_folder_holds_what_the_run_found(tmp_path):
     outcome = recording(folder, Draws(), half())
     widths = dict.fromkeys(range(len(PATH)), PATH.frames[0].width)
     verdict = json.loads((folder / "verdict.json").read_text())
-    assert verdict == json.loads(json.dumps(verdict_json(outcome, SCENE, widths)))
+    expected = json.loads(json.dumps(verdict_json(outcome, SCENE, widths)))
+    expected["cullers"]["draws#2"]["worst"]["view"] = ""
+    assert verdict == {"version": 2, **expected}
     assert (verdict["status"], verdict["exit_status"]) == ("violation", 1)
     rows = pq.read_table(folder / "frames.parquet").to_pylist()
     assert [(row["culler"], row["frame"]) for row in rows] == [
@@ -448,7 +455,7 @@ def test_run_folder_holds_what_the_run_found(tmp_path):
         assert kinds.count("confirmed") == record.totals.confirmed
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["scene"]["sha256"] == SCENE.digest
-    assert manifest["samples"] == [camera.definition() for camera in PATH]
+    assert manifest["samples"] == [{"": camera.definition()} for camera in PATH]
     assert manifest["settings"] == {"frames": "0:3"}
 
 

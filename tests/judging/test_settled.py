@@ -52,6 +52,7 @@ def violations(scene: Scene, path: CameraPath, engine: str) -> set[tuple[int, in
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["embree", "embree:robust=false", "open3d"])
 @pytest.mark.parametrize(("unit", "offset"), [(1.0, 0.0), (1.0, 2.0**20), (2.0**-10, 64.0)])
 def test_every_violation_on_rays_is_an_exact_violation(engine, unit, offset):

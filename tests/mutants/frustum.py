@@ -12,6 +12,7 @@ from tests.mutants.common import common
 from tests.mutants.harness import Suite, Trace, mutant, not_here
 from visref.conformance.scenes import Case, camera, case, panel, pixel_panel
 from visref_culling.baselines import FrustumCulling
+from visref_culling.lazy_grid.nodes import corners_of
 
 SUITE = Suite(
     {
@@ -73,17 +74,12 @@ def in_planes(method, view, points, planes):
     return np.intersect1d(method.tree.ids, np.flatnonzero(~behind.all(axis=1).any(axis=1)))
 
 
-def corners_of(method):
-    places = np.indices((2, 2, 2)).reshape(3, -1).T
-    return np.stack([method.bounds[:, places[:, axis], axis] for axis in range(3)], axis=2)
-
-
 @mutant("G1", of=FRUSTUM, caught_by="object_crossing_the_near_plane")
 class CornersBehindTheEye:
     """Corners are divided by their w whatever its sign, and the rectangle around them tested."""
 
     def in_frustum(self, view):
-        at = view.camera.pixel_of(corners_of(self).reshape(-1, 3))[0].reshape(-1, 8, 2)
+        at = view.camera.pixel_of(corners_of(self.unit_boxes).reshape(-1, 3))[0].reshape(-1, 8, 2)
         low, high = at.min(axis=1), at.max(axis=1)
         size = (view.camera.width, view.camera.height)
         seen = ((high >= -0.5) & (low <= np.array(size) - 0.5)).all(axis=1)
@@ -97,7 +93,7 @@ class LastRowAndColumnLeftOut:
     def in_frustum(self, view):
         planes = view.planes.copy()
         planes[:4] += -2.0 / view.camera.width * view.clip_from_relative[3]
-        return in_planes(self, view, corners_of(self), planes)
+        return in_planes(self, view, corners_of(self.unit_boxes), planes)
 
 
 @mutant("U1", of=FRUSTUM, caught_by="fast_turn")
@@ -134,7 +130,7 @@ class NoCornerInView:
     """A box is in the view if one of its corners is."""
 
     def in_frustum(self, view):
-        relative = corners_of(self) - view.camera.eye
+        relative = corners_of(self.unit_boxes) - view.camera.eye
         inside = (relative @ view.planes[:, :3].T + view.planes[:, 3] >= 0.0).all(axis=2)
         return np.intersect1d(self.tree.ids, np.flatnonzero(inside.any(axis=1)))
 
@@ -144,7 +140,7 @@ class SidePlanesAlone:
     """What lies before the near plane or beyond the far one is drawn."""
 
     def in_frustum(self, view):
-        return in_planes(self, view, corners_of(self), view.planes[:4])
+        return in_planes(self, view, corners_of(self.unit_boxes), view.planes[:4])
 
 
 @mutant("W6", of=FRUSTUM, contract="what_lies_wholly_beyond_a_plane_is_not_drawn")

@@ -291,9 +291,8 @@ def suites() -> dict[str, Suite]:
 
 def mutant_named(name: str) -> Mutant:
     """The mutant that prints so, wherever it is."""
-    (found,) = {
-        str(m): m for suite in suites().values() for m in suite.mutants if str(m) == name
-    }.values()
+    every = [mutant for suite in suites().values() for mutant in suite.mutants]
+    (found,) = [mutant for mutant in every if str(mutant) == name]
     return found
 
 

@@ -1,11 +1,10 @@
-"""Décoret's tables come from the records, and the first frame of a stretch is left out."""
+"""Décoret's tables come from the results, and the first frame of a stretch is left out."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
 
+from tests.support.run_values import run_folder
 from visref.papers import decoret2005 as paper
 from visref.registry import make_culler
 
@@ -19,15 +18,15 @@ def run_of(counts):
             {"frame": frame, counter: 10**9 if frame in (4, 9) else counts[name]}
             for frame in (4, 5, 6, 9)
         ]
-    return SimpleNamespace(frames_of=frames, timings=[])
+    return run_folder(frames)
 
 
-class Records:
+class Results:
     def __init__(self, run=None, **experiments):
-        self.walk, self.experiments = run, experiments
+        self.folder, self.experiments = run, experiments
 
     def run(self, key):
-        return self.walk
+        return self.folder
 
     def experiment(self, key):
         return self.experiments.get(key)
@@ -38,8 +37,8 @@ LEVELS = {"sizes": SIZES, "levels": [1, 2, 3, 4], "gpu_ms": [5.0] * 4, "cpu_ms":
 COUNTS = dict(zip(paper.CULLERS, (900_000, 300_000, 500, 1_000, 1_000), strict=True))
 
 
-def table(records, source):
-    return next(t for t in paper.tables(records) if t.source == source)
+def table(results, source):
+    return next(t for t in paper.tables(results) if t.source == source)
 
 
 def test_published_ratios_are_those_the_text_names():
@@ -49,7 +48,7 @@ def test_published_ratios_are_those_the_text_names():
 
 
 def test_depth_tests_leave_out_frames_that_remember_nothing():
-    made = table(Records(run_of(COUNTS)), "Table 2")
+    made = table(Results(run_of(COUNTS)), "Table 2")
     rows = {row.quantity: row for row in made.rows}
     assert rows["depth tests a frame, occlusion queries"].ours == 300_000
     assert rows["depth tests a frame, N-buffer, hierarchy"].ours == 500
@@ -67,13 +66,13 @@ def test_depth_tests_leave_out_frames_that_remember_nothing():
     ],
 )
 def test_each_claim_can_fail(place, counts):
-    made = table(Records(run_of(counts)), "Table 2")
+    made = table(Results(run_of(counts)), "Table 2")
     assert made.trends[place].holds is False
     assert made.trends[place].why
 
 
 def test_levels_stand_beside_their_own_resolution():
-    rows = {r.quantity: r for r in table(Records(levels=LEVELS), "Table 1").rows}
+    rows = {r.quantity: r for r in table(Results(levels=LEVELS), "Table 1").rows}
     assert (rows["640 × 480: levels"].published, rows["640 × 480: levels"].ours) == (10, 3)
     assert rows["256 × 256: all levels, GPU"].ratio is None
     assert rows["1024 × 1024: a level, GPU"].ours == 5.0 / 4
@@ -81,7 +80,7 @@ def test_levels_stand_beside_their_own_resolution():
 
 
 def test_cost_of_the_levels_stands_beside_the_tests_they_save():
-    rows = {r.quantity: r for r in table(Records(levels=LEVELS), "Table 2").rows}
+    rows = {r.quantity: r for r in table(Results(levels=LEVELS), "Table 2").rows}
     assert rows["pixels of the levels built, a frame"].ours == 512 * 512 * 2
     assert rows["depth tests a frame, N-buffer"].ours is None
 

@@ -20,7 +20,7 @@ def test_experiments_are_registered():
     assert {one.name for one in paper.EXPERIMENTS} <= set(available(EXPERIMENTS))
 
 
-class Records:
+class Results:
     def __init__(self, **results):
         self.results = {key.replace("_", "-"): result for key, result in results.items()}
 
@@ -31,8 +31,8 @@ class Records:
 GOOD = ImageVerdict(judged=1000, shown=10, held=9, within_tolerance=2).to_json()
 
 
-def rows_of(records, table):
-    return {row.quantity: row for row in paper.tables(records)[table].rows}
+def rows_of(results, table):
+    return {row.quantity: row for row in paper.tables(results)[table].rows}
 
 
 def test_particles_are_told_a_sprite():
@@ -44,7 +44,7 @@ def test_particles_are_told_a_sprite():
         "depth_tests_left": 10_000.0,
         "verdict": GOOD,
     }
-    rows = rows_of(Records(particles_city=result), 0)
+    rows = rows_of(Results(particles_city=result), 0)
     assert rows["city: depth tests a sprite, rasterised"].ours == 250.0
     assert rows["city: lookups a sprite"].ours == 1.0
     assert rows["city: sprites culled"].ours == pytest.approx(0.6)
@@ -63,14 +63,14 @@ def test_lost_shadow_shows_in_the_table(verdict, holds):
         "casters_kept": 5.0,
         "verdict": verdict,
     }
-    records = Records(shadow_volumes_terrain_towers=result)
-    assert rows_of(records, 1)["terrain_towers: share left"].ours == 0.15
-    assert rows_of(records, 1)["city: share left"].ours is None
-    fewer, safe = paper.tables(records)[1].trends
+    results = Results(shadow_volumes_terrain_towers=result)
+    assert rows_of(results, 1)["terrain_towers: share left"].ours == 0.15
+    assert rows_of(results, 1)["city: share left"].ours is None
+    fewer, safe = paper.tables(results)[1].trends
     assert (fewer.holds, safe.holds) == (True, holds)
 
 
 def test_nothing_measured_claims_nothing():
-    for table in paper.tables(Records()):
+    for table in paper.tables(Results()):
         assert all(row.ours is None for row in table.rows)
         assert all(trend.holds is None for trend in table.trends)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
 
+from tests.support.run_values import run_folder
 from visref.papers import hey2001
 from visref.papers.hey2001 import PIXEL_QUERIES, STAND_IN_NOTE, TRIANGLES_DRAWN, specs
 from visref.registry import make_culler
@@ -23,7 +22,7 @@ def test_published_ratios_are_those_that_follow_from_the_published_numbers():
 def test_set_ups_are_cullers_of_ours(scene):
     for update, spec in specs(scene).items():
         culler = make_culler(spec)
-        assert culler.update == update
+        assert culler.updates == update
         assert culler.leaf == (None if scene == "forest" else 1500)
         culler.close()
 
@@ -46,11 +45,10 @@ def run_of(scene, triangles, by_update):
         for k in (0, 1):
             for phase, ms in (("frame", frame_ms), ("query", query_ms)):
                 timings.append({"culler": spec, "frame": k, "phase": phase, "ms": ms})
-    manifest = {"scene": {"triangles": triangles}}
-    return SimpleNamespace(manifest=manifest, frames_of=frames, timings=timings)
+    return run_folder(frames, timings, triangles=triangles)
 
 
-class Records:
+class Results:
     def __init__(self, **runs):
         self.runs = {key.replace("_", "-"): run for key, run in runs.items()}
 
@@ -65,13 +63,13 @@ FOREST = {
 }
 
 
-def rows_of(records):
-    tables = hey2001.tables(records)
+def rows_of(results):
+    tables = hey2001.tables(results)
     return {(table.source, row.quantity): row for table in tables for row in table.rows}
 
 
 def test_figures_come_from_the_records_and_stand_beside_their_own_numbers():
-    rows = rows_of(Records(forest_640=run_of("forest", 1_694_426, FOREST)))
+    rows = rows_of(Results(forest_640=run_of("forest", 1_694_426, FOREST)))
     name = "Forest, 640 × 480"
     assert rows["section 7", "Forest: triangles"].ratio == 1.0
     assert rows["Fig. 7", f"{name}: lazy"].ours == 1000.5
@@ -86,34 +84,34 @@ def test_figures_come_from_the_records_and_stand_beside_their_own_numbers():
 
 def test_the_whole_city_goes_before_the_tenth_that_stands_in_for_it():
     tenth = run_of("city_large", 3_403_418, FOREST)
-    rows = rows_of(Records(city_large_tenth_640=tenth))
+    rows = rows_of(Results(city_large_tenth_640=tenth))
     assert rows["section 7", "City: triangles"].ours == 3_403_418
     assert rows["section 7", "City: triangles"].note == STAND_IN_NOTE
     whole = run_of("city_large", 34_034_176, FOREST)
-    rows = rows_of(Records(city_large_tenth_640=tenth, city_large_640=whole))
+    rows = rows_of(Results(city_large_tenth_640=tenth, city_large_640=whole))
     assert rows["section 7", "City: triangles"].ours == 34_034_176
     assert not rows["section 7", "City: triangles"].note
 
 
-def trends_of(records):
-    return {t.claim: t.holds for table in hey2001.tables(records) for t in table.trends}
+def trends_of(results):
+    return {t.claim: t.holds for table in hey2001.tables(results) for t in table.trends}
 
 
 def test_trends_hold_fail_or_are_not_measured():
     more = FOREST | {"busy": (1000, 900, 70.0, 30.0)}
     low, high = run_of("forest", 10, FOREST), run_of("forest", 10, more)
     claim = "forest: lazy beats busy, and by more at the higher resolution"
-    assert trends_of(Records(forest_640=low, forest_1280=high))[claim] is True
-    assert trends_of(Records(forest_640=high, forest_1280=low))[claim] is False
-    assert trends_of(Records(forest_640=low))[claim] is None
+    assert trends_of(Results(forest_640=low, forest_1280=high))[claim] is True
+    assert trends_of(Results(forest_640=high, forest_1280=low))[claim] is False
+    assert trends_of(Results(forest_640=low))[claim] is None
     saving = "forest: lazy draws no more than 5.1 % of what none draws"
-    assert trends_of(Records(forest_640=low))[saving] is True
+    assert trends_of(Results(forest_640=low))[saving] is True
     much = run_of("forest", 10, FOREST | {"none": (15_000, 0, 60.0, 0.0)})
-    (told,) = (t for table in hey2001.tables(Records(forest_640=much)) for t in table.trends
+    (told,) = (t for table in hey2001.tables(Results(forest_640=much)) for t in table.trends
                if t.claim == saving)  # fmt: skip
     assert told.holds is False
     assert "it is 6.7 %, and of the boxes drawn 90 % own a sample" in told.why
     other = FOREST | {"busy": (1001, 450, 70.0, 30.0), "lazy": (1000, 100, 80.0, 5.0)}
-    found = trends_of(Records(forest_640=run_of("forest", 10, other)))
+    found = trends_of(Results(forest_640=run_of("forest", 10, other)))
     assert found["lazy draws as much as busy, in every frame"] is False
     assert found["the lazy grid is faster than no occlusion culling"] is False

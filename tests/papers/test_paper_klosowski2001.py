@@ -1,18 +1,18 @@
-"""The paper's published numbers, what is measured beside them, and from which records."""
+"""The paper's published numbers, what is measured beside them, and from which results."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.support.culling_scenes import box
+from tests.support.run_values import run_folder
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.cli import main as cli
 from visref.papers import klosowski2001 as paper
+from visref.papers.contents import Basis
 from visref.papers.klosowski2001 import EXT, TABLE_3, TOWER, spec
-from visref.papers.table import Basis
 from visref.registry import make_culler
 from visref.scene import Scene
 from visref_experiments import plp
@@ -31,10 +31,11 @@ def test_published_tables_fall_with_the_budget_and_give_the_derived_numbers():
     assert [round(ratio) for ratio in ratios] == [12, 6]
 
 
+@pytest.mark.slow
 @pytest.mark.gl
-def test_walks_name_cullers_that_exist_with_the_papers_leaves():
-    for walk in paper.WALKS:
-        for name in walk.cullers:
+def test_judged_runs_name_cullers_that_exist_with_the_papers_leaves():
+    for judged in paper.RUNS:
+        for name in judged.cullers:
             made = make_culler(name)
             assert made.leaf == paper.LEAF_TRIANGLES
             made.close()
@@ -51,18 +52,7 @@ def run_of(by_culler, source="soda_hall", triangles=1_087_452, ms=10.0):
         for culler in by_culler
         for k in (0, 1)
     ]
-    return SimpleNamespace(
-        manifest={
-            "scene": {"triangles": triangles, "source": source},
-            "cullers": {culler: {"units": 1_198} for culler in by_culler},
-        },
-        scene_name=source,
-        cullers=tuple(by_culler),
-        frames_of=frames,
-        frame_numbers=(0, 1),
-        timings=timings,
-        samples_of=lambda frame: 5_000,
-    )
+    return run_folder(frames, timings, source=source, triangles=triangles, units=1_198)
 
 
 def counters(rounds, drawn, estimated):
@@ -70,7 +60,7 @@ def counters(rounds, drawn, estimated):
 
 
 def falling(extra_at_most=400):
-    """Records of Table 3, rounds and extra triangles falling to next to nothing."""
+    """Results of Table 3, rounds and extra triangles falling to next to nothing."""
     budgets = sorted(TABLE_3)
     rounds = [6, 5, 4, 3, 2, 0]
     extra = [20_000, 9_000, 5_000, 3_000, 1_000, extra_at_most]
@@ -80,7 +70,7 @@ def falling(extra_at_most=400):
     })  # fmt: skip
 
 
-class Records:
+class Results:
     def __init__(self, runs=None, experiments=None):
         self.runs, self.experiments = runs or {}, experiments or {}
 
@@ -100,7 +90,7 @@ def trends_of(tables):
 
 
 def test_table_3_stands_beside_its_own_numbers_and_counts_what_the_estimate_left():
-    tables = paper.tables(Records({"soda-hall": falling()}))
+    tables = paper.tables(Results({"soda-hall": falling()}))
     rows = rows_of(tables)
     tests = rows["Table 3", "budget 1,000: tests"]
     assert (tests.published, tests.ours) == (4.688, 6.5)
@@ -119,17 +109,17 @@ def test_table_3s_trends_hold_fail_or_are_not_measured():
         "one": "at 100,000 a frame takes hardly more than one round",
         "none": "at 100,000 the extra triangles are less than a tenth of those at 1,000",
     }
-    held = trends_of(paper.tables(Records({"soda-hall": falling()})))
+    held = trends_of(paper.tables(Results({"soda-hall": falling()})))
     assert all(held[claim].holds is True for claim in claims.values())
-    much = trends_of(paper.tables(Records({"soda-hall": falling(extra_at_most=9_000)})))
+    much = trends_of(paper.tables(Results({"soda-hall": falling(extra_at_most=9_000)})))
     assert much[claims["none"]].holds is False
     assert much["the extra triangles fall as the budget grows"].holds is False
-    nothing = trends_of(paper.tables(Records()))
+    nothing = trends_of(paper.tables(Results()))
     assert all(trend.holds is None for trend in nothing.values())
 
 
 def test_every_published_number_has_a_row_even_where_nothing_is_measured():
-    rows = rows_of(paper.tables(Records()))
+    rows = rows_of(paper.tables(Results()))
     published = {row.published for row in rows.values()}
     assert all(row.ours is None or row.published == row.ours for row in rows.values())
     wanted = [value for row in TABLE_3.values() for value in row]
@@ -192,7 +182,7 @@ def test_depth_complexity_counts_the_queries_apart():
 def test_plps_quality_joins_the_judged_misses_and_the_experiment():
     run = run_of({f"plp:budget={b}": {"missed_pixels": 99} for b in paper.CITY_BUDGETS}, "city")
     found = {"budgets": list(paper.CITY_BUDGETS), "found": [[0.2, 0.4], [0.6], [0.9, 0.94], [1.0]]}
-    tables = paper.tables(Records({"city": run}, {"city-quality": found}))
+    tables = paper.tables(Results({"city": run}, {"city-quality": found}))
     rows = rows_of(tables)
     share = rows["section 1", "budget 50,000: visible triangles found"]
     assert (share.published, share.ours) == (0.90, pytest.approx(0.92))
@@ -202,7 +192,7 @@ def test_plps_quality_joins_the_judged_misses_and_the_experiment():
     held = [trend.holds for trend in tables[-1].trends]
     assert held == [True, True]
     found["found"][2] = [0.89]
-    assert paper.tables(Records({}, {"city-quality": found}))[-1].trends[0].holds is False
+    assert paper.tables(Results({}, {"city-quality": found}))[-1].trends[0].holds is False
 
 
 def front(cells, **ms):
@@ -213,8 +203,8 @@ def test_the_cost_of_a_query_is_judged_where_most_cells_are_asked():
     ways = dict.fromkeys(paper.ASKED, 10.0)
     few = front(10, **{**ways, "sync": 10.0})
     many = front(1_000, **{**ways, "sync": 250.0, "batch": 25.0})
-    records = Records({}, {"soda-hall-queries": {"fronts": [few, many]}})
-    (table,) = (t for t in paper.tables(records) if t.title == "Cost of a query")
+    results = Results({}, {"soda-hall-queries": {"fronts": [few, many]}})
+    (table,) = (t for t in paper.tables(results) if t.title == "Cost of a query")
     rows = {row.quantity: row for row in table.rows}
     at = "soda_hall, leaf 30, 1,000 cells"
     assert rows[f"{at}: -HP, one by one over -EXT"].ours == 25.0
@@ -269,6 +259,7 @@ def test_primitives_time_every_side_and_channel(monkeypatch):
         assert image["histogram_ms"] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_run_prints_table_3_beside_the_papers(tmp_path, capsys):
     spec = "soda_hall:scale=0.1,frames=2"

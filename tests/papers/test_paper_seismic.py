@@ -1,11 +1,10 @@
-"""The slides' rows and trends come from the records, and each trend can fail."""
+"""The slides' rows and trends come from the results, and each trend can fail."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
 
+from tests.support.run_values import run_folder
 from visref.papers import seismic as paper
 from visref.registry import make_culler
 from visref_experiments import three_pass
@@ -38,25 +37,25 @@ def counts(spec):
     }
 
 
-class Records:
-    """Every walk, with some counters of some specs changed, and frame times."""
+class Results:
+    """Every run, with some counters of some specs changed, and frame times."""
 
-    def __init__(self, changed=None, prediction=None, walks=True):
-        self.changed, self.found, self.walks = changed or {}, prediction, walks
+    def __init__(self, changed=None, prediction=None, runs=True):
+        self.changed, self.found, self.runs = changed or {}, prediction, runs
 
     def run(self, key):
-        if not self.walks:
+        if not self.runs:
             return None
-        (walk,) = (walk for walk in paper.WALKS if walk.key == key)
+        (judged,) = (judged for judged in paper.RUNS if judged.key == key)
         frames, timings = {}, []
-        for spec in walk.cullers:
+        for spec in judged.cullers:
             row = counts(spec) | self.changed.get(spec, {})
+            ms = row.pop("ms", 60.0 if spec == paper.FRUSTUM else 20.0)
             frames[spec] = [{"frame": frame, **row} for frame in (0, 1)]
-            ms = row.get("ms", 60.0 if spec == paper.FRUSTUM else 20.0)
             timings += [
                 {"culler": spec, "frame": frame, "phase": "frame", "ms": ms} for frame in (0, 1)
             ]
-        return SimpleNamespace(frames_of=frames, timings=timings)
+        return run_folder(frames, timings)
 
     def experiment(self, key):
         return self.found
@@ -76,21 +75,21 @@ def prediction(outline=0.8):
     return {"frames": 2, "reductions": reductions, "pooled": pooled}
 
 
-def rows(records):
+def rows(results):
     return {
-        (table.title, row.quantity): row for table in paper.tables(records) for row in table.rows
+        (table.title, row.quantity): row for table in paper.tables(results) for row in table.rows
     }
 
 
-def trends(records):
-    return {trend.claim: trend.holds for t in paper.tables(records) for trend in t.trends}
+def trends(results):
+    return {trend.claim: trend.holds for t in paper.tables(results) for trend in t.trends}
 
 
 SAYS, MISSES = "What the slides say", "Misses against reduction, threshold and image scale"
 
 
 def test_rows_are_sums_and_shares_of_the_records():
-    found = rows(Records(prediction=prediction()))
+    found = rows(Results(prediction=prediction()))
     fill = found[SAYS, "worst fill, over drawing what is in the frustum"]
     assert (fill.published, fill.ours, fill.unit) == (3.0, 2.5, "×")
     assert found[SAYS, "samples lost at a reduction of 1:100"].ours == 99 / SAMPLES
@@ -107,7 +106,7 @@ def test_rows_are_sums_and_shares_of_the_records():
 
 
 def test_every_trend_holds_of_records_made_so():
-    found = trends(Records(prediction=prediction()))
+    found = trends(Results(prediction=prediction()))
     assert len(found) == 11
     assert set(found.values()) == {True}
 
@@ -131,26 +130,27 @@ def test_every_trend_holds_of_records_made_so():
     ids=str,
 )  # fmt: skip
 def test_each_trend_can_fail_and_no_other_with_it(claim, changed):
-    found = trends(Records(changed, prediction()))
+    found = trends(Results(changed, prediction()))
     assert [c for c, holds in found.items() if not holds and c.startswith(claim)]
     assert sum(not holds for holds in found.values()) == 1
 
 
 def test_trend_of_the_predictors_can_fail():
-    assert list(trends(Records(prediction=prediction(outline=0.4))).values())[-1] is False
+    assert list(trends(Results(prediction=prediction(outline=0.4))).values())[-1] is False
 
 
 def test_without_records_nothing_is_claimed():
-    made = paper.tables(Records(walks=False))
+    made = paper.tables(Results(runs=False))
     assert all(row.ours is None for table in made for row in table.rows)
     assert all(trend.holds is None for table in made for trend in table.trends)
     assert all(table.figure is None for table in made)
 
 
+@pytest.mark.slow
 @pytest.mark.gl
-def test_specs_are_cullers_and_the_experiment_is_measured_at_the_walks_reductions():
-    for walk in paper.WALKS:
-        for spec in walk.cullers:
+def test_specs_are_cullers_and_the_experiment_is_measured_at_the_runs_reductions():
+    for judged in paper.RUNS:
+        for spec in judged.cullers:
             made = make_culler(spec)
             if spec.startswith("three-pass"):
                 assert (made.reduction, made.extra) == (options(spec)["reduction"], paper.EXTRA)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.support.run_values import run_folder
 from visref.papers import staneker2003
 from visref.papers.staneker2003 import (
     BOX_PIXELS,
@@ -18,9 +19,9 @@ from visref.papers.staneker2003 import (
     MAP,
     MODELS,
     MULTIPLE,
+    RUNS,
     SINGLE,
     SPEED_UP,
-    WALKS,
 )
 from visref.registry import SCENES, available, make_culler
 from visref.scene import Scene
@@ -41,14 +42,15 @@ def test_published_numbers_follow_from_one_another():
 
 @pytest.mark.gl
 def test_set_ups_are_scenes_and_cullers_of_ours():
-    assert len({walk.key for walk in WALKS}) == len(WALKS) == 7
-    for walk in WALKS:
+    assert len({walk.key for walk in RUNS}) == len(RUNS) == 7
+    for walk in RUNS:
         assert walk.scene in available(SCENES)
         for spec in walk.cullers:
             make_culler(spec).close()
     assert {one.name for one in EXPERIMENTS} <= set(available(GROUP))
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_experiments_measure_the_map_and_every_size():
     lookup = measured.lookup(None, None)
@@ -87,8 +89,7 @@ def run_of(shapes, triangles, cullers):
         for k in (0, 1):
             for phase, value in ms.items():
                 timings.append({"culler": spec, "frame": k, "phase": phase, "ms": value})
-    manifest = {"scene": {"objects": shapes, "triangles": triangles}}
-    return SimpleNamespace(manifest=manifest, frames_of=frames, timings=timings)
+    return run_folder(frames, timings, objects=shapes, triangles=triangles)
 
 
 def small(share):
@@ -116,7 +117,7 @@ LOOKUP = {"tiles": [1, 128], "lookup_ms": [4e-6, 2e-4], "map_bytes": 2_048, "lis
 TRIANGLES = {"query_ms": 0.04, "triangle_ms": 0.0002}
 
 
-class Records:
+class Results:
     def __init__(self, runs=None, **experiments):
         self.runs = runs or {}
         self.experiments = experiments
@@ -129,7 +130,7 @@ class Records:
 
 
 SCENE_NAMES = ("angio", "boombox", "formula_one")
-ALL = Records(
+ALL = Results(
     {f"{name}-876": small(share) for name, share in zip(SCENE_NAMES, (0.1, 0.3, 0.5), strict=True)}
     | {f"{name}-1000": large(with_map=45.0) for name in ("boombox", "formula_one", "city_cars")}
     | {"angio-1000": large()},
@@ -139,13 +140,13 @@ ALL = Records(
 )
 
 
-def rows_of(records):
-    tables = staneker2003.tables(records)
+def rows_of(results):
+    tables = staneker2003.tables(results)
     return {(table.source, row.quantity): row for table in tables for row in table.rows}
 
 
-def trends_of(records):
-    return {t.claim: t for table in staneker2003.tables(records) for t in table.trends}
+def trends_of(results):
+    return {t.claim: t for table in staneker2003.tables(results) for t in table.trends}
 
 
 def test_rows_come_from_the_records_and_stand_beside_their_own_numbers():
@@ -191,7 +192,7 @@ def test_every_trend_holds_on_records_made_like_the_papers():
 def test_trend_that_the_records_contradict_does_not_hold(change, claim):
     experiments = {**ALL.experiments, **{k: v for k, v in change.items() if "-" not in k}}
     runs = ALL.runs | {key: value for key, value in change.items() if "-" in key}
-    trends = trends_of(Records(runs, **experiments))
+    trends = trends_of(Results(runs, **experiments))
     (changed,) = (trend for name, trend in trends.items() if name.startswith(claim))
     assert changed.holds is False
     assert changed.why
@@ -200,13 +201,15 @@ def test_trend_that_the_records_contradict_does_not_hold(change, claim):
 def test_speed_up_is_of_the_same_frames():
     """One culler slow in one frame, another in another: neither is faster."""
     run = large()
-    for row in run.timings:
-        if row["phase"] == "frame":
-            row["ms"] = 80.0 if row["frame"] else 10.0
-    records = Records({"angio-1000": run})
-    assert rows_of(records)["Table 5", "Angio: multiple over single"].ours == 1.0
+    timings = [
+        replace(row, ms=80.0 if row.frame else 10.0) if row.phase == "frame" else row
+        for row in run.timings
+    ]
+    run = replace(run, timings=timings)
+    results = Results({"angio-1000": run})
+    assert rows_of(results)["Table 5", "Angio: multiple over single"].ours == 1.0
 
 
 def test_what_was_not_measured_has_no_number_and_no_verdict():
-    assert all(row.ours is None for row in rows_of(Records()).values())
-    assert all(trend.holds is None for trend in trends_of(Records()).values())
+    assert all(row.ours is None for row in rows_of(Results()).values())
+    assert all(trend.holds is None for trend in trends_of(Results()).values())

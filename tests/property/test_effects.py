@@ -13,7 +13,7 @@ from visref.effects.light import sun
 from visref.effects.solid import solid
 from visref.effects.sprites import Sprites
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 directions = st.tuples(*[st.sampled_from((-1.0, -0.3, 0.0, 0.4))] * 3).filter(any)
 

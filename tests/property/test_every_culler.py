@@ -29,7 +29,7 @@ from visref_datasets_gen.angio import angio
 from visref_datasets_gen.city import city
 from visref_datasets_gen.dataset import scene_of
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 
 REAL_MODEL = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")

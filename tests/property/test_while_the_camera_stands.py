@@ -26,7 +26,7 @@ from visref.conformance.suite import SCENES, case, exact_truths, judge_on
 from visref.trials.hardcases import read_cases
 from visref.visibility import FrameTruth
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 FRAMES = 3
 QUIET = settings(derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.support import report_runs
 from tests.support.hand_made import camera, scene_of_squares, truth
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.recordings import truth_file
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.visibility import objects_seen
 
@@ -24,7 +27,7 @@ def file(tmp_path):
     table = TruthTable(SCENE)
     for frame, owners in ((2, [[0, 4]]), (0, [[2, 2]]), (1, [[-1, -1]])):
         table.add(frame, 2, objects_seen(truth(owners), SCENE))
-    table.write(tmp_path / "t.parquet", engine="hand", path=PATH, ties_complete=True)
+    table.write(tmp_path / "t.parquet", engine="hand", path=PATH, ties_complete=True, exact=True)
     return tmp_path / "t.parquet"
 
 
@@ -40,10 +43,52 @@ def test_frames_come_back_whatever_their_order(file):
     assert {frame: rows.owned for frame, rows in read.frames.items()} == {0: 2, 1: 0, 2: 2}
 
 
-def test_a_file_from_before_owned_samples_were_counted_is_still_read(file):
-    older = _facts(lambda facts: facts.pop("owned"))(pq.read_table(file))
-    pq.write_table(older, file)
-    read = read_truth(file, SCENE, PATH, range(3))
+@pytest.mark.parametrize("exact", [True, False, None])
+def test_whether_the_engine_is_exact_comes_back(tmp_path, exact):
+    TruthTable(SCENE).write(
+        tmp_path / "t.parquet", engine="hand", path=PATH, ties_complete=False, exact=exact
+    )
+    assert read_truth(tmp_path / "t.parquet", SCENE, PATH, ()).exact is exact
+
+
+def test_views_of_a_frame_come_back_apart(tmp_path):
+    table = TruthTable(SCENE)
+    for view, owners in (("left", [[0, 0]]), ("right", [[2, -1]]), ("", [[-1, -1]])):
+        table.add(1, 2, objects_seen(truth(owners), SCENE), view=view)
+    table.write(tmp_path / "t.parquet", engine="hand", path=PATH, ties_complete=True, exact=True)
+    read = read_truth(tmp_path / "t.parquet", SCENE, PATH, [1])
+    assert {cell: rows.objects.tolist() for cell, rows in read.views.items()} == {
+        (1, "left"): [0],
+        (1, "right"): [1],
+        (1, ""): [],
+    }
+    assert read.frames[1].owned == 0
+    assert pq.read_table(tmp_path / "t.parquet")["view"].to_pylist() == ["left", "right"]
+
+
+# A version 1 file, as visref wrote them: of the run whose folder is kept beside.
+VERSION_1 = Path(__file__).parents[1] / "run_folder" / "version_1" / "truth.parquet"
+
+
+def test_a_file_of_version_1_is_read_and_its_reader_told_what_it_does_not_say():
+    read = read_truth(VERSION_1, report_runs.scene(), report_runs.path(4), range(4))
+    assert (read.engine, read.exact) == ("exact:tile=64", None)
+    assert [finding.code for finding in read.findings] == ["TRUTH_UNSEALED"]
+    assert set(read.views) == {(frame, "") for frame in range(4)}
+    for frame, rows in read.frames.items():
+        seen = objects_seen(
+            report_runs.Painter(report_runs.scene()).frame(report_runs.path(4).frames[frame]),
+            report_runs.scene(),
+        )
+        assert rows.objects.tolist() == np.flatnonzero(seen.visible).tolist()
+        assert rows.pixels.tolist() == seen.pixels[seen.visible].tolist()
+        assert rows.owned == seen.owned
+
+
+def test_a_file_from_before_owned_samples_were_counted_is_still_read(tmp_path):
+    older = _facts(lambda facts: facts.pop("owned"))(pq.read_table(VERSION_1))
+    pq.write_table(older, tmp_path / "t.parquet")
+    read = read_truth(tmp_path / "t.parquet", report_runs.scene(), report_runs.path(4), range(4))
     assert {rows.owned for rows in read.frames.values()} == {None}
 
 
@@ -68,17 +113,14 @@ SPOILT = {
     "no metadata": (lambda table: table.replace_schema_metadata(None), "not a truth file"),
     "metadata cut short": (_metadata(b'{"format": "visref-tr'), "not a truth file"),
     "metadata a list": (_metadata(b"[1]"), "not a truth file"),
-    "another version": (_facts(lambda facts: facts.update(version=2)), "its version is 2"),
+    "another version": (_facts(lambda facts: facts.update(version=3)), "its version is 3"),
+    "no digest": (_facts(lambda facts: facts.pop("digest")), "its digest"),
+    "no word of exactness": (_facts(lambda facts: facts.pop("exact")), "its exact"),
     "no engine": (_facts(lambda facts: facts.pop("engine")), "its engine"),
     "frames a number": (_facts(lambda facts: facts.update(frames=3)), "its frames"),
     "no pixels": (lambda table: table.drop_columns(["pixels"]), "its columns"),
     "objects as text": (_column("object", pa.array(["0", "1", "2"])), "its columns"),
     "an empty cell": (_column("frame", pa.array([0, 1, None], pa.int32())), "its columns"),
-    "unknown object": (
-        _column("object", pa.array(np.array([0, 1, 3], np.int32))),
-        "an object that the scene lacks",
-    ),
-    "a frame missing": (_facts(lambda facts: facts.update(frames=[0, 1])), "lacks frames"),
 }
 
 
@@ -92,6 +134,63 @@ def test_spoilt_truth_file_is_one_clear_line_naming_the_file(name, file):
     assert message.startswith(str(file))
     assert expected in message
     assert "\n" not in message
+
+
+def _sealed(file, change):
+    """Spoil a file and seal it again, as a writer with a fault would."""
+    table = change(pq.read_table(file))
+    facts = json.loads(table.schema.metadata[b"visref"])
+    facts["digest"] = truth_file._digest(table, facts)
+    pq.write_table(table.replace_schema_metadata({b"visref": json.dumps(facts).encode()}), file)
+
+
+SEALED = {
+    "unknown object": (
+        _column("object", pa.array(np.array([0, 1, 3], np.int32))),
+        "an object that the scene lacks",
+    ),
+    "a frame missing": (_facts(lambda facts: facts.update(frames=[0, 1])), "lacks frames"),
+    "another scene": (_facts(lambda facts: facts.update(scene="0")), "another scene"),
+}
+
+
+@pytest.mark.parametrize("name", SEALED)
+def test_a_sealed_file_of_something_else_is_refused(name, file):
+    spoil, expected = SEALED[name]
+    _sealed(file, spoil)
+    with pytest.raises(InputError, match=expected):
+        read_truth(file, SCENE, PATH, range(3))
+
+
+EDITS = {
+    "one sample more": _column("pixels", pa.array([2, 1, 2], pa.int64())),
+    "another owner": _column("object", pa.array(np.array([0, 1, 1], np.int32))),
+    "a name": _column("name", pa.array(["a", "b", "c"])),
+    "letters moved between names": _column("name", pa.array(["0-", "21", "-0"])),
+    "a view": _column("view", pa.array(["", "", "left"])),
+    "a tie made whole": _column("status", pa.array(["tie", "visible", "visible"])),
+    "another pixel": _column("x", pa.array(np.array([0, 0, 0], np.int32))),
+    "a row left out": lambda table: table.slice(1),
+    "rows in another order": lambda table: table.take(pa.array([2, 1, 0])),
+    "exact, it says": _facts(lambda facts: facts.update(exact=False)),
+    "another engine": _facts(lambda facts: facts.update(engine="exact")),
+    "more owned": _facts(lambda facts: facts.update(owned=[9, 9, 9])),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_an_edited_truth_file_is_refused(name, file):
+    table = pq.read_table(file)
+    edited = EDITS[name](table)
+    assert not edited.equals(table, check_metadata=True)
+    pq.write_table(edited, file)
+    with pytest.raises(InputError, match="changed after it was written"):
+        read_truth(file, SCENE, PATH, range(3))
+
+
+def test_the_digest_is_of_the_values_and_not_of_how_they_are_laid_out(file):
+    pq.write_table(pq.read_table(file), file, compression="none", row_group_size=1)
+    assert set(read_truth(file, SCENE, PATH, range(3)).frames) == {0, 1, 2}
 
 
 @pytest.mark.parametrize("keep", [0, 4, 300])

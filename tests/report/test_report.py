@@ -269,6 +269,7 @@ def test_pages_do_not_name_the_machines_folders(runs, pages):
             assert str(folder.parent) not in text
 
 
+@pytest.mark.slow
 def test_same_folders_give_the_same_bytes(runs, tmp_path):
     texts = []
     for name in ("a", "b"):
@@ -278,6 +279,7 @@ def test_same_folders_give_the_same_bytes(runs, tmp_path):
     assert len(texts[0]) == 3
 
 
+@pytest.mark.slow
 def test_several_runs_stand_under_the_worst_of_their_verdicts(runs, tmp_path):
     page = write_report([runs["clean"], runs["inconclusive"], runs["violation"]], tmp_path)
     reader = Reader(page.read_text())
@@ -359,6 +361,7 @@ def test_pictures_show_the_samples_as_exact_arithmetic_left_them(tmp_path):
     assert "errors" not in entry["files"]
 
 
+@pytest.mark.slow
 def test_of_many_pictured_frames_the_worst_are_kept(tmp_path):
     drawn = [VISIBLE] * 40
     drawn[5], drawn[13] = (WALL,), (WALL, PILLAR)
@@ -387,7 +390,7 @@ def foreign_manifest(folder):
 
 def newer_manifest(folder):
     manifest = json.loads((folder / "manifest.json").read_text())
-    (folder / "manifest.json").write_text(json.dumps(manifest | {"version": 2}))
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"version": 3}))
 
 
 def list_manifest(folder):
@@ -413,7 +416,7 @@ def drop(name):
         (spoil_json, "verdict.json"),
         (spoil_table, "objects.parquet"),
         (foreign_manifest, "manifest.json"),
-        (newer_manifest, "version 1"),
+        (newer_manifest, "version 1 to 2"),
         (list_manifest, "manifest.json"),
     ],
 )
@@ -439,6 +442,7 @@ def test_no_folder_and_an_unwritable_place_are_errors(runs, tmp_path):
         write_report([runs["clean"]], tmp_path / "file")
 
 
+@pytest.mark.slow
 @given(st.fractions(0, 1))
 def test_a_share_is_never_rounded_to_nothing_or_to_all(share):
     text = percent(float(share))

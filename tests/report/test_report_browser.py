@@ -10,7 +10,10 @@ from tests.support import chromium
 from tests.support.report_runs import BROKEN, WIDTH, bench_folder, write_runs
 from visref.report import write_report
 
-pytestmark = pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from tests.support.page_reader import Reader
 from tests.support.report_runs import BROKEN, HEIGHT, LOOSE, WIDTH, bench_folder, write_runs
 from visref import papers
 from visref.errors import InputError
-from visref.papers.table import Row, Table, Trend
+from visref.papers.contents import Row, Table, Trend
 from visref.report import write_report
 from visref.report.words import percent
 
@@ -141,14 +141,15 @@ def test_a_spoilt_bench_folder_is_an_error_in_one_line(runs, tmp_path, spoil):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatch):
     """Only the rows and the trends that this run measures."""
-    wanted = papers.Walk("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))
+    wanted = papers.JudgedRun("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))
 
-    def tables(records):
-        run = records.run("squares")
-        assert records.experiment("any") is None
-        drawn = None if run is None else run.verdict["cullers"]["only"]["drawn"]
+    def tables(results):
+        run = results.run("squares")
+        assert results.experiment("any") is None
+        drawn = None if run is None else run.verdict.cullers["only"].drawn
         rows = (Row("drawn | all", 30, drawn), Row("elsewhere", 7, None))
         return [
             Table("Drawn <units>", "Fig. 7", rows, (Trend("a", True), Trend("b", None))),

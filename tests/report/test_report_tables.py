@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from visref.papers.table import Basis, Curve, Figure, Row, Table, Trend
+from visref.papers.contents import Basis, Curve, Figure, Row, Table, Trend
 from visref.report.figures import figure_svg
 from visref.report.tables import (
     latex_text,

@@ -141,6 +141,7 @@ def box_mesh(low, high):
     return np.where(corners == 1, high, low), np.array(faces)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)  # the first call compiles
 @given(
     st.lists(st.integers(-40, 40), min_size=3, max_size=3),

@@ -71,6 +71,7 @@ def test_error_picture_shows_exactly_the_missed_samples(tmp_path):
     assert sorted(missed_pixels(tmp_path, pictures)) == sorted(lost)
 
 
+@pytest.mark.slow
 def test_a_single_missed_sample_survives_the_shrinking(tmp_path):
     scene = scene_of_squares(0.0, 1.0)
     for at in ([0, 0], [3839, 0], [1234, 567], [3839, 999]):
@@ -236,6 +237,7 @@ def ray_cast(scene, camera):
     return owner, doubt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", [{"yfov": 1.1}, {"ymag": 3.0, "shift_x_px": 2.25}])
 def test_silhouettes_agree_with_rays_even_across_the_near_plane(lens):
     rng = np.random.default_rng(5)

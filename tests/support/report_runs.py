@@ -14,7 +14,7 @@ from visref.camera_path import CameraPath
 from visref.culler import Culler, DrawnSet, Promise, QueryStats
 from visref.engines.base import TruthEngine
 from visref.judging.referee import Referee
-from visref.run_folder.write import Recorder
+from visref.run_folder.write import RunWriter
 from visref.scene import Scene, Units
 from visref.visibility import FrameTruth, VisibilityBuffer
 
@@ -82,6 +82,12 @@ class Painter(TruthEngine):
         return FrameTruth(camera, self.name, VisibilityBuffer(triangle, depth), ties_complete=True)
 
 
+class ExactPainter(Painter):
+    """Says of itself that it is exact."""
+
+    exact = True
+
+
 class SlippingPainter(Painter):
     """Sees a hidden object at one sample, as a ray that slips through an edge does, and
     promises nothing about ties."""
@@ -138,7 +144,7 @@ def write_run(
     """Judge the cullers with the painter's truth and leave a run folder that says `engine`."""
     folder.mkdir(parents=True)
     world, cameras = scene(), path(frames)
-    recorder = Recorder(
+    recorder = RunWriter(
         folder,
         world,
         cameras,
@@ -171,7 +177,12 @@ def write_runs(root: Path) -> dict[str, Path]:
                 ("falls", Scripted(EVERYTHING, fails_at=2)),
             ],
         ),
-        "clean": write_run(root / "clean", [("only", Scripted(VISIBLE))], engine="exact:tile=64"),
+        "clean": write_run(
+            root / "clean",
+            [("only", Scripted(VISIBLE))],
+            engine="exact:tile=64",
+            truth=ExactPainter,
+        ),
         "loose": write_run(
             root / "loose", [("loose", Scripted((WALL,), promise=Promise.AGGRESSIVE))]
         ),

@@ -10,8 +10,8 @@ from visref.camera_path import CameraPath
 from visref.culler import Culler, DrawnSet, QueryStats
 from visref.errors import NothingToJudge
 from visref.papers import Paper
-from visref.papers.readings import reading
-from visref.papers.table import Curve, Experiment, Figure, Records, Row, Table, Trend, Walk
+from visref.papers.contents import Curve, Experiment, Figure, JudgedRun, Results, Row, Table, Trend
+from visref.papers.culler_frames import culler_frames
 from visref.scene import Scene
 
 TOWN = "city:scale=0.02,frames=6"
@@ -76,13 +76,13 @@ def without_gl(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     raise NothingToJudge("no OpenGL here")
 
 
-WALKS = (Walk("first", TOWN, (ALL,), size=SIZE), Walk("second", TOWN, (ALL,), size=SIZE))
+RUNS = (JudgedRun("first", TOWN, (ALL,), size=SIZE), JudgedRun("second", TOWN, (ALL,), size=SIZE))
 EXPERIMENTS = (Experiment("count", "counting", TOWN, size=SIZE),)
 
 
-def tables(records: Records) -> list[Table]:
-    run, counted = records.run("first"), records.experiment("count")
-    queries = reading(run, ALL).mean("queries") if run is not None else None
+def tables(results: Results) -> list[Table]:
+    run, counted = results.run("first"), results.experiment("count")
+    queries = culler_frames(run, ALL).mean("queries") if run is not None else None
     rows = (
         Row("queries a frame", 14.0, queries),
         Row("triangles", 1_000, counted["triangles"] if counted is not None else None),
@@ -98,7 +98,7 @@ def tables(records: Records) -> list[Table]:
 
 
 def paper(
-    walks: tuple[Walk, ...] = WALKS, experiments: tuple[Experiment, ...] = EXPERIMENTS
+    walks: tuple[JudgedRun, ...] = RUNS, experiments: tuple[Experiment, ...] = EXPERIMENTS
 ) -> Paper:
     return Paper("toy", "A. Toy: A Paper & Its Tables, 2001", walks, experiments, tables)
 

@@ -1,4 +1,4 @@
-"""The tables' files say what the records say, in every form, and the status with them."""
+"""The tables' files say what the results say, in every form, and the status with them."""
 
 from __future__ import annotations
 
@@ -12,20 +12,18 @@ from tests.support.tables_runs import ALL, NOTHING, SIZE, STOPPED, TOWN, Steps, 
 from visref.cli import main as cli
 from visref.cli import tables as tables_command
 from visref.judging.status import Exit
-from visref.papers.table import Experiment, Walk
-from visref.tables import measure, recording, write_tables
+from visref.papers.contents import Experiment, JudgedRun
+from visref.tables import run_all, runs, write_tables
 
 
 @pytest.fixture(autouse=True)
 def own_experiments(monkeypatch):
-    monkeypatch.setattr(
-        recording, "load_entry", lambda group, name, kind: getattr(tables_runs, name)
-    )
+    monkeypatch.setattr(runs, "load_entry", lambda group, name, kind: getattr(tables_runs, name))
 
 
 @pytest.fixture
 def measured(tmp_path):
-    return measure([paper()], tmp_path, Steps(), frames=2)
+    return run_all([paper()], tmp_path, Steps(), frames=2)
 
 
 def texts(folder):
@@ -66,8 +64,8 @@ def test_the_same_records_give_the_same_bytes(measured):
 
 
 def test_a_violation_is_the_status_and_is_counted_on_the_page(tmp_path):
-    walk = Walk("first", TOWN, (ALL, NOTHING), size=SIZE)
-    measured = measure([paper((walk,), ())], tmp_path, Steps(), frames=2)
+    walk = JudgedRun("first", TOWN, (ALL, NOTHING), size=SIZE)
+    measured = run_all([paper((walk,), ())], tmp_path, Steps(), frames=2)
     page, status = write_tables(measured)
     assert status is Exit.VIOLATION
     assert "0 violations" not in page.read_text()
@@ -75,9 +73,9 @@ def test_a_violation_is_the_status_and_is_counted_on_the_page(tmp_path):
 
 
 def test_what_could_not_be_measured_is_said_with_its_reason_and_is_no_pass(tmp_path):
-    walks = (Walk("first", TOWN, (ALL,), size=SIZE),)
+    walks = (JudgedRun("first", TOWN, (ALL,), size=SIZE),)
     broken = (Experiment("count", "without_gl"),)
-    measured = measure([paper(walks, broken)], tmp_path, Steps(), frames=1)
+    measured = run_all([paper(walks, broken)], tmp_path, Steps(), frames=1)
     page, status = write_tables(measured)
     assert status is Exit.NOTHING_JUDGED
     for suffix in (".html", ".md"):
@@ -85,7 +83,7 @@ def test_what_could_not_be_measured_is_said_with_its_reason_and_is_no_pass(tmp_p
 
 
 def test_claims_are_counted_and_those_not_measured_apart(tmp_path):
-    measured = measure([paper((), ())], tmp_path, Steps(), frames=1)
+    measured = run_all([paper((), ())], tmp_path, Steps(), frames=1)
     page, _ = write_tables(measured)
     assert "0 of 0 claims of the papers hold here, 1 not measured" in page.read_text()
     assert "? not measured" in (tmp_path / "trends.md").read_text()
@@ -97,6 +95,7 @@ def test_names_of_a_paper_are_text_on_the_page_and_no_markup(measured):
     assert "A Paper &amp; Its Tables" in page.read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(chromium.FOUND is None, reason="no Chromium on this machine")
 def test_the_page_opens_offline_at_any_width_without_complaint(measured):
     page_file, _ = write_tables(measured)
@@ -120,8 +119,8 @@ def test_the_command_measures_writes_and_prints_the_claims(tmp_path, monkeypatch
 
 
 def test_an_interrupted_command_says_that_it_can_go_on(tmp_path, monkeypatch, capsys):
-    first, second = paper().walks
-    stopped = Walk(second.key, TOWN, (STOPPED,), size=SIZE)
+    first, second = paper().runs
+    stopped = JudgedRun(second.key, TOWN, (STOPPED,), size=SIZE)
     monkeypatch.setattr(tables_command, "load_paper", lambda name: paper((first, stopped), ()))
     out = tmp_path / "out"
     assert cli.main(["tables", "--paper", "toy", "--frames", "1", "--out", str(out)]) == 130

@@ -92,6 +92,7 @@ def test_object_tied_everywhere_may_go_unlisted_but_not_by_an_exact_truth(
     assert compare(alone, scene, case.frames[0]).objects == 1
 
 
+@pytest.mark.slow
 def test_exact_engine_is_right_on_every_case_and_embree_where_it_is_known_to_be() -> None:
     table = run_hard_cases(["embree"], [])
     wrong = {c.name: str(table.cells[c.name]["exact"]) for c in table.cases}
@@ -143,6 +144,7 @@ def test_bad_input_that_loads_is_wrong(
         assert table.cells[case.name]["exact"].state is state
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_no_culler_misses_a_visible_object_on_any_case() -> None:
     table = run_hard_cases([], [*available(CULLERS), HASTY])
@@ -162,6 +164,7 @@ def test_no_culler_misses_a_visible_object_on_any_case() -> None:
     assert (lost["state"], lost["objects"], lost["samples"]) == ("WRONG", 2, 64)
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("case", ["t-junction-gap", "at-near-and-far-orthographic"])
 def test_variants_of_every_culler_pass_where_one_once_failed(case: str) -> None:
@@ -193,6 +196,7 @@ def test_statuses_of_a_table(cases: dict[str, HardCase]) -> None:
     assert status(State.WRONG, State.FAILED) == 1
 
 
+@pytest.mark.slow
 def test_command_prints_a_table_for_people_and_for_programs(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -213,6 +217,7 @@ def test_command_prints_a_table_for_people_and_for_programs(
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

@@ -15,6 +15,7 @@ from visref.trials.watertight import AWAY, SIDE, closed_surface, leaks_line, wat
 from visref.visibility import BACKGROUND, FrameTruth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", AWAY)
 @pytest.mark.parametrize("perspective", [False, True])
 def test_every_ray_aims_at_a_vertex_or_an_edge(away: float, perspective: bool) -> None:

@@ -5,8 +5,8 @@ Everything but the times is deterministic.
 
 from __future__ import annotations
 
-from visref.bench.measure import Bench, Measurement
 from visref.bench.output import write_bench
-from visref.report.bench_record import MARKER
+from visref.bench.timing import Bench, BenchRun
+from visref.report.bench_folder import MARKER
 
-__all__ = ["MARKER", "Bench", "Measurement", "write_bench"]
+__all__ = ["MARKER", "Bench", "BenchRun", "write_bench"]

@@ -14,13 +14,13 @@ from typing import Any
 from markupsafe import Markup
 
 from visref.bench.bounds import ALPHA
-from visref.bench.measure import REPEATS, Bench
 from visref.bench.plot import pictures
+from visref.bench.timing import REPEATS, Bench
 from visref.bench.verdict import headline, sentences
 from visref.camera_path import CameraPath
 from visref.recordings.truth_file import path_digest
 from visref.report import words
-from visref.report.bench_record import MARKER
+from visref.report.bench_folder import MARKER
 from visref.report.environment import page_environment
 from visref.scene import Scene
 from visref.threads import available_threads

@@ -15,8 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from visref.bench.measure import Bench
 from visref.bench.subsets import ALL
+from visref.bench.timing import Bench
 from visref.bench.verdict import pareto
 
 _INK, _SOFT = "#1b2026", "#59626c"

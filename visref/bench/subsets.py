@@ -1,6 +1,6 @@
 """Nested subsets of a frame's own samples, as cameras.
 
-Every n-th sample of a camera in x and in y, from (i, j) on, is the whole grid of another camera
+Every n-th sample of a camera in x and in y, from (i, j) on, is the whole lattice of another camera
 of (w / n, h / n) samples with its lens shifted. For n a power of two its step tan(yfov / 2) /
 (h / n) is n s exactly, so R' = n R and U' = n U to the last bit, and with x = n X + i
 
@@ -18,7 +18,7 @@ import numpy as np
 from visref.camera import Camera
 
 ALL = 16
-# By how many sixteenths of the samples: n, and the first samples of the grids. Each holds those
+# By how many sixteenths of the samples: n, and the sublattices' first samples. Each holds those
 # before it and is evenly spread: a half is a chequerboard, a quarter every second sample.
 SUBSETS: dict[int, tuple[int, tuple[tuple[int, int], ...]]] = {
     1: (4, ((0, 0),)),
@@ -31,7 +31,7 @@ MULTIPLE = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class Sublattice:
     """The samples (step X + x, step Y + y) of a camera, as a camera of their own."""
 
     camera: Camera
@@ -40,16 +40,16 @@ class Grid:
     step: int
 
 
-def nested_subsets(camera: Camera) -> dict[int, list[Grid]] | None:
-    """The grids of each subset, by sixteenths; None where they would not be the same samples:
+def nested_subsets(camera: Camera) -> dict[int, list[Sublattice]] | None:
+    """The sublattices of each subset, by sixteenths; None where they would not be the same samples:
     sides that 4 does not divide, or a lens shift of which a part rounds."""
     if camera.width % MULTIPLE or camera.height % MULTIPLE:
         return None
     subsets = {
-        sixteenths: [Grid(_every(camera, step, x, y), x, y, step) for x, y in starts]
+        sixteenths: [Sublattice(_every(camera, step, x, y), x, y, step) for x, y in starts]
         for sixteenths, (step, starts) in SUBSETS.items()
     }
-    if not all(_same(camera, grid) for grids in subsets.values() for grid in grids):
+    if not all(_same(camera, part) for parts in subsets.values() for part in parts):
         return None
     return subsets
 
@@ -66,12 +66,12 @@ def _every(camera: Camera, step: int, x: int, y: int) -> Camera:
     )
 
 
-def _same(camera: Camera, grid: Grid) -> bool:
-    """Whether the grid's rays are the camera's, bit for bit."""
-    part, step = grid.camera, grid.step
+def _same(camera: Camera, part: Sublattice) -> bool:
+    """Whether the sublattice's rays are the camera's, bit for bit."""
+    own, step = part.camera, part.step
     return (
-        np.array_equal(part.column_a * step, camera.column_a[grid.x :: step])
-        and np.array_equal(part.row_b * step, camera.row_b[grid.y :: step])
-        and np.array_equal(part.right_step, camera.right_step * step)
-        and np.array_equal(part.up_step, camera.up_step * step)
+        np.array_equal(own.column_a * step, camera.column_a[part.x :: step])
+        and np.array_equal(own.row_b * step, camera.row_b[part.y :: step])
+        and np.array_equal(own.right_step, camera.right_step * step)
+        and np.array_equal(own.up_step, camera.up_step * step)
     )

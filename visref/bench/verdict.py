@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from visref.bench.measure import PROBER, REFERENCE, Bench, GeometricRow, ImageRow
 from visref.bench.subsets import ALL
+from visref.bench.timing import PROBER, REFERENCE, Bench, GeometricRow, ImageRow
 from visref.report.words import count, counted, percent
 
 Row = TypeVar("Row")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from visref.bench import MARKER, Measurement, write_bench
+from visref.bench import MARKER, BenchRun, write_bench
 from visref.bench.verdict import headline, sentences
 from visref.cli.arguments import add_scene_arguments, inputs_of
 from visref.cli.terminal import OUT, frame_bar
@@ -29,7 +29,7 @@ def run(given: argparse.Namespace) -> Exit:
     frames = _some_frames(inputs) if given.frames is None else list(inputs.frames)
     scene, path, threads = inputs.scene, inputs.path, inputs.threads
     with frame_bar(len(frames)) as bar, replacing_folder(given.out, marker=MARKER) as folder:
-        measured = Measurement(scene, path, frames, threads).run(bar.on_frame_done)
+        measured = BenchRun(scene, path, frames, threads).run(bar.on_frame_done)
         write_bench(folder, measured, scene, path, threads)
     for line in (headline(measured), *sentences(measured)):
         OUT.print(line, markup=False)

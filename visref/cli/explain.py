@@ -10,7 +10,7 @@ from typing import Any
 from visref.cli.terminal import OUT
 from visref.judging.status import Exit
 from visref.run_folder.explain import draw_neighbourhood, explain
-from visref.run_folder.write import slug
+from visref.run_folder.layout import slug
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from visref.culler import Culler
 from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome
 from visref.judging.status import Exit
-from visref.papers import table as papers
+from visref.papers import contents as papers
 from visref.papers import tables_beside
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run

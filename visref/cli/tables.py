@@ -8,7 +8,7 @@ from pathlib import Path
 from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.judging.status import Exit
 from visref.papers import load_paper, paper_names
-from visref.tables import measure, write_tables
+from visref.tables import run_all, write_tables
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def run(given: argparse.Namespace) -> Exit:
     names = list(dict.fromkeys(given.paper or paper_names()))
     papers = [load_paper(name) for name in names]
     with progress() as shown:
-        measured = measure(
+        measured = run_all(
             papers,
             given.out,
             Steps(shown),

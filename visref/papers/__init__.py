@@ -9,27 +9,27 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from visref.errors import InputError
-from visref.papers.table import Experiment, Records, Table, Walk
-from visref.run_folder.read import RunRecord
+from visref.papers.contents import Experiment, JudgedRun, Results, Table
+from visref.run_folder.read import RunFolder
 
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper's module, as `visref.papers.table` describes it."""
+    """A paper's module, as `visref.papers.contents` describes it."""
 
     name: str
     title: str
-    walks: tuple[Walk, ...]
+    runs: tuple[JudgedRun, ...]
     experiments: tuple[Experiment, ...]
-    tables: Callable[[Records], list[Table]]
-    tables_of_run: Callable[[RunRecord], list[Table]] = lambda record: []
+    tables: Callable[[Results], list[Table]]
+    tables_of_run: Callable[[RunFolder], list[Table]] = lambda run: []
 
 
 def paper_names() -> list[str]:
     """The modules that are papers, sorted."""
     found = (f"{__name__}.{module.name}" for module in pkgutil.iter_modules(__path__))
     return sorted(
-        name.rpartition(".")[2] for name in found if hasattr(importlib.import_module(name), "WALKS")
+        name.rpartition(".")[2] for name in found if hasattr(importlib.import_module(name), "RUNS")
     )
 
 
@@ -39,47 +39,43 @@ def load_paper(name: str) -> Paper:
     if name not in known:
         raise InputError(f"no paper is named '{name}'", fix=f"known are {', '.join(known)}")
     module = importlib.import_module(f"{__name__}.{name}")
-    paper = Paper(name, module.TITLE, module.WALKS, module.EXPERIMENTS, module.tables)
+    paper = Paper(name, module.TITLE, module.RUNS, module.EXPERIMENTS, module.tables)
     return replace(paper, tables_of_run=getattr(module, "tables_of_run", paper.tables_of_run))
 
 
 @dataclass(frozen=True)
 class _OneRun:
-    """Records that hold a single run, as whichever walk it fits."""
+    """Results that hold a single run folder, as whichever judged run it fits."""
 
     paper: Paper
-    record: RunRecord
+    folder: RunFolder
 
-    def run(self, key: str) -> RunRecord | None:
-        walk = next(walk for walk in self.paper.walks if walk.key == key)
-        return self.record if _fits(walk, self.record) else None
+    def run(self, key: str) -> RunFolder | None:
+        judged = next(judged for judged in self.paper.runs if judged.key == key)
+        return self.folder if _fits(judged, self.folder) else None
 
     def experiment(self, key: str) -> Mapping[str, Any] | None:
         return None
 
 
-def _fits(walk: Walk, record: RunRecord) -> bool:
-    """Whether a run is the walk, over whatever frames."""
-    sizes = {
-        (record.manifest["samples"][frame]["width"], record.manifest["samples"][frame]["height"])
-        for frame in record.frame_numbers
-    }
+def _fits(judged: JudgedRun, run: RunFolder) -> bool:
+    """Whether a run folder is the judged run, over whatever frames."""
     return (
-        record.manifest["scene"]["source"] == walk.scene
-        and set(walk.cullers) <= {culler for culler, rows in record.frames_of.items() if rows}
-        and (walk.size is None or sizes == {walk.size})
+        run.manifest.scene.source == judged.scene
+        and set(judged.cullers) <= {culler for culler, rows in run.frames_of.items() if rows}
+        and (judged.size is None or run.sizes == {judged.size})
     )
 
 
-def tables_beside(record: RunRecord) -> list[tuple[Paper, list[Table]]]:
-    """What a run fills of the papers' tables: as one of a paper's walks, or else by what the
-    paper makes of any run."""
+def tables_beside(run: RunFolder) -> list[tuple[Paper, list[Table]]]:
+    """What a run folder fills of the papers' tables: as one of a paper's judged runs, or else by
+    what the paper makes of any run."""
     found = []
     for paper in map(load_paper, paper_names()):
-        if any(_fits(walk, record) for walk in paper.walks):
-            tables = paper.tables(_OneRun(paper, record))
+        if any(_fits(judged, run) for judged in paper.runs):
+            tables = paper.tables(_OneRun(paper, run))
         else:
-            tables = paper.tables_of_run(record)
+            tables = paper.tables_of_run(run)
         filled = [
             replace(
                 table,

@@ -13,19 +13,19 @@ from __future__ import annotations
 import statistics
 
 from visref.papers import decoret2005_effects as effects
-from visref.papers.readings import reading
-from visref.papers.table import (
+from visref.papers.contents import (
     Basis,
     Curve,
     Experiment,
     Figure,
-    Records,
+    JudgedRun,
+    Results,
     Row,
     Size,
     Table,
     Trend,
-    Walk,
 )
+from visref.papers.culler_frames import culler_frames
 
 TITLE = "X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005"
 
@@ -60,7 +60,7 @@ STRETCH = 5
 # The window of Table 2.
 WINDOW: Size = (512, 512)
 
-WALKS = (Walk("table-2", "city", tuple(CULLERS.values()), size=WINDOW, stretch=STRETCH),)
+RUNS = (JudgedRun("table-2", "city", tuple(CULLERS.values()), size=WINDOW, stretch=STRETCH),)
 EXPERIMENTS = (
     Experiment("levels", "n-buffer-levels"),
     Experiment("coverage", "n-buffer-coverage"),
@@ -68,13 +68,13 @@ EXPERIMENTS = (
 )
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """Table 1, Fig. 4, Table 2, and the two effects."""
-    return [_levels(records), _coverage(records), _depth_tests(records), *effects.tables(records)]
+    return [_levels(results), _coverage(results), _depth_tests(results), *effects.tables(results)]
 
 
-def _levels(records: Records) -> Table:
-    result = records.experiment("levels")
+def _levels(results: Results) -> Table:
+    result = results.experiment("levels")
     rows = []
     for place, ((width, height), (levels, ms)) in enumerate(LEVELS.items()):
         of = f"{width} × {height}"
@@ -94,8 +94,8 @@ def _levels(records: Records) -> Table:
     return Table("N-buffer levels", "Table 1", tuple(rows))
 
 
-def _coverage(records: Records) -> Table:
-    result = records.experiment("coverage")
+def _coverage(results: Results) -> Table:
+    result = results.experiment("coverage")
     one, four, exact = (
         (None if result is None else result[name]) for name in ("extra_1", "extra_4", "exact_4")
     )
@@ -119,17 +119,20 @@ def _coverage(records: Records) -> Table:
     return Table("Covering boxes by squares", "Fig. 4", rows, figure=figure)
 
 
-def _depth_tests(records: Records) -> Table:
-    run = records.run("table-2")
+def _depth_tests(results: Results) -> Table:
+    run = results.run("table-2")
     ours: dict[str, float] = {}
     if run is not None:
         for name, spec in CULLERS.items():
-            rows = reading(run, spec).rows
-            frames = {row["frame"] for row in rows}
+            found = culler_frames(run, spec)
+            counts = found.counts("query_fragments" if "query" in spec else "lookups")
             # Without the first frame of a stretch, which remembers nothing.
-            warm = [row for row in rows if row["frame"] - 1 in frames] or list(rows)
-            counter = "query_fragments" if "query" in spec else "lookups"
-            ours[name] = statistics.fmean(row[counter] for row in warm)
+            warm = [
+                count
+                for frame, count in zip(found.frames, counts, strict=True)
+                if frame - 1 in found.frames
+            ]
+            ours[name] = statistics.fmean(warm or counts)
     made = [
         Row(f"depth tests a frame, {name}", DEPTH_TESTS.get(name), ours.get(name))
         for name in CULLERS
@@ -137,7 +140,7 @@ def _depth_tests(records: Records) -> Table:
     published = DEPTH_TESTS["occlusion queries"] / DEPTH_TESTS["N-buffer"]
     over = ours["occlusion queries"] / ours["N-buffer"] if ours else None
     made.append(Row("occlusion queries over N-buffer", published, over))
-    built = records.experiment("levels")
+    built = results.experiment("levels")
     pixels = None
     if built is not None:
         width, height = WINDOW

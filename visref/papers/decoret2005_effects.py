@@ -1,7 +1,7 @@
 """X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005.
 
 Its two effects: sections 4.3 (particles) and 4.4 (shadow volume clamping). They draw no objects,
-so they are no walks but experiments, each judged by the image protocol (`visref.effects`).
+so they are no judged runs but experiments, each judged by the image protocol (`visref.effects`).
 
 The paper's models, its paths and its lights are not available; `terrain_towers` is laid out as its
 text says, and `city` stands for its city. So fragments compare in ratio and order. Its shares
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from visref.papers.table import Experiment, Records, Row, Size, Table, Trend
+from visref.papers.contents import Experiment, Results, Row, Size, Table, Trend
 
 SIZE: Size = (640, 480)
 SCENES = {"terrain_towers": "terrain_towers", "city": "city:scale=0.25"}
@@ -34,16 +34,16 @@ EXPERIMENTS = tuple(
 Result = Mapping[str, Any]
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """Sections 4.3 and 4.4."""
     return [
-        _particles(_results(records, "particles")),
-        _shadows(_results(records, "shadow-volumes")),
+        _particles(_results(results, "particles")),
+        _shadows(_results(results, "shadow-volumes")),
     ]
 
 
-def _results(records: Records, name: str) -> dict[str, Result | None]:
-    return {scene: records.experiment(f"{name}-{scene.replace('_', '-')}") for scene in SCENES}
+def _results(results: Results, name: str) -> dict[str, Result | None]:
+    return {scene: results.experiment(f"{name}-{scene.replace('_', '-')}") for scene in SCENES}
 
 
 def _particles(results: Mapping[str, Result | None]) -> Table:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from visref.papers.readings import Reading, reading
-from visref.papers.table import Basis, Experiment, Records, Row, Size, Table, Trend, Walk
+from visref.papers.contents import Basis, Experiment, JudgedRun, Results, Row, Size, Table, Trend
+from visref.papers.culler_frames import CullerFrames, culler_frames
 
 TITLE = (
     "H. Hey, R. F. Tobler, W. Purgathofer: Real-Time Occlusion Culling With A Lazy Occlusion "
@@ -63,19 +63,19 @@ def _stand_in_key(scene: str, width: int) -> str:
     return f"{scene}-tenth-{width}"
 
 
-def _walk(key: str, spec: str, size: Size, *, large: bool = False) -> Walk:
+def _judged(key: str, spec: str, size: Size, *, large: bool = False) -> JudgedRun:
     cullers = tuple(specs(spec.partition(":")[0]).values())
-    return Walk(key, spec, cullers, size=size, large=large)
+    return JudgedRun(key, spec, cullers, size=size, large=large)
 
 
-WALKS = tuple(
-    walk
+RUNS = tuple(
+    run
     for scene in SCENE_TRIANGLES
     for size in SIZES
-    for walk in (
-        _walk(_key(scene, size[0]), scene, size, large=scene in STAND_IN),
+    for run in (
+        _judged(_key(scene, size[0]), scene, size, large=scene in STAND_IN),
         *(
-            [_walk(_stand_in_key(scene, size[0]), STAND_IN[scene], size)]
+            [_judged(_stand_in_key(scene, size[0]), STAND_IN[scene], size)]
             if scene in STAND_IN
             else []
         ),
@@ -84,23 +84,23 @@ WALKS = tuple(
 EXPERIMENTS: tuple[Experiment, ...] = ()
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """Section 7's scenes, Figs. 7 to 9, and the share of readbacks."""
-    walks = {
-        (scene, width): walk
+    runs = {
+        (scene, width): run
         for scene in SCENE_TRIANGLES
         for width, _ in SIZES
-        if (walk := _measured(records, scene, width)) is not None
+        if (run := _measured(results, scene, width)) is not None
     }
-    return [_scenes(walks), _figure_7(walks), _figure_8(walks), _figure_9(walks)]
+    return [_scenes(runs), _figure_7(runs), _figure_8(runs), _figure_9(runs)]
 
 
 @dataclass(frozen=True)
-class _Walk:
-    """One scene and resolution: the scene's triangles, and the readings by update."""
+class _Run:
+    """One scene and resolution: the scene's triangles, and the frames by update."""
 
     triangles: int
-    by_update: dict[str, Reading]
+    by_update: dict[str, CullerFrames]
     note: str = ""
 
     def mean(self, counter: str) -> dict[str, float]:
@@ -110,17 +110,17 @@ class _Walk:
         return {update: one.ms(phase) for update, one in self.by_update.items()}
 
 
-_Walks = dict[tuple[str, int], _Walk]
+_Runs = dict[tuple[str, int], _Run]
 
 
-def _measured(records: Records, scene: str, width: int) -> _Walk | None:
-    run, note = records.run(_key(scene, width)), ""
+def _measured(results: Results, scene: str, width: int) -> _Run | None:
+    run, note = results.run(_key(scene, width)), ""
     if run is None and scene in STAND_IN:
-        run, note = records.run(_stand_in_key(scene, width)), STAND_IN_NOTE
+        run, note = results.run(_stand_in_key(scene, width)), STAND_IN_NOTE
     if run is None:
         return None
-    by_update = {update: reading(run, spec) for update, spec in specs(scene).items()}
-    return _Walk(run.manifest["scene"]["triangles"], by_update, note)
+    by_update = {update: culler_frames(run, spec) for update, spec in specs(scene).items()}
+    return _Run(run.manifest.scene.triangles, by_update, note)
 
 
 def _named(scene: str, width: int) -> str:
@@ -128,28 +128,28 @@ def _named(scene: str, width: int) -> str:
     return f"{name}, {width} × {dict(SIZES)[width]}"
 
 
-def _note(walk: _Walk | None) -> str:
-    return walk.note if walk is not None else ""
+def _note(run: _Run | None) -> str:
+    return run.note if run is not None else ""
 
 
-def _scenes(walks: _Walks) -> Table:
+def _scenes(runs: _Runs) -> Table:
     rows = []
     for scene, published in SCENE_TRIANGLES.items():
-        walk = walks.get((scene, SIZES[0][0]))
-        ours = None if walk is None else walk.triangles
+        run = runs.get((scene, SIZES[0][0]))
+        ours = None if run is None else run.triangles
         name = "Forest" if scene == "forest" else "City"
-        rows.append(Row(f"{name}: triangles", published, ours, note=_note(walk)))
+        rows.append(Row(f"{name}: triangles", published, ours, note=_note(run)))
     rows.append(Row("a cell's side", CELL_PX, CELL_PX, "px"))
     rows.append(Row("City: triangles a box, at most", TRIANGLES_A_BOX, TRIANGLES_A_BOX))
     return Table("Scenes and set-up", "section 7", tuple(rows))
 
 
-def _figure_7(walks: _Walks) -> Table:
+def _figure_7(runs: _Runs) -> Table:
     rows: list[Row] = []
     for at, (published, everything) in TRIANGLES_DRAWN.items():
-        walk = walks.get(at)
-        drawn = walk.mean("triangles_drawn") if walk is not None else {}
-        name, note = _named(*at), _note(walk)
+        run = runs.get(at)
+        drawn = run.mean("triangles_drawn") if run is not None else {}
+        name, note = _named(*at), _note(run)
         share = drawn["lazy"] / drawn["none"] if drawn else None
         rows += [
             Row(f"{name}: lazy", published, drawn.get("lazy"), note=note),
@@ -157,26 +157,26 @@ def _figure_7(walks: _Walks) -> Table:
             Row(f"{name}: no occlusion culling", everything, drawn.get("none"), note=note),
             Row(f"{name}: lazy over none", published / everything, share, "%", 2, note=note),
         ]
-    same = [_same_drawn(walk) for walk in walks.values()]
+    same = [_same_drawn(run) for run in runs.values()]
     trends = [
         Trend("lazy draws as much as busy, in every frame", all(same) if same else None),
-        *(_saving(scene, walks) for scene in SCENE_TRIANGLES),
+        *(_saving(scene, runs) for scene in SCENE_TRIANGLES),
     ]
     return Table("Triangles drawn a frame", "Fig. 7", tuple(rows), tuple(trends))
 
 
-def _saving(scene: str, walks: _Walks) -> Trend:
+def _saving(scene: str, runs: _Runs) -> Trend:
     """Whether the grid leaves about as little to draw as in the paper; and where it does not,
     how much of what it draws is really seen."""
     published = max(lazy / none for (name, _), (lazy, none) in TRIANGLES_DRAWN.items()
                     if name == scene)  # fmt: skip
     claim = f"{scene}: lazy draws no more than {100 * published:.1f} % of what none draws"
-    found = [walk for (name, _), walk in walks.items() if name == scene]
+    found = [run for (name, _), run in runs.items() if name == scene]
     if not found:
         return Trend(claim, None)
-    shares = [walk.mean("triangles_drawn") for walk in found]
+    shares = [run.mean("triangles_drawn") for run in found]
     worst = max(drawn["lazy"] / drawn["none"] for drawn in shares)
-    seen = [walk.mean("superfluous")["lazy"] / walk.mean("drawn")["lazy"] for walk in found]
+    seen = [run.mean("superfluous")["lazy"] / run.mean("drawn")["lazy"] for run in found]
     why = (
         f"it is {100 * worst:.1f} %, and of the boxes drawn {100 * (1 - max(seen)):.0f} % own a "
         "sample: the generated scene shows more at once than the paper's"
@@ -184,24 +184,21 @@ def _saving(scene: str, walks: _Walks) -> Trend:
     return Trend(claim, worst <= published, why)
 
 
-def _same_drawn(walk: _Walk) -> bool:
+def _same_drawn(run: _Run) -> bool:
     """Whether lazy and busy drew the same number of triangles in every frame."""
-    lazy, busy = (
-        [row["triangles_drawn"] for row in walk.by_update[update].rows]
-        for update in ("lazy", "busy")
-    )
+    lazy, busy = (run.by_update[update].counts("triangles_drawn") for update in ("lazy", "busy"))
     return lazy == busy
 
 
-def _figure_8(walks: _Walks) -> Table:
+def _figure_8(runs: _Runs) -> Table:
     rows: list[Row] = []
     gains: dict[tuple[str, int], float] = {}
     for at, (lazy, busy) in PIXEL_QUERIES.items():
-        walk = walks.get(at)
-        asked = walk.mean("queries") if walk is not None else {}
+        run = runs.get(at)
+        asked = run.mean("queries") if run is not None else {}
         if asked:
             gains[at] = asked["busy"] / asked["lazy"]
-        name, note = _named(*at), _note(walk)
+        name, note = _named(*at), _note(run)
         rows += [
             Row(f"{name}: lazy", lazy, asked.get("lazy"), note=note),
             Row(f"{name}: busy", busy, asked.get("busy"), note=note),
@@ -217,15 +214,15 @@ def _figure_8(walks: _Walks) -> Table:
     return Table("Pixel-level queries a frame", "Fig. 8", tuple(rows), tuple(trends))
 
 
-def _figure_9(walks: _Walks) -> Table:
+def _figure_9(runs: _Runs) -> Table:
     rows: list[Row] = []
     low, high = FRAME_RATE_GAIN
     least, most = READBACK_SHARE
     for at in TRIANGLES_DRAWN:
-        walk = walks.get(at)
-        ms = walk.ms() if walk is not None else {}
-        asking = walk.ms("query")["lazy"] / ms["lazy"] if walk is not None else None
-        name, note = _named(*at), _note(walk)
+        run = runs.get(at)
+        ms = run.ms() if run is not None else {}
+        asking = run.ms("query")["lazy"] / ms["lazy"] if run is not None else None
+        name, note = _named(*at), _note(run)
         rows += [
             Row(f"{name}: {update}", None, ms.get(update), "ms", 1, Basis.HARDWARE, note)
             for update in ("lazy", "busy", "none")
@@ -239,18 +236,18 @@ def _figure_9(walks: _Walks) -> Table:
             Row(f"{name}: queries' share of the time, lazy", shares, asking, "%", 0,
                 Basis.WITHIN_RUN, note),
         ]  # fmt: skip
-    return Table("Time a frame", "Fig. 9 and section 7", tuple(rows), _time_trends(walks))
+    return Table("Time a frame", "Fig. 9 and section 7", tuple(rows), _time_trends(runs))
 
 
-def _time_trends(walks: _Walks) -> tuple[Trend, ...]:
-    gains = {at: walk.ms()["none"] / walk.ms()["lazy"] for at, walk in walks.items()}
+def _time_trends(runs: _Runs) -> tuple[Trend, ...]:
+    gains = {at: run.ms()["none"] / run.ms()["lazy"] for at, run in runs.items()}
     told = "; ".join(f"{_named(*at)}: {gain:.2f}" for at, gain in gains.items())
     faster = Trend(
         "the lazy grid is faster than no occlusion culling",
         min(gains.values()) > 1.0 if gains else None,
         f"frame rate, lazy over none, is {told}",
     )
-    forests = {at: walk.ms() for at, walk in walks.items() if at[0] == "forest"}
+    forests = {at: run.ms() for at, run in runs.items() if at[0] == "forest"}
     slower = [ms["busy"] > ms["none"] for ms in forests.values()]
     times = "; ".join(
         f"{_named(*at)}: busy {ms['busy']:.0f} ms, none {ms['none']:.0f} ms"

@@ -16,20 +16,20 @@ from pathlib import PurePath
 from statistics import fmean
 from typing import Any
 
-from visref.papers.readings import Reading, reading
-from visref.papers.table import (
+from visref.papers.contents import (
     Basis,
     Curve,
     Experiment,
     Figure,
-    Records,
+    JudgedRun,
+    Results,
     Row,
     Size,
     Table,
     Trend,
-    Walk,
 )
-from visref.run_folder.read import RunRecord
+from visref.papers.culler_frames import CullerFrames, culler_frames
+from visref.run_folder.read import RunFolder
 
 TITLE = (
     "J. T. Klosowski, C. T. Silva: Efficient Conservative Visibility Culling Using the "
@@ -124,9 +124,9 @@ TOWER = {
 }
 CITY = "city:scale=0.65"
 
-WALKS = (
-    Walk("soda-hall", "soda_hall", tuple(spec(EXT, budget) for budget in TABLE_3), SIZE),
-    Walk(
+RUNS = (
+    JudgedRun("soda-hall", "soda_hall", tuple(spec(EXT, budget) for budget in TABLE_3), SIZE),
+    JudgedRun(
         "soda-hall-ways",
         "soda_hall",
         (
@@ -136,8 +136,8 @@ WALKS = (
         ),
         SIZE,
     ),
-    Walk("skyscraper", "skyscraper", tuple(TOWER.values()), SIZE),
-    Walk("city", CITY, tuple(f"plp:budget={budget}" for budget in CITY_BUDGETS), SIZE),
+    JudgedRun("skyscraper", "skyscraper", tuple(TOWER.values()), SIZE),
+    JudgedRun("city", CITY, tuple(f"plp:budget={budget}" for budget in CITY_BUDGETS), SIZE),
 )
 FRONTS = {"soda-hall": "soda_hall", "city": CITY}
 EXPERIMENTS = (
@@ -147,49 +147,49 @@ EXPERIMENTS = (
 )
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """Section 4's scene, Tables 2 and 3, Figs. 6 to 8, the cost of a query, and PLP alone."""
-    walk = records.run("soda-hall")
-    by_budget = {} if walk is None else {b: reading(walk, spec(EXT, b)) for b in TABLE_3}
+    run = results.run("soda-hall")
+    by_budget = {} if run is None else {b: culler_frames(run, spec(EXT, b)) for b in TABLE_3}
     return [
-        _scene(walk),
+        _scene(run),
         _table_3(by_budget),
-        _times(records.run("soda-hall-ways"), by_budget),
-        _primitives(records.experiment("primitives")),
-        _queries(records),
-        _depth_complexity(records.run("skyscraper")),
-        _quality(records.run("city"), records.experiment("city-quality")),
+        _times(results.run("soda-hall-ways"), by_budget),
+        _primitives(results.experiment("primitives")),
+        _queries(results),
+        _depth_complexity(results.run("skyscraper")),
+        _quality(results.run("city"), results.experiment("city-quality")),
     ]
 
 
-def tables_of_run(record: RunRecord) -> list[Table]:
+def tables_of_run(run: RunFolder) -> list[Table]:
     """Table 3 from a run of cPLP on budgets through the Soda Hall, and the depth complexity from
     one of both `TOWER`'s through the skyscraper."""
-    scene = PurePath(record.scene_name.partition(":")[0]).stem
-    if scene == "skyscraper" and TOWER["frustum"] in record.frames_of:
-        return [_depth_complexity(record)]
+    scene = PurePath(run.scene_name.partition(":")[0]).stem
+    if scene == "skyscraper" and TOWER["frustum"] in run.frames_of:
+        return [_depth_complexity(run)]
     if scene != "soda_hall":
         return []
-    found: dict[str, dict[int, Reading]] = {}
-    for culler in record.cullers:
+    found: dict[str, dict[int, CullerFrames]] = {}
+    for culler in run.cullers:
         name, _, text = culler.partition(":")
         options = dict(part.partition("=")[::2] for part in text.split(","))
         paper = options.get("leaf", str(LEAF_TRIANGLES)) == str(LEAF_TRIANGLES)
-        rows = record.frames_of[culler]
+        rows = run.frames_of[culler]
         if name == "cplp" and paper and "budget" in options and rows:
-            if any(row.get("triangles_estimated") is None for row in rows):
+            if any(row.triangles_estimated is None for row in rows):
                 continue
             way = LABELS.get(options.get("query", EXT), "cPLP")
-            found.setdefault(way, {})[int(options["budget"])] = reading(record, culler)
-    triangles = record.manifest["scene"]["triangles"]
+            found.setdefault(way, {})[int(options["budget"])] = culler_frames(run, culler)
+    triangles = run.manifest.scene.triangles
     note = "" if triangles > LEAST_TRIANGLES else f"a scene of {triangles:,} triangles only"
     return [_table_3(by_budget, way, note) for way, by_budget in found.items()]
 
 
-def _scene(walk: RunRecord | None) -> Table:
-    triangles = None if walk is None else walk.manifest["scene"]["triangles"]
-    leaves = None if walk is None else walk.manifest["cullers"][spec(EXT, 1_000)]["units"]
-    frames = None if walk is None else len(walk.frame_numbers)
+def _scene(run: RunFolder | None) -> Table:
+    triangles = None if run is None else run.manifest.scene.triangles
+    leaves = None if run is None else run.manifest.cullers[spec(EXT, 1_000)].units
+    frames = None if run is None else len(run.frame_numbers)
     return Table(
         "Scene and set-up",
         "section 4",
@@ -202,12 +202,12 @@ def _scene(walk: RunRecord | None) -> Table:
     )
 
 
-def _extra(one: Reading) -> float:
+def _extra(one: CullerFrames) -> float:
     """Triangles drawn in addition to the estimate's, on average."""
     return one.mean("triangles_drawn") - one.mean("triangles_estimated")
 
 
-def _table_3(by_budget: Mapping[int, Reading], way: str = "", note: str = "") -> Table:
+def _table_3(by_budget: Mapping[int, CullerFrames], way: str = "", note: str = "") -> Table:
     """Rows for the paper's budgets and for any other that was run; those alone where only some
     of the paper's were."""
     budgets = sorted(by_budget) if by_budget else list(TABLE_3)
@@ -228,7 +228,7 @@ def _table_3(by_budget: Mapping[int, Reading], way: str = "", note: str = "") ->
     return Table(title, "Table 3", tuple(rows), _table_3_trends(by_budget), _figure(by_budget))
 
 
-def _table_3_trends(by_budget: Mapping[int, Reading]) -> tuple[Trend, ...]:
+def _table_3_trends(by_budget: Mapping[int, CullerFrames]) -> tuple[Trend, ...]:
     budgets = sorted(by_budget)
     rounds = [by_budget[budget].mean("iterations") for budget in budgets]
     extra = [_extra(by_budget[budget]) for budget in budgets]
@@ -256,7 +256,7 @@ def _table_3_trends(by_budget: Mapping[int, Reading]) -> tuple[Trend, ...]:
     )
 
 
-def _figure(by_budget: Mapping[int, Reading]) -> Figure | None:
+def _figure(by_budget: Mapping[int, CullerFrames]) -> Figure | None:
     if len(by_budget) < 2:
         return None
     ours = tuple(sorted(by_budget))
@@ -271,15 +271,15 @@ def _figure(by_budget: Mapping[int, Reading]) -> Figure | None:
     )
 
 
-def _times(run: RunRecord | None, by_budget: Mapping[int, Reading]) -> Table:
+def _times(run: RunFolder | None, by_budget: Mapping[int, CullerFrames]) -> Table:
     ms: dict[str, dict[int, float]] = {}
     alone: dict[str, float] = {}
     if run is not None:
         ms = {
-            way: {budget: reading(run, spec(way, budget)).ms() for budget in WAY_BUDGETS[way]}
+            way: {budget: culler_frames(run, spec(way, budget)).ms() for budget in WAY_BUDGETS[way]}
             for way in LABELS
         }
-        alone = {name: reading(run, culler).ms() for name, culler in
+        alone = {name: culler_frames(run, culler).ms() for name, culler in
                  (("HP", HP_ALONE), ("VF-BF", VF_BF))}  # fmt: skip
     rows = [
         Row(f"{label}, budget {budget:,}", None, ms.get(way, {}).get(budget), "ms", 1,
@@ -353,12 +353,12 @@ ASKED = {
 }
 
 
-def _queries(records: Records) -> Table:
+def _queries(results: Results) -> Table:
     """The cost of a query of each way, all cells of a front at once."""
     rows: list[Row] = []
     gains: dict[str, list[tuple[int, float]]] = {"sync": [], "batch": []}
     for key, scene in FRONTS.items():
-        found = records.experiment(f"{key}-queries")
+        found = results.experiment(f"{key}-queries")
         for front in found["fronts"] if found is not None else []:
             ms, cells = front["ms"], front["cells"]
             at = f"{scene.partition(':')[0]}, leaf {front['leaf']:,}, {cells:,} cells"
@@ -389,16 +389,16 @@ def _cheaper(claim: str, gains: list[tuple[int, float]], least: float) -> Trend:
     return Trend(claim, max(gains)[1] >= least, told)
 
 
-def _depth_complexity(run: RunRecord | None) -> Table:
+def _depth_complexity(run: RunFolder | None) -> Table:
     """Z-tests a pixel; the paper does not say whether its own count the queries' boxes."""
     before, after = DEPTH_COMPLEXITY
     tests: dict[str, float] = {}
     asking: dict[str, float] = {}
     if run is not None:
-        pixels = fmean(run.samples_of(frame) for frame in run.frame_numbers)
+        pixels = fmean(width * height for width, height in map(run.size, run.frame_numbers))
         for name, culler in TOWER.items():
             if culler in run.frames_of:
-                one = reading(run, culler)
+                one = culler_frames(run, culler)
                 asking[name] = one.mean("query_fragments") / pixels
                 tests[name] = one.mean("depth_tests") / pixels
     frustum = tests.get("frustum")
@@ -427,7 +427,7 @@ def _depth_complexity(run: RunRecord | None) -> Table:
     return Table("Z-tests a pixel", "section 4, Fig. 7", tuple(rows), (trend,))
 
 
-def _quality(run: RunRecord | None, found: Mapping[str, Any] | None) -> Table:
+def _quality(run: RunFolder | None, found: Mapping[str, Any] | None) -> Table:
     """PLP alone by budget: visible triangles found, from the experiment; wrong pixels, which are
     the samples missed, from the judged run."""
     seen = dict(zip(found["budgets"], found["found"], strict=True)) if found is not None else {}
@@ -439,7 +439,7 @@ def _quality(run: RunRecord | None, found: Mapping[str, Any] | None) -> Table:
         mean = worst = None
         if run is not None:
             lost = [
-                row["missed_pixels"] / run.samples_of(row["frame"])
+                row.missed_pixels / run.samples_of(row)
                 for row in run.frames_of[f"plp:budget={budget}"]
             ]
             mean, worst = fmean(lost), max(lost)

@@ -15,18 +15,18 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from visref.papers.readings import Reading, reading
-from visref.papers.table import (
+from visref.papers.contents import (
     Basis,
     Curve,
     Experiment,
     Figure,
-    Records,
+    JudgedRun,
+    Results,
     Row,
     Table,
     Trend,
-    Walk,
 )
+from visref.papers.culler_frames import CullerFrames, culler_frames
 
 TITLE = "Occlusion Culling: slides on the visualisation of seismic data (three passes)"
 
@@ -74,41 +74,41 @@ _PUBLISHED = dict.fromkeys(
 )
 _FILLED = [FRUSTUM, published(1), *(published(REDUCTION, scale=scale) for scale in FILL_SCALES)]
 
-WALKS = (
-    Walk("published", SCENE, (FRUSTUM, BOXES, *_PUBLISHED), size=SIZE),
-    Walk(
+RUNS = (
+    JudgedRun("published", SCENE, (FRUSTUM, BOXES, *_PUBLISHED), size=SIZE),
+    JudgedRun(
         "conservative",
         SCENE,
         tuple(conservative(*at) for at in itertools.product(CONSERVATIVE, SCALES)),
         size=SIZE,
     ),
-    Walk("fill", SCENE, tuple(map(_counted, _FILLED)), size=SIZE),
+    JudgedRun("fill", SCENE, tuple(map(_counted, _FILLED)), size=SIZE),
 )
 EXPERIMENTS = (Experiment("prediction", "three-pass-prediction", scene=SCENE, size=SIZE),)
 
-_Readings = Mapping[str, Reading]
+_ByCuller = Mapping[str, CullerFrames]
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """What the slides say, and what they leave open."""
-    walks = {walk.key: _measured(records, walk) for walk in WALKS}
-    by_spec, fill = walks["published"], walks["fill"]
+    runs = {judged.key: _measured(results, judged) for judged in RUNS}
+    by_spec, fill = runs["published"], runs["fill"]
     return [
         _claims(by_spec, fill),
         _misses(by_spec),
         _cost(by_spec),
-        _safe(walks["conservative"], by_spec),
-        _prediction(records.experiment("prediction")),
+        _safe(runs["conservative"], by_spec),
+        _prediction(results.experiment("prediction")),
     ]
 
 
-def _measured(records: Records, walk: Walk) -> dict[str, Reading]:
-    run = records.run(walk.key)
-    return {} if run is None else {spec: reading(run, spec) for spec in walk.cullers}
+def _measured(results: Results, judged: JudgedRun) -> dict[str, CullerFrames]:
+    run = results.run(judged.key)
+    return {} if run is None else {spec: culler_frames(run, spec) for spec in judged.cullers}
 
 
-def _sum(readings: _Readings, spec: str, counter: str) -> float | None:
-    one = readings.get(spec)
+def _sum(by_spec: _ByCuller, spec: str, counter: str) -> float | None:
+    one = by_spec.get(spec)
     return None if one is None else one.mean(counter) * len(one.rows)
 
 
@@ -116,14 +116,14 @@ def _share(part: float | None, whole: float | None) -> float | None:
     return part / whole if part is not None and whole else None
 
 
-def _missed(readings: _Readings, spec: str) -> float | None:
+def _missed(by_spec: _ByCuller, spec: str) -> float | None:
     """Missed objects over visible ones."""
-    return _share(_sum(readings, spec, "confirmed"), _sum(readings, spec, "visible"))
+    return _share(_sum(by_spec, spec, "confirmed"), _sum(by_spec, spec, "visible"))
 
 
-def _lost(readings: _Readings, spec: str) -> float | None:
+def _lost(by_spec: _ByCuller, spec: str) -> float | None:
     """Samples lost over those of the image."""
-    one = readings.get(spec)
+    one = by_spec.get(spec)
     return None if one is None else one.mean("missed_pixels") / (SIZE[0] * SIZE[1])
 
 
@@ -134,16 +134,17 @@ def _ascending(values: Sequence[float | None]) -> bool | None:
     return all(a <= b for a, b in itertools.pairwise(known))
 
 
-def _fills(fill: _Readings, spec: str) -> list[float]:
+def _fills(fill: _ByCuller, spec: str) -> list[float]:
     """Each frame's depth tests over those of drawing what meets the frustum."""
     ours, all_drawn = fill.get(_counted(spec)), fill.get(_counted(FRUSTUM))
     if ours is None or all_drawn is None:
         return []
-    whole = {row["frame"]: row["depth_tests"] for row in all_drawn.rows}
-    return [row["depth_tests"] / whole[row["frame"]] for row in ours.rows if whole[row["frame"]]]
+    whole = dict(zip(all_drawn.frames, all_drawn.counts("depth_tests"), strict=True))
+    tests = zip(ours.frames, ours.counts("depth_tests"), strict=True)
+    return [count / whole[frame] for frame, count in tests if whole[frame]]
 
 
-def _claims(by_spec: _Readings, fill: _Readings) -> Table:
+def _claims(by_spec: _ByCuller, fill: _ByCuller) -> Table:
     usual = by_spec.get(published(REDUCTION))
     worst = max(_fills(fill, published(1)), default=None)
     at_scale = {scale: _fills(fill, published(REDUCTION, scale=scale)) for scale in FILL_SCALES}
@@ -196,7 +197,7 @@ def _name(reduction: int, threshold: int, scale: int) -> str:
     return f"1:{reduction}, threshold {threshold}, {image}"
 
 
-def _misses(by_spec: _Readings) -> Table:
+def _misses(by_spec: _ByCuller) -> Table:
     every = [*((reduction, 0, 1) for reduction in REDUCTIONS), *CROSS]
     rows = []
     for at in dict.fromkeys(every):
@@ -234,7 +235,7 @@ def _all(holds: Sequence[bool | None]) -> bool | None:
     return None if not holds or None in holds else all(holds)
 
 
-def _miss_figure(by_spec: _Readings) -> Figure | None:
+def _miss_figure(by_spec: _ByCuller) -> Figure | None:
     curves = []
     for threshold, scale in itertools.product(THRESHOLDS, SCALES):
         first = (threshold, scale) == (0, 1)
@@ -252,7 +253,7 @@ def _miss_figure(by_spec: _Readings) -> Figure | None:
     return Figure("reduction", "samples lost, %", tuple(curves), log_x=True, log_y=True)
 
 
-def _cost(by_spec: _Readings) -> Table:
+def _cost(by_spec: _ByCuller) -> Table:
     rows = []
     drawn = {}
     for spec, name in (
@@ -274,7 +275,7 @@ def _cost(by_spec: _Readings) -> Table:
     return Table("Cost", "not in the slides", tuple(rows), (trend,))
 
 
-def _safe(safe: _Readings, by_spec: _Readings) -> Table:
+def _safe(safe: _ByCuller, by_spec: _ByCuller) -> Table:
     rows = []
     frustum = _sum(by_spec, FRUSTUM, "drawn")
     drawn: dict[tuple[int, int], float | None] = {}
@@ -288,7 +289,7 @@ def _safe(safe: _Readings, by_spec: _Readings) -> Table:
             Row(f"{name}: a frame", None, None if one is None else one.ms(), "ms", 1,
                 Basis.HARDWARE),
         ]  # fmt: skip
-    missed = [_sum(safe, spec, "confirmed") for spec in WALKS[1].cullers]
+    missed = [_sum(safe, spec, "confirmed") for spec in RUNS[1].cullers]
     curves = tuple(
         Curve("full image" if scale == 1 else f"1/{scale} the side",
               tuple(float(reduction) for reduction in CONSERVATIVE),

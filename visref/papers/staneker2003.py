@@ -17,19 +17,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from visref.papers.readings import Reading, reading
-from visref.papers.table import (
+from visref.papers.contents import (
     Basis,
     Curve,
     Experiment,
     Figure,
-    Records,
+    JudgedRun,
+    Results,
     Row,
     Size,
     Table,
     Trend,
-    Walk,
 )
+from visref.papers.culler_frames import CullerFrames, culler_frames
 
 TITLE = (
     "D. Staneker, D. Bartz, M. Meissner: Improving Occlusion Query Efficiency with Occupancy "
@@ -90,14 +90,14 @@ COUNTED_MAP = f"{MAP},fragments=true"
 # Drawn shapes mark by their whole boxes.
 COUNTED_BOXES = f"{MAP},parts=1,fragments=true"
 
-WALKS = (
+RUNS = (
     *(
-        Walk(f"{SCENES[model]}-876", SCENES[model], (COUNTED_SINGLE, COUNTED_MAP, COUNTED_BOXES),
-             size=SMALL)
+        JudgedRun(f"{SCENES[model]}-876", SCENES[model],
+                  (COUNTED_SINGLE, COUNTED_MAP, COUNTED_BOXES), size=SMALL)
         for model in BOX_PIXELS
     ),
     *(
-        Walk(f"{SCENES[model]}-1000", SCENES[model], tuple(METHODS.values()), size=LARGE)
+        JudgedRun(f"{SCENES[model]}-1000", SCENES[model], tuple(METHODS.values()), size=LARGE)
         for model in MODELS
     ),
 )  # fmt: skip
@@ -108,13 +108,13 @@ EXPERIMENTS = (
 )
 
 
-def tables(records: Records) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """Fig. 1, the map, Tables 3, 1, 2, 4 and 5, and Figs. 8 to 11."""
-    small, large = _measured(records, SMALL), _measured(records, LARGE)
+    small, large = _measured(results, SMALL), _measured(results, LARGE)
     return [
         _models(large),
-        _latency(records),
-        _map(records, large),
+        _latency(results),
+        _map(results, large),
         _table_1(small),
         _table_2(small),
         _table_4(large),
@@ -124,12 +124,12 @@ def tables(records: Records) -> list[Table]:
 
 
 @dataclass(frozen=True)
-class _Walk:
-    """One model at one size: its shapes and triangles, and the readings by culler."""
+class _Run:
+    """One model at one size: its shapes and triangles, and the frames by culler."""
 
     shapes: int
     triangles: int
-    by_culler: dict[str, Reading]
+    by_culler: dict[str, CullerFrames]
 
     def rate(self, culler: str) -> float:
         """Frames a second, of the median frame."""
@@ -146,19 +146,19 @@ class _Walk:
         return self.by_culler[culler].mean("query_fragments_passed")
 
 
-_Walks = dict[str, _Walk]  # by model, those that were measured
+_Runs = dict[str, _Run]  # by model, those that were measured
 _T = TypeVar("_T")
 
 
-def _measured(records: Records, size: Size) -> _Walks:
+def _measured(results: Results, size: Size) -> _Runs:
     found = {}
-    for walk in WALKS:
-        run = records.run(walk.key) if walk.size == size else None
+    for judged in RUNS:
+        run = results.run(judged.key) if judged.size == size else None
         if run is not None:
-            scene = run.manifest["scene"]
-            by_culler = {culler: reading(run, culler) for culler in walk.cullers}
-            (model,) = (model for model, name in SCENES.items() if name == walk.scene)
-            found[model] = _Walk(scene["objects"], scene["triangles"], by_culler)
+            scene = run.manifest.scene
+            by_culler = {culler: culler_frames(run, culler) for culler in judged.cullers}
+            (model,) = (model for model, name in SCENES.items() if name == judged.scene)
+            found[model] = _Run(scene.objects, scene.triangles, by_culler)
     return found
 
 
@@ -167,24 +167,24 @@ def _of(measured: _T | None, number: Callable[[_T], float]) -> float | None:
     return None if measured is None else number(measured)
 
 
-def _models(walks: _Walks) -> Table:
+def _models(runs: _Runs) -> Table:
     rows = []
     for model, (shapes, polygons) in MODELS.items():
-        walk = walks.get(model)
+        run = runs.get(model)
         note = "the text says 2,134" if model == "City" else ""
         rows += [
-            Row(f"{model}: shapes", shapes, _of(walk, lambda w: w.shapes)),
-            Row(f"{model}: polygons", polygons, _of(walk, lambda w: w.triangles)),
+            Row(f"{model}: shapes", shapes, _of(run, lambda w: w.shapes)),
+            Row(f"{model}: polygons", polygons, _of(run, lambda w: w.triangles)),
             Row(f"{model}: polygons a shape", polygons / shapes,
-                _of(walk, lambda w: w.triangles / w.shapes), note=note),
+                _of(run, lambda w: w.triangles / w.shapes), note=note),
         ]  # fmt: skip
     return Table("Models", "Table 3", tuple(rows))
 
 
-def _latency(records: Records) -> Table:
-    found = records.experiment("latency")
+def _latency(results: Results) -> Table:
+    found = results.experiment("latency")
     ratio = _of(found, lambda f: f["culled_ms"][-1] / f["unculled_ms"][-1])
-    cost = _of(records.experiment("query-in-triangles"), lambda f: f["query_ms"] / f["triangle_ms"])
+    cost = _of(results.experiment("query-in-triangles"), lambda f: f["query_ms"] / f["triangle_ms"])
     rows = [
         Row("a query in triangles of 25 pixels", QUERY_IN_TRIANGLES, cost, basis=Basis.WITHIN_RUN),
         Row("largest box: back faces culled over not", CULLED_SHARE, ratio, digits=2,
@@ -216,8 +216,8 @@ def _latency(records: Records) -> Table:
     )
 
 
-def _map(records: Records, walks: _Walks) -> Table:
-    lookup, latency = records.experiment("lookup"), records.experiment("latency")
+def _map(results: Results, runs: _Runs) -> Table:
+    lookup, latency = results.experiment("lookup"), results.experiment("latency")
     rows = [
         Row("a map, bytes", MAP_BYTES, _of(lookup, lambda f: f["map_bytes"])),
         Row("lists of queries", LISTS, _of(lookup, lambda f: f["lists"])),
@@ -232,10 +232,10 @@ def _map(records: Records, walks: _Walks) -> Table:
     rows.append(Row("quickest query over dearest lookup", ORDERS, share, basis=Basis.WITHIN_RUN))
     rows += [
         Row(f"{model}: shapes in view that need no query", ALWAYS_VISIBLE,
-            _of(walks.get(model), _unasked), "%", 1, note="theirs of geometry, by estimates")
+            _of(runs.get(model), _unasked), "%", 1, note="theirs of geometry, by estimates")
         for model in MODELS
     ]  # fmt: skip
-    stalls = [row["batches"] for walk in walks.values() for row in walk.by_culler[MULTIPLE].rows]
+    stalls = [n for run in runs.values() for n in run.by_culler[MULTIPLE].counts("batches")]
     trends = (
         Trend("a lookup costs orders of magnitude less than a query",
               None if share is None else share > LEAST_ORDERS,
@@ -247,44 +247,44 @@ def _map(records: Records, walks: _Walks) -> Table:
     return Table("The map", "sections 2 and 3", tuple(rows), trends)
 
 
-def _unasked(walk: _Walk) -> float:
+def _unasked(run: _Run) -> float:
     """The share of the shapes in view that the map alone shows to be visible."""
-    with_map = walk.by_culler[MAP]
+    with_map = run.by_culler[MAP]
     skipped = with_map.mean("tests_skipped")
     return skipped / (skipped + with_map.mean("queries"))
 
 
-def _table_1(walks: _Walks) -> Table:
+def _table_1(runs: _Runs) -> Table:
     rows = []
     for model, (without, with_map) in FRAME_RATE_HP.items():
-        walk = walks.get(model)
+        run = runs.get(model)
         rows += [
-            Row(f"{model}: without OM", without, _of(walk, lambda w: w.rate(COUNTED_SINGLE)),
+            Row(f"{model}: without OM", without, _of(run, lambda w: w.rate(COUNTED_SINGLE)),
                 "fps", 1, Basis.HARDWARE),
-            Row(f"{model}: with OM", with_map, _of(walk, lambda w: w.rate(COUNTED_MAP)),
+            Row(f"{model}: with OM", with_map, _of(run, lambda w: w.rate(COUNTED_MAP)),
                 "fps", 1, Basis.HARDWARE),
             Row(f"{model}: with over without", with_map / without,
-                _of(walk, lambda w: w.gain(COUNTED_MAP, COUNTED_SINGLE)), "", 2, Basis.WITHIN_RUN),
+                _of(run, lambda w: w.gain(COUNTED_MAP, COUNTED_SINGLE)), "", 2, Basis.WITHIN_RUN),
         ]  # fmt: skip
     return Table("Frame rates at 876 × 584", "Table 1", tuple(rows))
 
 
-def _table_2(walks: _Walks) -> Table:
+def _table_2(runs: _Runs) -> Table:
     rows = []
     note = "ours are front faces alone; whether theirs are is not said"
     for model, (without, with_map) in BOX_PIXELS.items():
-        walk = walks.get(model)
+        run = runs.get(model)
         rows += [
-            Row(f"{model}: without OM", without, _of(walk, lambda w: w.box_pixels(COUNTED_SINGLE)),
+            Row(f"{model}: without OM", without, _of(run, lambda w: w.box_pixels(COUNTED_SINGLE)),
                 "px", note=note),
-            Row(f"{model}: with OM", with_map, _of(walk, lambda w: w.box_pixels(COUNTED_MAP)),
+            Row(f"{model}: with OM", with_map, _of(run, lambda w: w.box_pixels(COUNTED_MAP)),
                 "px", note=note),
-            Row(f"{model}: with over without", with_map / without, _of(walk, _left), "%"),
+            Row(f"{model}: with over without", with_map / without, _of(run, _left), "%"),
             Row(f"{model}: the same, shapes marked by their whole boxes", None,
-                _of(walk, lambda w: w.box_pixels(COUNTED_BOXES) / w.box_pixels(COUNTED_SINGLE)),
+                _of(run, lambda w: w.box_pixels(COUNTED_BOXES) / w.box_pixels(COUNTED_SINGLE)),
                 "%"),
         ]  # fmt: skip
-    shares = {model: _left(walks[model]) for model in BOX_PIXELS if model in walks}
+    shares = {model: _left(runs[model]) for model in BOX_PIXELS if model in runs}
     told = ", ".join(f"{model} {100 * share:.0f} %" for model, share in shares.items())
     trend = Trend(
         "the map saves most on Angio and least on FormulaOne",
@@ -294,44 +294,44 @@ def _table_2(walks: _Walks) -> Table:
     return Table("Pixels of boxes that are not occluded", "Table 2", tuple(rows), (trend,))
 
 
-def _left(walk: _Walk) -> float:
+def _left(run: _Run) -> float:
     """The share of the boxes' pixels that a map does not save."""
-    return walk.box_pixels(COUNTED_MAP) / walk.box_pixels(COUNTED_SINGLE)
+    return run.box_pixels(COUNTED_MAP) / run.box_pixels(COUNTED_SINGLE)
 
 
-def _table_4(walks: _Walks) -> Table:
+def _table_4(runs: _Runs) -> Table:
     rows = []
     for model, published in FRAME_RATE.items():
         for (name, culler), rate in zip(METHODS.items(), published, strict=True):
-            ours = walks[model].rate(culler) if model in walks else None
+            ours = runs[model].rate(culler) if model in runs else None
             rows.append(Row(f"{model}: {name}", rate, ours, "fps", 1, Basis.HARDWARE))
     return Table("Frame rates at 1000 × 900", "Table 4", tuple(rows))
 
 
-def _table_5(walks: _Walks) -> Table:
+def _table_5(runs: _Runs) -> Table:
     rows = []
     for model, (with_map, multiple) in SPEED_UP.items():
-        walk = walks.get(model)
+        run = runs.get(model)
         single, _, many = FRAME_RATE[model]
         rows += [
             Row(f"{model}: single with OM over single", 1.0 + with_map,
-                _of(walk, lambda w: w.gain(MAP, SINGLE)), "", 2, Basis.WITHIN_RUN),
+                _of(run, lambda w: w.gain(MAP, SINGLE)), "", 2, Basis.WITHIN_RUN),
             Row(f"{model}: multiple over single with OM", 1.0 + multiple,
-                _of(walk, lambda w: w.gain(MULTIPLE, MAP)), "", 2, Basis.WITHIN_RUN),
+                _of(run, lambda w: w.gain(MULTIPLE, MAP)), "", 2, Basis.WITHIN_RUN),
             Row(f"{model}: multiple over single", many / single,
-                _of(walk, lambda w: w.gain(MULTIPLE, SINGLE)), "", 2, Basis.WITHIN_RUN,
+                _of(run, lambda w: w.gain(MULTIPLE, SINGLE)), "", 2, Basis.WITHIN_RUN,
                 "by Table 4"),
         ]  # fmt: skip
-    return Table("Speed-ups", "Table 5", tuple(rows), _speed_trends(walks))
+    return Table("Speed-ups", "Table 5", tuple(rows), _speed_trends(runs))
 
 
-def _speed_trends(walks: _Walks) -> tuple[Trend, ...]:
-    many = {model: walk.gain(MULTIPLE, MAP) for model, walk in walks.items()}
-    one = {model: walk.gain(MAP, SINGLE) for model, walk in walks.items()}
-    waits = {model: [walk.by_culler[culler].mean("batches") for culler in (MAP, MULTIPLE)]
-             for model, walk in walks.items()}  # fmt: skip
-    lists = "; ".join(_spent(model, walk, MAP, MULTIPLE) for model, walk in walks.items())
-    maps = "; ".join(_spent(model, walk, SINGLE, MAP) for model, walk in walks.items())
+def _speed_trends(runs: _Runs) -> tuple[Trend, ...]:
+    many = {model: run.gain(MULTIPLE, MAP) for model, run in runs.items()}
+    one = {model: run.gain(MAP, SINGLE) for model, run in runs.items()}
+    waits = {model: [run.by_culler[culler].mean("batches") for culler in (MAP, MULTIPLE)]
+             for model, run in runs.items()}  # fmt: skip
+    lists = "; ".join(_spent(model, run, MAP, MULTIPLE) for model, run in runs.items())
+    maps = "; ".join(_spent(model, run, SINGLE, MAP) for model, run in runs.items())
     fewer = ", ".join(f"{model} {many:.1f} of {one:.1f}" for model, (one, many) in waits.items())
     return (
         Trend("multiple queries wait less often than single ones with a map, in every scene",
@@ -345,30 +345,30 @@ def _speed_trends(walks: _Walks) -> tuple[Trend, ...]:
     )  # fmt: skip
 
 
-def _spent(model: str, walk: _Walk, before: str, after: str) -> str:
+def _spent(model: str, run: _Run, before: str, after: str) -> str:
     """A gain in frame rate, and where the time of a frame went before and after."""
-    one, other = walk.by_culler[before], walk.by_culler[after]
+    one, other = run.by_culler[before], run.by_culler[after]
     parts = ", ".join(
         f"{name} {one.ms(phase):.1f} to {other.ms(phase):.1f}"
         for name, phase in (("queries", "query"), ("drawing", "draw"), ("maps", "arrange"))
     )
     return (
-        f"{model}: {walk.gain(after, before):.2f}, queries asked {one.mean('queries'):.0f} to "
+        f"{model}: {run.gain(after, before):.2f}, queries asked {one.mean('queries'):.0f} to "
         f"{other.mean('queries'):.0f}; ms a frame: {parts}"
     )
 
 
-def _along_the_path(model: str, walk: _Walk | None) -> Table:
+def _along_the_path(model: str, run: _Run | None) -> Table:
     """Frame rates and polygons by frame: the paper plots them and prints no values."""
     figure = None
-    if walk:
+    if run:
         curves = []
         for name, culler in METHODS.items():
-            times = walk.by_culler[culler].ms_of["frame"]
+            times = run.by_culler[culler].ms_of["frame"]
             frames = sorted(times)
             rates = tuple(1e3 / times[frame] for frame in frames)
             curves.append(Curve(name, tuple(map(float, frames)), rates))
         figure = Figure("frame", "frames a second", tuple(curves))
-    drawn = _of(walk, lambda w: w.by_culler[SINGLE].mean("triangles_drawn") / w.triangles)
+    drawn = _of(run, lambda w: w.by_culler[SINGLE].mean("triangles_drawn") / w.triangles)
     rows = (Row("polygons drawn, single", None, drawn, "%", note="plotted there, not printed"),)
     return Table(f"{model}: along the path", f"Fig. {FIGURES[model]}", rows, figure=figure)

@@ -1,8 +1,13 @@
-"""Truth files: a row per frame and object that owns a sample, as Parquet.
+"""Truth files: one row per frame, view and object that owns a sample, as Parquet.
 
-Columns `frame int32, object int32, name string, pixels int64, status string ("visible" or
-"tie"), x int32, y int32, depth float64`, where (x, y, depth) is one witness. The metadata
-names the engine and the hashes of scene and path.
+Columns `frame int32, view string, object int32, name string, pixels int64, status string
+("visible" or "tie"), x int32, y int32, depth float64`, where (x, y, depth) is one witness. The
+metadata (JSON under the key `visref`) names the engine, whether it is exact, and the hashes of
+scene and path; it lists the frames, their views and how many samples anything owns there; and it
+seals rows and metadata with a digest, so that an edited file is refused.
+
+Version 1 has no column `view`, no digest, and does not say whether the engine is exact; it is
+still read.
 """
 
 from __future__ import annotations
@@ -11,22 +16,26 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.findings import Code, Finding
 from visref.scene import Scene
 from visref.visibility import ObjectVisibility
 
 _SCHEMA = pa.schema(
     [
         ("frame", pa.int32()),
+        ("view", pa.string()),
         ("object", pa.int32()),
         ("name", pa.string()),
         ("pixels", pa.int64()),
@@ -38,13 +47,17 @@ _SCHEMA = pa.schema(
 )
 _KEY = b"visref"
 _FORMAT = "visref-truth"
-_VERSION = 1
+_VERSION = 2
+_READABLE = (1, 2)
+
+# The view of a frame that has one camera without a name.
+_UNNAMED = ""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameRows:
-    """One frame of a truth file: visible objects, ascending, samples owned by each, and samples
-    that anything owns (None in a file that does not say)."""
+    """One view of a frame of a truth file: visible objects, ascending, samples owned by each, and
+    samples that anything owns (None in a file that does not say)."""
 
     objects: NDArray[np.int64]
     pixels: NDArray[np.int64]
@@ -53,32 +66,42 @@ class FrameRows:
 
 @dataclass(frozen=True, eq=False)
 class RecordedTruth:
-    """A truth file's content by frame, which engine cast it, and whether that engine is exact."""
+    """A truth file's content by frame and view, and which engine cast it. `exact`: whether that
+    engine is exact, None where the file does not say. `findings`: what its reader should know."""
 
     engine: str
-    exact: bool
-    frames: dict[int, FrameRows]
+    exact: bool | None
+    views: dict[tuple[int, str], FrameRows]
+    findings: tuple[Finding, ...] = ()
+
+    @cached_property
+    def frames(self) -> dict[int, FrameRows]:
+        """By frame, the view without a name."""
+        return {frame: rows for (frame, view), rows in self.views.items() if view == _UNNAMED}
 
 
 class TruthTable:
-    """Collects frames and makes the table."""
+    """Collects frames and makes the file."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._names = np.array(scene.names, dtype=object)
         self._parts: list[pa.Table] = []
         self._frames: list[int] = []
+        self._views: list[str] = []
         self._owned: list[int] = []
 
-    def add(self, frame: int, width: int, seen: ObjectVisibility) -> None:
-        """Add one frame, `width` samples wide."""
+    def add(self, frame: int, width: int, seen: ObjectVisibility, *, view: str = _UNNAMED) -> None:
+        """Add one view of a frame, `width` samples wide."""
         self._frames.append(frame)
+        self._views.append(view)
         self._owned.append(seen.owned)
         objects = np.flatnonzero(seen.visible)
         sample = seen.sample[objects]
         status = np.where(seen.alone[objects] > 0, "visible", "tie")
         columns = [
             np.full(len(objects), frame, np.int32),
+            pa.repeat(pa.scalar(view), len(objects)),
             objects.astype(np.int32),
             pa.array(self._names[objects], pa.string()),
             seen.pixels[objects],
@@ -89,21 +112,50 @@ class TruthTable:
         ]
         self._parts.append(pa.table(columns, schema=_SCHEMA))
 
-    def write(self, file: Path, *, engine: str, path: CameraPath, ties_complete: bool) -> None:
-        """Write the table; the caller has made the place safe."""
+    def write(
+        self,
+        file: Path,
+        *,
+        engine: str,
+        path: CameraPath,
+        ties_complete: bool,
+        exact: bool | None = None,
+    ) -> None:
+        """Write the file; the caller has made the place safe. `exact`: whether the engine is,
+        None where that is not known."""
+        table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
         facts = {
             "format": _FORMAT,
             "version": _VERSION,
             "engine": engine,
+            "exact": exact,
             "scene": self._scene.digest,
             "path": path_digest(path),
             "ties_complete": ties_complete,
             "frames": self._frames,
+            "views": self._views,
             "owned": self._owned,
         }
-        table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
+        facts["digest"] = _digest(table, facts)
         table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
         pq.write_table(table, file, compression="zstd")
+
+
+def _digest(table: pa.Table, facts: dict[str, Any]) -> str:
+    """SHA-256 (hexadecimal) of the rows, in their order, and of the facts but for the digest.
+    It depends on the values alone, not on how the file is laid out."""
+    said = {name: value for name, value in facts.items() if name != "digest"}
+    digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
+    for name in _SCHEMA.names:
+        column = table[name]
+        if pa.types.is_string(column.type):
+            # Lengths before letters: no two columns of texts give the same bytes.
+            digest.update(pc.binary_length(column).to_numpy().astype("<i4").tobytes())
+            digest.update("".join(column.to_pylist()).encode())
+        else:
+            values = column.to_numpy()
+            digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
+    return digest.hexdigest()
 
 
 def path_digest(path: CameraPath) -> str:
@@ -127,9 +179,10 @@ def read_truth(
             raise InputError(
                 f"it was cast for another {what}", source=source, fix="cast the truth again"
             )
-    if not set(frames) <= set(facts["frames"]):
+    frames_on_file = facts["frames"]
+    wanted = set(frames)
+    if not wanted <= set(frames_on_file):
         raise InputError("it lacks frames of this run", source=source, fix="cast them all")
-    frame = table["frame"].to_numpy()
     objects = table["object"].to_numpy().astype(np.int64)
     if len(objects) and not 0 <= objects.min() <= objects.max() < scene.object_count:
         raise InputError(
@@ -138,17 +191,36 @@ def read_truth(
             place="object",
             fix="cast the truth again",
         )
-    pixels = table["pixels"].to_numpy()
-    order = np.argsort(frame, kind="stable")
-    low = np.searchsorted(frame, frames, side="left", sorter=order)
-    high = np.searchsorted(frame, frames, side="right", sorter=order)
-    # Files that an earlier visref wrote do not say it.
-    owned = dict(zip(facts["frames"], facts.get("owned", ()), strict=False))
-    rows = {
-        index: FrameRows(objects[order[start:end]], pixels[order[start:end]], owned.get(index))
-        for index, start, end in zip(frames, low, high, strict=True)
+    version_1 = facts["version"] == 1
+    views_on_file = [_UNNAMED] * len(frames_on_file) if version_1 else facts["views"]
+    # Some files of version 1 do not say it.
+    owned = facts.get("owned") or [None] * len(frames_on_file)
+    cells = {
+        (frame, view): count
+        for frame, view, count in zip(frames_on_file, views_on_file, owned, strict=False)
+        if frame in wanted
     }
-    return RecordedTruth(facts["engine"], facts["ties_complete"], rows)
+    rows = _rows_by_cell(table, cells, None if version_1 else table["view"])
+    findings = (Finding(Code.TRUTH_UNSEALED, source),) if version_1 else ()
+    return RecordedTruth(facts["engine"], facts.get("exact"), rows, findings)
+
+
+def _rows_by_cell(
+    table: pa.Table, owned: dict[tuple[int, str], int | None], views: pa.ChunkedArray | None
+) -> dict[tuple[int, str], FrameRows]:
+    """The rows of each frame and view of `owned`, which says how many samples anything owns."""
+    frame = table["frame"].to_numpy()
+    objects, pixels = table["object"].to_numpy().astype(np.int64), table["pixels"].to_numpy()
+    order = np.argsort(frame, kind="stable")
+    in_order = frame[order]
+    found = {}
+    for (index, view), count in owned.items():
+        low, high = np.searchsorted(in_order, [index, index + 1])
+        at = order[low:high]
+        if views is not None:
+            at = at[pc.equal(views.take(pa.array(at)), view).to_numpy()]
+        found[index, view] = FrameRows(objects[at], pixels[at], count)
+    return found
 
 
 def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]:
@@ -166,19 +238,29 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
         facts = None
     if not isinstance(facts, dict) or facts.get("format") != _FORMAT:
         raise InputError("this is not a truth file", source=source, fix=fix)
-    if facts.get("version") != _VERSION:
-        raise InputError(
-            f"its version is {facts.get('version')!r}, and this visref reads {_VERSION}",
-            source=source,
-            fix="cast the truth again",
-        )
-    kinds = {"engine": str, "scene": str, "path": str, "ties_complete": bool, "frames": list}
-    odd = [name for name, kind in kinds.items() if not isinstance(facts.get(name), kind)]
-    if odd or not table.schema.equals(_SCHEMA) or any(c.null_count for c in table.columns):
+
+    def spoilt(problem: str) -> InputError:
+        return InputError(problem, source=source, fix="cast the truth again")
+
+    version = facts.get("version")
+    if isinstance(version, bool) or version not in _READABLE:
+        raise spoilt(f"its version is {version!r}, and this visref reads 1 to {_VERSION}")
+    kinds: dict[str, type | tuple[type, ...]] = {
+        "engine": str, "scene": str, "path": str, "ties_complete": bool, "frames": list,
+    }  # fmt: skip
+    schema = _SCHEMA
+    if version == 1:
+        schema = schema.remove(schema.get_field_index("view"))
+    else:
+        kinds |= {"exact": (bool, type(None)), "views": list, "owned": list, "digest": str}
+    odd = [
+        name
+        for name, kind in kinds.items()
+        if name not in facts or not isinstance(facts[name], kind)
+    ]
+    if odd or not table.schema.equals(schema) or any(c.null_count for c in table.columns):
         where = ", ".join(odd) or "columns"
-        raise InputError(
-            f"its {where} are not those of a truth file",
-            source=source,
-            fix="cast the truth again",
-        )
+        raise spoilt(f"its {where} are not those of a truth file")
+    if version >= 2 and facts["digest"] != _digest(table, facts):
+        raise spoilt("it was changed after it was written: its digest is another")
     return table, facts

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from visref.errors import InputError
 from visref.files import replacing_file
-from visref.report.bench_record import is_bench, read_bench
+from visref.report.bench_folder import is_bench, read_bench
 from visref.report.junit import junit_xml
 from visref.report.markdown import markdown_summary
 from visref.report.page import page_html

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from visref.papers.table import Curve, Figure
+from visref.papers.contents import Curve, Figure
 from visref.report.plots import short, ticks
 
 WIDTH = 560

@@ -1,4 +1,4 @@
-"""JUnit XML: a test case a culler and scene, as CI servers read it."""
+"""JUnit XML: one test case per culler and scene, as CI servers read it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from visref.findings import Code
-from visref.report.summary import Measures, measure
+from visref.report.summary import CullerSummary, summarise
 from visref.report.words import (
     counted,
     culler_sentence,
@@ -16,20 +16,20 @@ from visref.report.words import (
     rates_line,
     replay_command,
 )
-from visref.run_folder.read import RunRecord
+from visref.run_folder.read import RunFolder
 
 # Control characters that XML 1.0 cannot carry, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _MAX_LOST = 20
 
 
-def junit_xml(runs: Sequence[RunRecord], out: Path) -> str:
+def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
     """A violation is a failure; an inconclusive verdict is an error, since a check that
     checked nothing must not pass. `out` is the folder it will stand in: replay commands start
     there."""
     suites = ET.Element("testsuites", name="visref")
     for run in runs:
-        rows = [measure(run, culler) for culler in run.cullers]
+        rows = [summarise(run, culler) for culler in run.cullers]
         failures = sum(row.status == "violation" for row in rows)
         errors = sum(row.status == "inconclusive" for row in rows)
         suite = ET.SubElement(
@@ -43,9 +43,9 @@ def junit_xml(runs: Sequence[RunRecord], out: Path) -> str:
         )
         properties = ET.SubElement(suite, "properties")
         for name, value in (
-            ("engine", run.manifest["engine"]),
-            ("scene.sha256", run.manifest["scene"]["sha256"]),
-            ("path.sha256", run.manifest["path"]["sha256"]),
+            ("engine", run.manifest.engine),
+            ("scene.sha256", run.manifest.scene.sha256),
+            ("path.sha256", run.manifest.path.sha256),
             ("frames", str(len(run.frame_numbers))),
         ):
             ET.SubElement(properties, "property", name=name, value=_clean(value))
@@ -55,7 +55,7 @@ def junit_xml(runs: Sequence[RunRecord], out: Path) -> str:
     return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_case(suite: ET.Element, run: RunRecord, row: Measures, out: Path) -> None:
+def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) -> None:
     seconds = sum(run.cull_ms.get(row.culler, {}).values()) / 1e3
     case = ET.SubElement(
         suite,
@@ -72,19 +72,19 @@ def _add_case(suite: ET.Element, run: RunRecord, row: Measures, out: Path) -> No
         ET.SubElement(case, "error", type="inconclusive", message=sentence)
     output = [sentence, rates_line(row), *not_claimed(run)]
     output += [
-        f"{finding['code']}: {finding['message']}"
-        for finding in run.verdict["findings"]
-        if finding["culler"] == row.culler and finding["code"] in (Code.CULLER_FAILED, Code.NO_GL)
+        f"{finding.code}: {finding.message}"
+        for finding in run.verdict.findings
+        if finding.culler == row.culler and finding.code in (Code.CULLER_FAILED, Code.NO_GL)
     ]
     ET.SubElement(case, "system-out").text = _clean("\n".join(output))
 
 
-def _losses(run: RunRecord, row: Measures, out: Path) -> list[str]:
+def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [
-        f"{lost.worst['name']}: {counted(lost.pixels, 'sample')} over "
+        f"{lost.worst.name}: {counted(lost.pixels, 'sample')} over "
         f"{counted(lost.frames, 'frame')}; witness: frame "
-        f"{lost.worst['frame']}, pixel ({lost.worst['x']}, {lost.worst['y']}), depth "
-        f"{lost.worst['depth']:.9g}; {replay_command(run, lost.worst, out)}"
+        f"{lost.worst.frame}, pixel ({lost.worst.x}, {lost.worst.y}), depth "
+        f"{lost.worst.depth:.9g}; {replay_command(run, lost.worst, out)}"
         for lost in row.lost[:_MAX_LOST]
     ]
     if len(row.lost) > _MAX_LOST:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from visref.papers import tables_beside
 from visref.report import words
-from visref.report.bench_record import BenchRecord
-from visref.report.summary import RATES, Measures, measure
+from visref.report.bench_folder import BenchFolder
+from visref.report.summary import RATES, CullerSummary, summarise
 from visref.report.tables import table_markdown
-from visref.run_folder.read import RunRecord
+from visref.run_folder.read import RunFolder
 
 _MAX_LOST = 5
 
 
-def markdown_summary(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], out: Path) -> str:
+def markdown_summary(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
     """The verdict, a table of the cullers, and the worst losses of each run. `out` is the folder
     it will stand in: replay commands start there."""
     status = words.overall(runs).status
@@ -29,8 +29,8 @@ def markdown_summary(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], 
     return "\n".join(lines) + "\n"
 
 
-def _run_lines(run: RunRecord, out: Path) -> list[str]:
-    rows = [measure(run, culler) for culler in run.cullers]
+def _run_lines(run: RunFolder, out: Path) -> list[str]:
+    rows = [summarise(run, culler) for culler in run.cullers]
     headings = [
         "culler", "verdict", "missed / visible", "samples lost", "superfluous / drawn",
         *(rate.name for rate in RATES), "triangles drawn", "ms a frame",
@@ -46,9 +46,9 @@ def _run_lines(run: RunRecord, out: Path) -> list[str]:
         cells = [
             words.plain(row.culler),
             f"{words.GLYPHS[words.label(row)]} {words.HEADLINES[words.label(row)].lower()}",
-            f"{words.count(counts['missed'])} / {words.count(counts['visible'])}",
-            words.count(counts["missed_pixels"]),
-            f"{words.count(counts['superfluous'])} / {words.count(counts['drawn'])}",
+            f"{words.count(counts.missed)} / {words.count(counts.visible)}",
+            words.count(counts.missed_pixels),
+            f"{words.count(counts.superfluous)} / {words.count(counts.drawn)}",
             *(words.percent(share) for _, share in row.rates.named()),
             words.percent(row.triangle_share),
             words.quantity(row.ms_median),
@@ -72,14 +72,14 @@ def _run_lines(run: RunRecord, out: Path) -> list[str]:
     return lines
 
 
-def _loss_lines(run: RunRecord, row: Measures, out: Path) -> list[str]:
+def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [f"Lost by {words.plain(row.culler)}:", ""]
     for lost in row.lost[:_MAX_LOST]:
         worst = lost.worst
         lines.append(
-            f"- {words.plain(worst['name'])}: {words.counted(lost.pixels, 'sample')} over "
-            f"{words.counted(lost.frames, 'frame')} (frame {worst['frame']}, pixel "
-            f"{worst['x']}, {worst['y']}, depth {worst['depth']:.6g})"
+            f"- {words.plain(worst.name)}: {words.counted(lost.pixels, 'sample')} over "
+            f"{words.counted(lost.frames, 'frame')} (frame {worst.frame}, pixel "
+            f"{worst.x}, {worst.y}, depth {worst.depth:.6g})"
         )
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")

@@ -17,13 +17,15 @@ from visref.findings import Code, Rule, Severity, rule_of
 from visref.papers import tables_beside
 from visref.picking import evenly_picked
 from visref.report import words
-from visref.report.bench_record import BenchRecord
+from visref.report.bench_folder import BenchFolder
 from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
-from visref.report.summary import NO_FPR_PX, RATES, Measures, best, measure
+from visref.report.summary import NO_FPR_PX, RATES, CullerSummary, best, summarise
 from visref.report.tables import table_view
 from visref.run_folder.causes import Cause
-from visref.run_folder.read import LostObject, Row, RunRecord
+from visref.run_folder.layout import COUNTS
+from visref.run_folder.read import RunFolder
+from visref.run_folder.rows import FindingRow, FrameRow, LostObject, Witness
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8
@@ -43,9 +45,10 @@ _VIEWS = {
 
 @dataclass(frozen=True)
 class Cell:
-    """One number of the table: its text, and whether it is the best of the safe cullers."""
+    """One number of the page's table of cullers: its column, its text, and whether it is the best
+    of the safe cullers."""
 
-    measure: str
+    column: str
     text: str
     note: str = ""
     best: bool = False
@@ -54,7 +57,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """A measure of the table."""
+    """A column of the page's table of cullers."""
 
     name: str
     title: str
@@ -71,7 +74,7 @@ class LostView:
     pictured: bool
 
     @property
-    def worst(self) -> Row:
+    def worst(self) -> Witness:
         return self.lost.worst
 
 
@@ -91,7 +94,7 @@ class FrameView:
     frame: int
     visible: int | None
     shared: dict[str, Picture]
-    cullers: list[tuple[int, str, Row, dict[str, Picture]]]
+    cullers: list[tuple[int, str, FrameRow, dict[str, Picture]]]
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ class FindingGroup:
     """The findings of one code."""
 
     rule: Rule
-    findings: list[dict[str, Any]]
+    findings: list[FindingRow]
     left_out: int
 
     @property
@@ -124,7 +127,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def page_html(runs: Sequence[RunRecord], benches: Sequence[BenchRecord], out: Path) -> str:
+def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
     """The whole page. `out` is the folder it will stand in: replay commands start there."""
     environment = page_environment("visref.report")
     environment.filters |= {
@@ -164,8 +167,8 @@ def _breakable(name: str) -> Markup:
     return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", name))
 
 
-def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
-    rows = [measure(run, culler) for culler in run.cullers]
+def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
+    rows = [summarise(run, culler) for culler in run.cullers]
     frames, frames_left_out = _frame_views(run)
     pictured = {(view.frame, name) for view in frames for _, name, _, _ in view.cullers}
     return {
@@ -184,7 +187,7 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
             for row in sorted(rows, key=lambda row: row.status != "violation")
             if row.lost
         ],
-        "misses": [row for row in rows if row.counts["missed"] or row.counts["undecided"]],
+        "misses": [row for row in rows if row.counts.missed or row.counts.undecided],
         "causes": [row for row in rows if row.causes],
         "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
         "plots": _plots(run, rows),
@@ -204,11 +207,11 @@ def _run_view(run: RunRecord, index: int, out: Path) -> dict[str, Any]:
     }
 
 
-def _start(rows: Sequence[Measures], frames: Sequence[FrameView]) -> tuple[int, int] | None:
+def _start(rows: Sequence[CullerSummary], frames: Sequence[FrameView]) -> tuple[int, int] | None:
     """Where the browser opens, (culler number, frame): at the worst pictured violation, else
     the worst miss, else the last culler's first frame."""
     candidates = [
-        (rows[number].status == "violation", line["missed_pixels"], number, -view.frame)
+        (rows[number].status == "violation", line.missed_pixels, number, -view.frame)
         for view in frames
         for number, _, line, _ in view.cullers
     ]
@@ -218,10 +221,10 @@ def _start(rows: Sequence[Measures], frames: Sequence[FrameView]) -> tuple[int, 
     return number, -frame
 
 
-def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
-    """The table, by culler."""
-    ranked: dict[str, tuple[Callable[[Measures], float | None], bool]] = {
-        "superfluous": (lambda row: row.counts["superfluous"], True),
+def _cells(rows: Sequence[CullerSummary]) -> dict[str, list[Cell]]:
+    """The cells of the table of cullers, by culler."""
+    ranked: dict[str, tuple[Callable[[CullerSummary], float | None], bool]] = {
+        "superfluous": (lambda row: row.counts.superfluous, True),
         "fpr": (lambda row: row.rates.fpr, True),
         "queries": (lambda row: row.queries or None, False),
         "batches": (lambda row: row.batches or None, False),
@@ -234,7 +237,7 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
     table = {}
     for row in rows:
         texts = {
-            **{name: words.count(value) for name, value in row.counts.items()},
+            **{name: words.count(getattr(row.counts, name)) for name in COUNTS},
             **{rate.key: words.percent(share) for rate, share in row.rates.named()},
             "queries": words.quantity(row.queries),
             "batches": words.quantity(row.batches),
@@ -244,13 +247,11 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
         }
         notes = {
             "drawn": "" if row.unit_kind == "object" else f"{row.unit_kind}s",
-            "superfluous": words.percent(row.superfluous_share) if row.counts["drawn"] else "",
+            "superfluous": words.percent(row.superfluous_share) if row.counts.drawn else "",
             "missed": _parts(row),
         }
         alarms = (
-            {"missed", "missed_pixels", "fnr", "fnr_px", "per"}
-            if row.counts["confirmed"]
-            else set()
+            {"missed", "missed_pixels", "fnr", "fnr_px", "per"} if row.counts.confirmed else set()
         )
         table[row.culler] = [
             Cell(
@@ -265,65 +266,67 @@ def _cells(rows: Sequence[Measures]) -> dict[str, list[Cell]]:
     return table
 
 
-def _parts(row: Measures) -> str:
-    """What `missed` is made of, a line a kind."""
+def _parts(row: CullerSummary) -> str:
+    """What `missed` is made of, one line per kind."""
     counts = row.counts
     parts = [
-        (counts["confirmed"], "confirmed"),
-        (counts["ties"], "tied"),
-        (counts["within_raster_tolerance"], "raster"),
+        (counts.confirmed, "confirmed"),
+        (counts.ties, "tied"),
+        (counts.within_raster_tolerance, "raster"),
     ]
     return "\n".join(f"{words.count(number)} {name}" for number, name in parts if number)
 
 
 def _lost_view(
-    run: RunRecord, row: Measures, lost: LostObject, pictured: set[tuple[int, str]], out: Path
+    run: RunFolder, row: CullerSummary, lost: LostObject, pictured: set[tuple[int, str]], out: Path
 ) -> LostView:
     command = words.replay_command(run, lost.worst, out)
-    return LostView(lost, command, (lost.worst["frame"], row.culler) in pictured)
+    return LostView(lost, command, (lost.worst.frame, row.culler) in pictured)
 
 
-def _bench_view(bench: BenchRecord, out: Path) -> dict[str, Any]:
+def _bench_view(bench: BenchFolder, out: Path) -> dict[str, Any]:
     """A bench as the page shows it: its plot as an image, so that nothing in it can act."""
     plot = base64.b64encode(bench.svg).decode()
     relative = words.path_from(out, bench.folder)
     return {"record": bench, "uri": f"data:image/svg+xml;base64,{plot}", "relative": relative}
 
 
-def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
+def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
     numbers = {row.culler: number for number, row in enumerate(rows)}
 
-    def series(name: str, cullers: Sequence[Measures] = rows, scale: float = 1.0) -> list[Series]:
+    def series(
+        name: str, cullers: Sequence[CullerSummary] = rows, scale: float = 1.0
+    ) -> list[Series]:
         found = []
         for row in cullers:
             values = {
-                line["frame"]: line[name] * scale
+                line.frame: value * scale
                 for line in run.frames_of[row.culler]
-                if line.get(name) is not None
+                if (value := getattr(line, name)) is not None
             }
             if values:
                 found.append(Series(row.culler, values, numbers[row.culler]))
         return found
 
-    kinds: dict[str, list[Measures]] = defaultdict(list)
+    kinds: dict[str, list[CullerSummary]] = defaultdict(list)
     for row in rows:
         if row.frames:
             kinds[row.unit_kind].append(row)
-    visible = {line["frame"]: line["visible"] for line in run.frames}
+    visible = {line.frame: line.visible for line in run.frames}
     plots = []
     for kind, cullers in sorted(kinds.items(), key=lambda item: item[0] != "object"):
         area = ("visible", visible) if kind == "object" else None
         title = "Drawn against visible" if kind == "object" else f"Drawn {kind}s"
         drawn, note = on_scale(series("drawn", cullers))
         plots.append(Plot(title, f"{kind}s", drawn, area, note))
-    missing = [row for row in rows if row.counts["missed"]]
+    missing = [row for row in rows if row.counts.missed]
     if missing:
         plots.append(Plot("Missed", "objects", series("missed", missing)))
         plots.append(Plot("Samples lost", "samples", series("missed_pixels", missing)))
     queries = [line for line in series("queries") if any(line.values.values())]
     if queries:
         plots.append(Plot("Queries", "asked of the depth buffer", queries))
-    if triangles := run.manifest["scene"]["triangles"]:
+    if triangles := run.manifest.scene.triangles:
         shares, note = on_scale(series("triangles_drawn", scale=100.0 / triangles))
         plots.append(Plot("Triangles drawn", "per cent of the scene", shares, note=note))
     times = [
@@ -336,14 +339,14 @@ def _plots(run: RunRecord, rows: Sequence[Measures]) -> list[Plot]:
     return [plot for plot in plots if plot.series]
 
 
-def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
+def _frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
     """The pictured frames: all, or those that lost most and the rest evenly picked."""
     by_frame: dict[int, dict[str, Mapping[str, str]]] = defaultdict(dict)
-    for entry in run.manifest["pictures"]:
-        by_frame[entry["frame"]][entry["culler"]] = entry["files"]
-    rows = {(row["culler"], row["frame"]): row for row in run.frames}
+    for entry in run.manifest.pictures:
+        by_frame[entry.frame][entry.culler] = entry.files
+    rows = {(row.culler, row.frame): row for row in run.frames}
     lost = {
-        frame: sum(rows[culler, frame]["missed_pixels"] for culler in cullers)
+        frame: sum(rows[culler, frame].missed_pixels for culler in cullers)
         for frame, cullers in by_frame.items()
     }
     guilty = sorted((frame for frame in lost if lost[frame]), key=lambda f: (-lost[f], f))
@@ -368,7 +371,7 @@ def _frame_views(run: RunRecord) -> tuple[list[FrameView], int]:
                 if what in pictures:
                     shared[what] = pictures.pop(what)
             cullers.append((number, culler, rows[culler, frame], pictures))
-        visible = cullers[0][2]["visible"] if cullers else None
+        visible = cullers[0][2].visible if cullers else None
         views.append(FrameView(frame, visible, shared, cullers))
     return views, len(by_frame) - len(views)
 
@@ -391,12 +394,12 @@ def _shown(code: str) -> int:
     return 0 if code in (Code.MISSED_OBJECT, Code.MISSED_DECLARED) else MAX_FINDINGS
 
 
-def _findings(run: RunRecord) -> list[FindingGroup]:
+def _findings(run: RunFolder) -> list[FindingGroup]:
     """Findings by code, the gravest first, else in the catalogue's order and unknown codes last."""
-    by_code: dict[str, list[dict[str, Any]]] = {code: [] for code in Code}
-    for finding in run.verdict["findings"]:
-        by_code.setdefault(finding["code"], []).append(finding)
-    rules = [rule_of(code, found[0]["severity"]) for code, found in by_code.items() if found]
+    by_code: dict[str, list[FindingRow]] = {code: [] for code in Code}
+    for finding in run.verdict.findings:
+        by_code.setdefault(finding.code, []).append(finding)
+    rules = [rule_of(code, found[0].severity) for code, found in by_code.items() if found]
     gravity = {severity: rank for rank, severity in enumerate(Severity)}
     return [
         FindingGroup(rule, found[: (shown := _shown(rule.code))], max(0, len(found) - shown))

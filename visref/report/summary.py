@@ -1,13 +1,13 @@
-"""Each culler's measures over a run, and its error rates, defined once: here."""
+"""Each culler's numbers over a run, and its error rates, defined once: here."""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from visref.run_folder.read import LostObject, Row, RunRecord
+from visref.run_folder.read import RunFolder
+from visref.run_folder.rows import LostObject, Sums
 
 SAFE = "no_violation_found"
 
@@ -63,25 +63,25 @@ class Rates:
         return [(rate, getattr(self, rate.key)) for rate in RATES]
 
 
-def rates(run: RunRecord, culler: str) -> Rates:
+def rates(run: RunFolder, culler: str) -> Rates:
     """The culler's error rates over the frames that it was judged on."""
-    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+    verdict = run.verdict.cullers[culler]
     rows = run.frames_of[culler]
     hidden = None
-    if verdict["unit_kind"] == "object":
-        hidden = int(run.manifest["cullers"][culler]["units"]) * len(rows) - verdict["visible"]
-    owned: list[Any] = [row.get("owned") for row in rows]
+    if verdict.unit_kind == "object":
+        hidden = run.manifest.cullers[culler].units * len(rows) - verdict.visible
+    owned = [row.owned for row in rows if row.owned is not None]
     return Rates(
-        fnr=_ratio(verdict["missed"], verdict["visible"]),
-        fpr=_ratio(verdict["superfluous"], hidden),
-        fnr_px=_ratio(verdict["missed_pixels"], None if None in owned else sum(owned)),
-        per=_ratio(verdict["missed_pixels"], sum(run.samples_of(row["frame"]) for row in rows)),
+        fnr=_ratio(verdict.missed, verdict.visible),
+        fpr=_ratio(verdict.superfluous, hidden),
+        fnr_px=_ratio(verdict.missed_pixels, sum(owned) if len(owned) == len(rows) else None),
+        per=_ratio(verdict.missed_pixels, sum(map(run.samples_of, rows))),
     )
 
 
 @dataclass(frozen=True)
-class Measures:
-    """One culler's row. Counts are `verdict.json`'s sums over frames; means are over frames;
+class CullerSummary:
+    """One culler's row. `counts` are `verdict.json`'s sums over frames; means are over frames;
     None stands for what was not measured."""
 
     culler: str
@@ -90,7 +90,7 @@ class Measures:
     unit_kind: str
     units: int
     frames: int
-    counts: dict[str, int]
+    counts: Sums
     lost: tuple[LostObject, ...]
     frames_with_miss: int
     rates: Rates
@@ -110,37 +110,32 @@ class Measures:
     @property
     def safe(self) -> bool:
         """No violation, and nothing visible left out: such rows alone compete for the best."""
-        return self.status == SAFE and not self.counts["confirmed"]
+        return self.status == SAFE and not self.counts.confirmed
 
 
-def measure(run: RunRecord, culler: str) -> Measures:
-    """The culler's measures from the run's records."""
-    verdict: dict[str, Any] = run.verdict["cullers"][culler]
+def summarise(run: RunFolder, culler: str) -> CullerSummary:
+    """The culler's numbers, from the run folder."""
+    verdict = run.verdict.cullers[culler]
     rows = run.frames_of[culler]
-    counts = {
-        name: value
-        for name, value in verdict.items()
-        if isinstance(value, int) and name != "frames"
-    }
-    triangles = run.manifest["scene"]["triangles"]
-    drawn_triangles = _mean(rows, "triangles_drawn")
+    triangles = run.manifest.scene.triangles
+    drawn_triangles = _mean(row.triangles_drawn for row in rows)
     times = list(run.cull_ms.get(culler, {}).values())
-    return Measures(
+    return CullerSummary(
         culler=culler,
-        status=verdict["status"],
-        promise=verdict["promise"],
-        unit_kind=verdict["unit_kind"],
-        units=int(run.manifest["cullers"][culler]["units"]),
-        frames=verdict["frames"],
-        counts=counts,
+        status=verdict.status,
+        promise=verdict.promise,
+        unit_kind=verdict.unit_kind,
+        units=run.manifest.cullers[culler].units,
+        frames=verdict.frames,
+        counts=verdict,
         lost=tuple(run.lost_objects(culler)),
-        frames_with_miss=sum(1 for row in rows if row["confirmed"]),
+        frames_with_miss=sum(1 for row in rows if row.confirmed),
         rates=rates(run, culler),
-        superfluous_share=_ratio(counts["superfluous"], counts["drawn"]),
+        superfluous_share=_ratio(verdict.superfluous, verdict.drawn),
         causes=run.superfluous_causes(culler),
-        queries=_mean(rows, "queries"),
-        batches=_mean(rows, "batches"),
-        query_fragments=_mean(rows, "query_fragments"),
+        queries=_mean(row.queries for row in rows),
+        batches=_mean(row.batches for row in rows),
+        query_fragments=_mean(row.query_fragments for row in rows),
         triangle_share=(
             drawn_triangles / triangles if drawn_triangles is not None and triangles else None
         ),
@@ -152,13 +147,17 @@ def _ratio(part: int, whole: int | None) -> float | None:
     return part / whole if whole else None
 
 
-def _mean(rows: Sequence[Row], name: str) -> float | None:
-    values = [row[name] for row in rows if row.get(name) is not None]
-    return statistics.fmean(values) if values else None
+def _mean(values: Iterable[int | None]) -> float | None:
+    """The mean of those that are known."""
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if known else None
 
 
 def best(
-    rows: Sequence[Measures], value: Callable[[Measures], float | None], *, by_unit: bool = False
+    rows: Sequence[CullerSummary],
+    value: Callable[[CullerSummary], float | None],
+    *,
+    by_unit: bool = False,
 ) -> set[str]:
     """The safe cullers with the least value, if at least two safe ones were measured and they
     differ. `by_unit`: compare only within cullers whose units are of one kind."""

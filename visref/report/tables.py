@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from visref.papers.table import Basis, Row, Table, Trend
+from visref.papers.contents import Basis, Row, Table, Trend
 from visref.report import words
 from visref.report.figures import figure_svg
 

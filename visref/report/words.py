@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from visref.judging.status import Exit, decide
-from visref.report.summary import Measures
+from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
-from visref.run_folder.read import Row, RunRecord
+from visref.run_folder.read import RunFolder
+from visref.run_folder.rows import Witness
 from visref.wording import counted as counted
 
 HEADLINES = {
@@ -103,18 +104,18 @@ def path_from(out: Path, folder: Path) -> str:
     return os.path.relpath(folder.resolve(), out.resolve())
 
 
-def replay_command(run: RunRecord, lost: Row, out: Path) -> str:
+def replay_command(run: RunFolder, lost: Witness, out: Path) -> str:
     """The command that replays a lost object's witness, started in `out`."""
-    where = ("--frame", str(lost["frame"]), "--object", str(lost["object"]))
+    where = ("--frame", str(lost.frame), "--object", str(lost.object))
     return shlex.join(["visref", "explain", path_from(out, run.folder), *where])
 
 
-def rates_line(row: Measures) -> str:
+def rates_line(row: CullerSummary) -> str:
     """A culler's error rates in a line."""
     return ", ".join(f"{rate.name} {percent(share)}" for rate, share in row.rates.named())
 
 
-def causes_line(row: Measures) -> str:
+def causes_line(row: CullerSummary) -> str:
     """Why a culler drew what is superfluous, the commonest cause first; empty if unexplained."""
     explained = sum(row.causes.values())
     if not explained:
@@ -126,64 +127,63 @@ def causes_line(row: Measures) -> str:
     return f"{', '.join(parts)} (of {counted(explained, row.unit_kind)} explained)"
 
 
-def overall(runs: Sequence[RunRecord]) -> Exit:
+def overall(runs: Sequence[RunFolder]) -> Exit:
     """The status of several runs together."""
     return decide(run.exit for run in runs)
 
 
-def label(row: Measures) -> str:
+def label(row: CullerSummary) -> str:
     """The key of a culler's headline: its status, or `measured` where it missed something that
     it never promised to draw, which a tick would belie."""
-    return "measured" if row.status != "violation" and row.counts["confirmed"] else row.status
+    return "measured" if row.status != "violation" and row.counts.confirmed else row.status
 
 
-def culler_sentence(row: Measures) -> str:
+def culler_sentence(row: CullerSummary) -> str:
     """What was found of one culler, for an engineer who reads nothing else."""
     counts = row.counts
     frames = counted(row.frames, "frame")
     if not row.frames:
         return "It judged no frame; see the findings."
-    if not counts["visible"]:
+    if not counts.visible:
         return f"No object is visible in any of its {frames}, so nothing was judged."
-    confirmed = counts["confirmed"]
+    confirmed = counts.confirmed
     if confirmed:
         verb = "was" if confirmed == 1 else "were"
         text = (
-            f"{count(confirmed)} of {count(counts['visible'])} visible objects {verb} not drawn"
-            f" ({_distinct(row)}; {counted(counts['missed_pixels'], 'sample')} lost)."
+            f"{count(confirmed)} of {count(counts.visible)} visible objects {verb} not drawn"
+            f" ({_distinct(row)}; {counted(counts.missed_pixels, 'sample')} lost)."
         )
         if not row.convicts:
             text += f" It declares itself {row.promise}."
     else:
         text = (
-            f"Each of {counted(counts['visible'], 'visible object')} was drawn, in {frames}."
-            if not counts["missed"]
-            else f"No confirmed miss among {counted(counts['visible'], 'visible object')}"
-            f" in {frames}."
+            f"Each of {counted(counts.visible, 'visible object')} was drawn, in {frames}."
+            if not counts.missed
+            else f"No confirmed miss among {counted(counts.visible, 'visible object')} in {frames}."
         )
     cleared = [
-        counted(counts["ties"], "tie") if counts["ties"] else "",
-        f"{count(counts['within_raster_tolerance'])} within the rasteriser's tolerance"
-        if counts["within_raster_tolerance"]
+        counted(counts.ties, "tie") if counts.ties else "",
+        f"{count(counts.within_raster_tolerance)} within the rasteriser's tolerance"
+        if counts.within_raster_tolerance
         else "",
     ]
     if any(cleared):
         text += f" Cleared: {' and '.join(filter(None, cleared))}."
-    if counts["undecided"]:
-        text += f" Undecided: {count(counts['undecided'])}."
+    if counts.undecided:
+        text += f" Undecided: {count(counts.undecided)}."
     if row.status == "inconclusive":
         text += " Then it broke down; see the findings."
     return text
 
 
-def _distinct(row: Measures) -> str:
+def _distinct(row: CullerSummary) -> str:
     return (
         f"{counted(len(row.lost), 'different object')} in {counted(row.frames_with_miss, 'frame')}"
         f" of {count(row.frames)}"
     )
 
 
-def run_sentence(run: RunRecord, rows: Sequence[Measures]) -> str:
+def run_sentence(run: RunFolder, rows: Sequence[CullerSummary]) -> str:
     """A run's verdict in one sentence."""
     frames = counted(len(run.frame_numbers), "frame")
     guilty = [row for row in rows if row.status == "violation"]
@@ -208,25 +208,28 @@ def run_sentence(run: RunRecord, rows: Sequence[Measures]) -> str:
     return f"None of {len(rows)} cullers broke its promise, in {frames}."
 
 
-def not_claimed(run: RunRecord) -> list[str]:
+def not_claimed(run: RunFolder) -> list[str]:
     """What a reader must not take from the verdict, by the engine that cast the truth."""
-    engine = run.manifest["engine"]
+    engine = run.manifest.engine
     if not run.frame_numbers:
         return ["No frame was judged, so nothing is claimed at all."]
     claims = [
         f"Only the samples (pixel centres) of {counted(len(run.frame_numbers), 'frame')} at "
         f"{run.resolution()} were judged: not what lies between them, nor other views."
     ]
-    if engine.partition(":")[0] == "exact":
+    if run.manifest.exact:
         claims.append(
             "The truth is exact: the owner of every sample was decided in exact arithmetic, so "
             "every miss and every tie at these samples is listed."
         )
+        return claims
+    if run.manifest.exact is None:
+        cast = f"The truth was cast by ‘{engine}’; whether that is exact is not recorded. Each"
     else:
-        claims.append(
-            f"The truth was cast by ‘{engine}’ in floating point, and each violation was decided "
-            "again in exact arithmetic, so each is real. What the engine itself did not hit "
-            "stays unseen: no violation found is not a proof of safety. `--engine exact` lists "
-            "every miss and every tie."
-        )
+        cast = f"The truth was cast by ‘{engine}’ in floating point, and each"
+    claims.append(
+        f"{cast} violation was decided again in exact arithmetic, so each is real. What the "
+        "engine itself did not hit stays unseen: no violation found is not a proof of safety. "
+        "`--engine exact` lists every miss and every tie."
+    )
     return claims

@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw
 from visref.errors import InputError
 from visref.exact.ray import Ray, RayHit, along_ray
 from visref.files import replacing_file
-from visref.run_folder.write import MANIFEST
+from visref.run_folder.layout import MANIFEST, WITNESSES
 from visref.scene import Alpha, Float64
 
 # The picture shows this many pixels around the sample, each this many picture pixels wide.
@@ -63,14 +63,14 @@ def explain(run: Path, frame: int, target: str, culler: str | None = None) -> li
     if not found:
         raise InputError(
             f"no witness of object '{target}' in frame {frame}",
-            source=str(run / "witnesses"),
+            source=str(run / WITNESSES),
             fix="objects.parquet lists what was missed; the worst misses have witnesses",
         )
     return found
 
 
 def _witnesses(run: Path) -> Iterator[Mapping[str, Any]]:
-    for file in sorted((run / "witnesses").glob("*.jsonl")):
+    for file in sorted((run / WITNESSES).glob("*.jsonl")):
         for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
             try:
                 yield json.loads(line)

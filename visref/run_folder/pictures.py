@@ -19,6 +19,8 @@ from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict, MissKind
+from visref.run_folder.layout import slug
+from visref.run_folder.rows import PictureSet
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
@@ -41,20 +43,6 @@ _SKY_FOOT = np.array([0.95, 0.96, 0.97], np.float32)
 # Right, up, back in camera space: over the viewer's left shoulder.
 _LIGHT = np.array([-0.42, 0.72, 0.55]) / math.sqrt(0.42**2 + 0.72**2 + 0.55**2)
 _JPEG = {"quality": 84, "optimize": True}
-
-
-@dataclass(frozen=True)
-class PictureSet:
-    """The files of one frame, relative to the run folder, by what they show.
-
-    `picture`: the shaded scene; `drawn`: who was drawn, and for what; `ids`: a colour an
-    object; `errors`: the missed samples, where there are any. The first and the third are the
-    same for every culler of a frame, and one file.
-    """
-
-    culler: str
-    frame: int
-    files: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,7 @@ def draw_pictures(
     culler: str,
     frame: int,
 ) -> PictureSet:
-    """Draw one culler's frame into `folder`, which stands in the run folder.
+    """Draw one culler's view of a frame into `folder`, which stands in the run folder.
 
     `stem` is the culler's part of the file names. Superfluous units show as silhouettes
     through the scene, missed samples as they are, with rings around small patches.
@@ -96,22 +84,24 @@ def draw_pictures(
     shape = page_shape(camera)
     shaded = _shade(scene, truth)
     files = {}
+    view = camera.view
+    at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
 
     def save(what: str, name: str, image: Image.Image) -> None:
         options = {**_JPEG, "subsampling": 2 if what == "picture" else 0}
         image.save(folder / name, **(options if name.endswith(".jpg") else {"optimize": True}))
         files[what] = f"{folder.name}/{name}"
 
-    save("picture", f"frame-{frame:05d}.jpg", _resized(shaded, shape))
+    save("picture", f"frame-{at}.jpg", _resized(shaded, shape))
     superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
     missed_px = _shrunk(missed, camera, shape)
     rings = _rings(scene, truth, verdict, missed, shape)
     overlay = _overlay(shaded, truth, superfluous, missed_px, rings, shape)
-    save("drawn", f"{stem}-{frame:05d}-drawn.jpg", overlay)
-    save("ids", f"frame-{frame:05d}-ids.png", _id_picture(scene, truth, shape))
+    save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
+    save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape))
     if len(missed) or rings:
-        save("errors", f"{stem}-{frame:05d}-errors.png", _errors(truth, missed_px, rings, shape))
-    return PictureSet(culler, frame, files)
+        save("errors", f"{stem}-{at}-errors.png", _errors(truth, missed_px, rings, shape))
+    return PictureSet(culler, frame, files, view)
 
 
 def page_shape(camera: Camera) -> tuple[int, int]:

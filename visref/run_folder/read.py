@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import statistics
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,121 +16,142 @@ import pyarrow.parquet as pq
 
 from visref.errors import InputError
 from visref.judging.status import Exit
-from visref.run_folder.write import MANIFEST, VERDICT
+from visref.run_folder.facts import FIX, read_manifest, read_verdict
+from visref.run_folder.layout import (
+    CULL_PHASE,
+    FRAMES,
+    FRAMES_SCHEMA,
+    MANIFEST,
+    OBJECTS,
+    OBJECTS_REPEATED,
+    OBJECTS_SCHEMA,
+    TIMINGS,
+    TIMINGS_SCHEMA,
+    TRUTH_PHASE,
+    UNNAMED_VIEW,
+    VERDICT,
+    ObjectKind,
+)
+from visref.run_folder.rows import FrameRow, LostObject, Manifest, RunVerdict, TimingRow, Witness
 
-_FIX = "give a folder that `visref run` or `visref check` wrote"
-
-# The wall time of a culler's one call a frame; other phases are parts of it.
-CULL_PHASE = "cull"
-
-Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class LostObject:
-    """One object that a culler missed, over all frames: samples lost, in how many frames,
-    and the row (of objects.parquet) of the frame that lost most."""
-
-    pixels: int
-    frames: int
-    worst: Row
+# What a table of version 1 may lack.
+_SINCE_VERSION_2 = frozenset({"view"})
 
 
 @dataclass(frozen=True, eq=False)
-class RunRecord:
-    """A run folder's content. `frames` and `timings` are rows of the tables, in file order."""
+class RunFolder:
+    """A run folder's content. `frames` and `timings` are in file order; `objects` has the columns
+    of `OBJECTS_SCHEMA`, one row per culler, frame, view and object."""
 
     folder: Path
-    manifest: dict[str, Any]
-    verdict: dict[str, Any]
-    frames: list[Row]
-    timings: list[Row]
+    manifest: Manifest
+    verdict: RunVerdict
+    frames: list[FrameRow]
+    timings: list[TimingRow]
     objects: pa.Table
 
     @property
     def exit(self) -> Exit:
-        return Exit(self.verdict["exit_status"])
+        return Exit(self.verdict.exit_status)
 
     @property
     def scene_name(self) -> str:
         """The scene's file name, without its folders."""
-        return Path(self.manifest["scene"]["source"]).name or "scene"
+        return Path(self.manifest.scene.source).name or "scene"
 
     @cached_property
     def cullers(self) -> tuple[str, ...]:
         """Their names in the order they ran; those that never judged a frame come last."""
-        ran = dict.fromkeys(row["culler"] for row in self.frames)
-        return tuple(dict.fromkeys([*ran, *self.verdict["cullers"]]))
+        ran = dict.fromkeys(row.culler for row in self.frames)
+        return tuple(dict.fromkeys([*ran, *self.verdict.cullers]))
 
     @cached_property
     def frame_numbers(self) -> tuple[int, ...]:
-        return tuple(sorted({row["frame"] for row in self.frames}))
+        return tuple(sorted({row.frame for row in self.frames}))
 
     @cached_property
-    def frames_of(self) -> dict[str, list[Row]]:
+    def frames_of(self) -> dict[str, list[FrameRow]]:
         """Each culler's rows of frames.parquet, by frame."""
-        result: dict[str, list[Row]] = {culler: [] for culler in self.cullers}
-        for row in sorted(self.frames, key=lambda row: row["frame"]):
-            result[row["culler"]].append(row)
+        result: dict[str, list[FrameRow]] = {culler: [] for culler in self.cullers}
+        for row in sorted(self.frames, key=lambda row: row.frame):
+            result[row.culler].append(row)
         return result
 
     @cached_property
     def cull_ms(self) -> dict[str, dict[int, float]]:
-        """Milliseconds by culler and frame."""
-        result: dict[str, dict[int, float]] = defaultdict(dict)
+        """Milliseconds by culler and frame, all views of the frame together."""
+        result: dict[str, dict[int, float]] = defaultdict(lambda: defaultdict(float))
         for row in self.timings:
-            if row["phase"] == CULL_PHASE:
-                result[row["culler"]][row["frame"]] = row["ms"]
-        return dict(result)
+            if row.phase == CULL_PHASE:
+                result[row.culler][row.frame] += row.ms
+        return {culler: dict(times) for culler, times in result.items()}
 
     @cached_property
     def truth_ms(self) -> float | None:
-        """The median milliseconds of casting a frame's truth, None if none was cast."""
-        times = [row["ms"] for row in self.timings if row["phase"] == "truth"]
+        """The median milliseconds of casting a truth, None if none was cast."""
+        times = [row.ms for row in self.timings if row.phase == TRUTH_PHASE]
         return statistics.median(times) if times else None
 
-    def samples_of(self, frame: int) -> int:
-        """How many samples a frame has."""
-        definition = self.manifest["samples"][frame]
-        return int(definition["width"]) * int(definition["height"])
+    def size(self, frame: int, view: str = UNNAMED_VIEW) -> tuple[int, int]:
+        """Width and height of a view, in samples."""
+        definition = self.manifest.samples[frame][view]
+        return int(definition["width"]), int(definition["height"])
+
+    def samples_of(self, row: FrameRow) -> int:
+        """How many samples the row's view has."""
+        width, height = self.size(row.frame, row.view)
+        return width * height
+
+    @cached_property
+    def sizes(self) -> frozenset[tuple[int, int]]:
+        """Width and height of all judged views."""
+        return frozenset(self.size(row.frame, row.view) for row in self.frames)
 
     def resolution(self) -> str:
         """The judged frames' size in words."""
-        sizes = {
-            (self.manifest["samples"][frame]["width"], self.manifest["samples"][frame]["height"])
-            for frame in self.frame_numbers
-        }
-        if len(sizes) != 1:
+        if len(self.sizes) != 1:
             return "several sizes"
-        width, height = sizes.pop()
+        ((width, height),) = self.sizes
         return f"{width} × {height}"
-
-    def missed_rows(self, culler: str) -> list[Row]:
-        """The culler's rows of objects.parquet that tell of a miss or a doubt."""
-        mine = pc.equal(self.objects["culler"], culler)
-        told = pc.not_equal(self.objects["kind"], "superfluous")
-        return _pylist(self.objects.filter(pc.and_(mine, told)))
 
     def lost_objects(self, culler: str) -> list[LostObject]:
         """Objects with a confirmed miss, the most samples lost first."""
-        rows: dict[int, list[Row]] = defaultdict(list)
-        for row in self.missed_rows(culler):
-            if row["kind"] == "confirmed":
-                rows[row["object"]].append(row)
+        found: dict[int, list[Witness]] = defaultdict(list)
+        for witness in self._witnesses(culler, ObjectKind.CONFIRMED):
+            found[witness.object].append(witness)
         lost = [
             LostObject(
-                sum(row["pixels"] for row in of_object),
-                len(of_object),
-                max(of_object, key=lambda row: (row["pixels"], -row["frame"])),
+                sum(witness.pixels for witness in of_object),
+                len({witness.frame for witness in of_object}),
+                max(of_object, key=lambda witness: (witness.pixels, -witness.frame)),
             )
-            for of_object in rows.values()
+            for of_object in found.values()
         ]
-        return sorted(lost, key=lambda one: (-one.pixels, one.worst["object"]))
+        return sorted(lost, key=lambda one: (-one.pixels, one.worst.object))
+
+    def _witnesses(self, culler: str, kind: ObjectKind) -> Iterator[Witness]:
+        """The culler's misses of one kind. There are few: what is superfluous, of which there may
+        be tens of millions of rows, is never made into values one by one."""
+        if not len(self.objects):
+            return
+        mine = pc.and_(
+            pc.equal(self.objects["culler"], culler), pc.equal(self.objects["kind"], kind.value)
+        )
+        table = self.objects.filter(mine).drop_columns(["culler", "unit", "cause"])
+        known = table.select([n for n in table.column_names if not n.startswith("margin_")])
+        if any(column.null_count for column in known.columns):
+            raise InputError(
+                "a row that tells of a miss has an empty cell",
+                source=str(self.folder / OBJECTS),
+                fix=FIX,
+            )
+        for row in table.to_pylist():
+            yield Witness(**row)
 
     def superfluous_causes(self, culler: str) -> dict[str, int]:
         """Superfluous units by cause (`visref.run_folder.causes`), summed over the frames that were
         explained; empty where none was."""
-        if "cause" not in self.objects.column_names:
+        if not len(self.objects):
             return {}
         mine = pc.and_(pc.equal(self.objects["culler"], culler), pc.is_valid(self.objects["cause"]))
         counts = pc.value_counts(self.objects["cause"].filter(mine))
@@ -142,56 +163,120 @@ class RunRecord:
         # Only what is counted: of small units there are tens of millions of rows.
         table = self.objects.select(["culler", "kind", "unit", "name", "frame"])
         mine = pc.equal(table["culler"], culler)
-        table = table.filter(pc.and_(mine, pc.equal(table["kind"], "superfluous")))
+        table = table.filter(pc.and_(mine, pc.equal(table["kind"], ObjectKind.SUPERFLUOUS.value)))
         counted = table.group_by(["unit", "name"]).aggregate([("frame", "count")])
-        rows = [(row["unit"], row["name"] or "", row["frame_count"]) for row in _pylist(counted)]
+        rows = [(row["unit"], row["name"] or "", row["frame_count"]) for row in counted.to_pylist()]
         return sorted(rows, key=lambda row: (-row[2], row[0]))
 
 
-def _pylist(table: pa.Table) -> list[Row]:
-    rows: list[Row] = table.to_pylist()
-    return rows
-
-
-def read_run(folder: Path, *, objects: bool = True) -> RunRecord:
+def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
     """Read a run folder. Without its `objects`, of which there may be tens of millions, that table
     is empty. Raises InputError if it is none, or a file of it is spoilt."""
     if not (folder / MANIFEST).is_file():
         raise InputError(
-            f"this is no run folder: it has no {MANIFEST}", source=str(folder), fix=_FIX
+            f"this is no run folder: it has no {MANIFEST}", source=str(folder), fix=FIX
         )
-    manifest = _read_json(folder / MANIFEST)
-    if manifest.get("format") != "visref-run" or manifest.get("version") != 1:
-        raise InputError(
-            "this manifest is not a run's (format visref-run, version 1)",
-            source=str(folder / MANIFEST),
-            fix=_FIX,
+    manifest = read_manifest(_json(folder / MANIFEST), str(folder / MANIFEST))
+    version = manifest.version
+    frames = _table(folder / FRAMES, FRAMES_SCHEMA, version, required=_without_default(FrameRow))
+    timings = _table(
+        folder / TIMINGS, TIMINGS_SCHEMA, version, required=_without_default(TimingRow)
+    )
+    table = OBJECTS_SCHEMA.empty_table()
+    if objects:
+        table = _table(
+            folder / OBJECTS,
+            OBJECTS_SCHEMA,
+            version,
+            required=frozenset({"culler", "frame", "kind"}),
+            repeated=OBJECTS_REPEATED,
         )
-    return RunRecord(
+    run = RunFolder(
         folder,
         manifest,
-        _read_json(folder / VERDICT),
-        _pylist(_read_table(folder / "frames.parquet")),
-        _pylist(_read_table(folder / "timings.parquet")),
-        _read_table(folder / "objects.parquet", "culler", "kind", "name")
-        if objects
-        else pa.table({}),
+        read_verdict(_json(folder / VERDICT), str(folder / VERDICT), version),
+        [FrameRow(**row) for row in frames.to_pylist()],
+        [TimingRow(**row) for row in timings.to_pylist()],
+        table,
     )
+    _check_together(run)
+    return run
 
 
-def _read_json(file: Path) -> dict[str, Any]:
+def _json(file: Path) -> object:
     try:
-        value = json.loads(file.read_text(encoding="utf-8"))
+        return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=str(file), fix=_FIX) from error
-    if not isinstance(value, dict):
-        raise InputError("it holds no JSON object", source=str(file), fix=_FIX)
-    return value
+        raise InputError(f"cannot read it: {error}", source=str(file), fix=FIX) from error
 
 
-def _read_table(file: Path, *repeated: str) -> pa.Table:
-    """A table; its `repeated` columns hold few different texts, so each is kept once."""
+def _table(
+    file: Path,
+    schema: pa.Schema,
+    version: int,
+    *,
+    required: frozenset[str],
+    repeated: tuple[str, ...] = (),
+) -> pa.Table:
+    """A table with the columns of `schema`; those that it lacks, and need not have, are null.
+    `repeated` columns hold few different texts, so each is kept once."""
+
+    def spoilt(problem: str) -> InputError:
+        return InputError(problem, source=str(file), fix=FIX)
+
     try:
-        return pq.read_table(file, read_dictionary=list(repeated))
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError("cannot read this table", source=str(file), fix=_FIX) from error
+        found = pq.read_schema(file)
+        # An unknown column is somebody else's.
+        names = [name for name in schema.names if name in found.names]
+        read = [name for name in repeated if name in names]
+        table = pq.read_table(file, columns=names, read_dictionary=read)
+    except (OSError, pa.ArrowException) as error:
+        raise spoilt("cannot read this table") from error
+    needed = required | _SINCE_VERSION_2 if version >= 2 else required
+    if missing := sorted(needed.difference(names)):
+        raise spoilt(f"it has no column '{missing[0]}'")
+    for field in schema:
+        if field.name not in names:
+            table = table.append_column(field, _absent(field, len(table)))
+            continue
+        kind = table.schema.field(field.name).type
+        if (kind.value_type if pa.types.is_dictionary(kind) else kind) != field.type:
+            raise spoilt(f"its column '{field.name}' holds {kind}, not {field.type}")
+        if field.name in needed and table[field.name].null_count:
+            raise spoilt(f"its column '{field.name}' has an empty cell")
+    # Each row group has dictionaries of its own, and grouping wants one for all.
+    return table.select(schema.names).unify_dictionaries()
+
+
+def _absent(field: pa.Field, count: int) -> pa.Array:
+    """The values of a column that the file does not have."""
+    if field.name in _SINCE_VERSION_2:
+        return pa.repeat(pa.scalar(UNNAMED_VIEW), count)
+    return pa.nulls(count, field.type)
+
+
+def _without_default(row: type[FrameRow] | type[TimingRow]) -> frozenset[str]:
+    """The columns that a row must have."""
+    return frozenset(field.name for field in fields(row) if field.default is MISSING)
+
+
+def _check_together(run: RunFolder) -> None:
+    """That the files tell of the same cullers, frames and views."""
+    for row in run.frames:
+        if row.culler not in run.verdict.cullers:
+            problem, place = f"it judges '{row.culler}', which {VERDICT} does not", "culler"
+        elif not 0 <= row.frame < len(run.manifest.samples):
+            problem, place = f"frame {row.frame} is not one of {MANIFEST}", "frame"
+        elif row.view not in run.manifest.samples[row.frame]:
+            problem, place = f"view {row.view!r} is not one of {MANIFEST}", "view"
+        else:
+            continue
+        raise InputError(problem, source=str(run.folder / FRAMES), place=place, fix=FIX)
+    for culler in run.verdict.cullers:
+        if culler not in run.manifest.cullers:
+            raise InputError(
+                f"it judges '{culler}', which {MANIFEST} does not list",
+                source=str(run.folder / VERDICT),
+                place="cullers",
+                fix=FIX,
+            )

@@ -169,29 +169,29 @@ def write_witnesses(
     scene: Scene,
     path: CameraPath,
     record: CullerRecord,
-    drawn: Callable[[int], NDArray[np.bool_]],
+    drawn: Callable[[int, str], NDArray[np.bool_]],
 ) -> None:
-    """A JSON line for each of the culler's worst misses, by frame and object.
+    """One JSON line for each of the culler's worst misses, by frame, view and object.
 
-    `drawn` gives a frame's drawn triangles, (t,) bool.
+    `drawn` gives the drawn triangles of a frame's view, (t,) bool.
     """
-    misses = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
-    misses.sort(key=lambda pair: (-pair[1].pixels, pair[0], pair[1].object))
-    by_frame: dict[int, list[Miss]] = defaultdict(list)
-    for frame, miss in misses[:WITNESSES_PER_CULLER]:
-        by_frame[frame].append(miss)
+    misses = [(row.frame, row.view, miss) for row in record.frames for miss in row.verdict.misses]
+    misses.sort(key=lambda found: (-found[2].pixels, found[0], found[2].object))
+    by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
+    for frame, view, miss in misses[:WITNESSES_PER_CULLER]:
+        by_view[frame, view].append(miss)
     # Once for all frames: on a large scene these take longer than the rays.
     corners = scene.vertices[scene.triangles]
     balls = _balls(corners)
     with file.open("w", encoding="utf-8") as lines:
-        for frame in sorted(by_frame):
-            camera = path.frames[frame]
-            chosen = sorted(by_frame[frame], key=lambda miss: miss.object)
-            shown = drawn(frame)
+        for frame, view in sorted(by_view):
+            (camera,) = (camera for camera in path.views(frame) if camera.view == view)
+            chosen = sorted(by_view[frame, view], key=lambda miss: miss.object)
+            shown = drawn(frame, view)
             along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
             for miss, triangles in zip(chosen, along, strict=True):
                 witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
-                witness["culler"] = record.spec
+                witness |= {"culler": record.spec, "view": view}
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
                     _triangle_json(scene, int(t), drawn=bool(shown[t])) for t in triangles

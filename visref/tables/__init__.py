@@ -1,10 +1,10 @@
-"""The papers' tables made again: what they need is run and recorded, then set beside what was
+"""The papers' tables made again: what they need is run and kept, then set beside what was
 published.
 
-`measure` runs; `write_tables` writes from the records alone.
+`run_all` runs; `write_tables` writes from what is on disk.
 """
 
 from visref.tables.output import write_tables
-from visref.tables.recording import Measured, Progress, measure
+from visref.tables.runs import PaperRuns, Progress, run_all
 
-__all__ = ["Measured", "Progress", "measure", "write_tables"]
+__all__ = ["PaperRuns", "Progress", "run_all", "write_tables"]

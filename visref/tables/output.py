@@ -1,4 +1,4 @@
-"""What `visref tables` writes, from the records alone: a page, Markdown, LaTeX and CSV.
+"""What `visref tables` writes, from what is on disk alone: a page, Markdown, LaTeX and CSV.
 
 tables.html    self-contained
 tables.md      the same tables and verdicts
@@ -16,10 +16,11 @@ from pathlib import Path
 from visref.files import replacing_file
 from visref.judging.status import Exit, decide
 from visref.papers import Paper
-from visref.papers.table import Table
+from visref.papers.contents import Table
+from visref.provenance import machine, versions
 from visref.report import words
 from visref.report.environment import page_environment
-from visref.report.summary import RATES, Measures, definitions, measure
+from visref.report.summary import RATES, CullerSummary, definitions, summarise
 from visref.report.tables import (
     VERDICTS,
     table_csv,
@@ -27,9 +28,8 @@ from visref.report.tables import (
     table_markdown,
     table_view,
 )
-from visref.run_folder.read import RunRecord
-from visref.run_folder.write import machine, versions
-from visref.tables.recording import Measured
+from visref.run_folder.read import RunFolder
+from visref.tables.runs import PaperRuns
 
 VERDICT_HEADINGS = (
     "scene and size", "culler", "declares itself", "frames", "visible", "missed", "violations",
@@ -40,11 +40,11 @@ _DEFINED = f"{definitions()} Violations are misses of a culler that declares its
 
 @dataclass(frozen=True, eq=False)
 class PaperView:
-    """One paper's part: its tables, and the judged walks behind them."""
+    """One paper's part: its tables, and the judged runs behind them."""
 
     paper: Paper
     tables: list[Table]
-    walks: list[tuple[RunRecord, list[Measures]]]
+    runs: list[tuple[RunFolder, list[CullerSummary]]]
     failures: list[tuple[str, str]]
 
     def verdict_cells(self) -> list[tuple[str, ...]]:
@@ -55,49 +55,49 @@ class PaperView:
                 row.culler,
                 row.promise,
                 words.count(row.frames),
-                words.count(row.counts["visible"]),
-                words.count(row.counts["missed"]),
-                words.count(row.counts["violations"]),
+                words.count(row.counts.visible),
+                words.count(row.counts.missed),
+                words.count(row.counts.violations),
                 *(words.percent(share) for _, share in row.rates.named()),
             )
-            for run, rows in self.walks
+            for run, rows in self.runs
             for row in rows
         ]
 
 
-def write_tables(measured: Measured) -> tuple[Path, Exit]:
-    """Write the files into the measured folder; returns the page's path and the status.
+def write_tables(done: PaperRuns) -> tuple[Path, Exit]:
+    """Write the files into the folder of the runs; returns the page's path and the status.
 
-    The status is that of all judged walks together, and at best "nothing judged" where
+    The status is that of all judged runs together, and at best "nothing judged" where
     something could not be measured.
     """
-    views = [_view(measured, paper) for paper in measured.papers]
-    runs = [run for view in views for run, _ in view.walks]
-    status = decide([run.exit for run in runs] + [Exit.NOTHING_JUDGED for _ in measured.failures])
-    page = measured.out / "tables.html"
+    views = [_view(done, paper) for paper in done.papers]
+    runs = [run for view in views for run, _ in view.runs]
+    status = decide([run.exit for run in runs] + [Exit.NOTHING_JUDGED for _ in done.failures])
+    page = done.out / "tables.html"
     for file, text in (
-        (page, _page(measured, views, runs, status)),
-        (measured.out / "tables.md", _markdown(measured, views)),
-        (measured.out / "trends.md", _trends(views)),
-        (measured.out / "tables.tex", _latex(measured, views)),
-        (measured.out / "tables.csv", _csv(views)),
+        (page, _page(done, views, runs, status)),
+        (done.out / "tables.md", _markdown(done, views)),
+        (done.out / "trends.md", _trends(views)),
+        (done.out / "tables.tex", _latex(done, views)),
+        (done.out / "tables.csv", _csv(views)),
     ):
         with replacing_file(file) as beside:
             beside.write_text(text, encoding="utf-8")
     return page, status
 
 
-def _view(measured: Measured, paper: Paper) -> PaperView:
-    records = measured.records(paper)
-    found = (records.run(walk.key) for walk in paper.walks)
+def _view(done: PaperRuns, paper: Paper) -> PaperView:
+    results = done.results(paper)
+    found = (results.run(judged.key) for judged in paper.runs)
     runs = [run for run in found if run is not None]
     return PaperView(
         paper,
-        paper.tables(records),
-        [(run, [measure(run, culler) for culler in run.cullers]) for run in runs],
+        paper.tables(results),
+        [(run, [summarise(run, culler) for culler in run.cullers]) for run in runs],
         [
             (label.partition("/")[2], why)
-            for label, why in measured.failures.items()
+            for label, why in done.failures.items()
             if label.startswith(f"{paper.name}/")
         ],
     )
@@ -113,15 +113,15 @@ def headline(views: Sequence[PaperView]) -> str:
     return f"{text}, {words.count(left)} not measured" if left else text
 
 
-def _sampling(measured: Measured) -> str:
-    frames = measured.frames
+def _sampling(done: PaperRuns) -> str:
+    frames = done.frames
     of = "every frame" if frames is None else f"{words.counted(frames, 'frame')} at most"
     return f"{of} of each camera path"
 
 
-def _verdict_line(runs: Sequence[RunRecord]) -> str:
+def _verdict_line(runs: Sequence[RunFolder]) -> str:
     cullers = sum(len(run.cullers) for run in runs)
-    violations = sum(v["violations"] for run in runs for v in run.verdict["cullers"].values())
+    violations = sum(v.violations for run in runs for v in run.verdict.cullers.values())
     return (
         f"{words.counted(cullers, 'culler')} judged on {words.counted(len(runs), 'walk')}, "
         f"{words.counted(violations, 'violation')}"
@@ -129,16 +129,16 @@ def _verdict_line(runs: Sequence[RunRecord]) -> str:
 
 
 def _page(
-    measured: Measured, views: Sequence[PaperView], runs: Sequence[RunRecord], status: Exit
+    done: PaperRuns, views: Sequence[PaperView], runs: Sequence[RunFolder], status: Exit
 ) -> str:
     environment = page_environment("visref.tables")
-    scenes = {run.manifest["scene"]["source"]: run.manifest["scene"]["sha256"] for run in runs}
+    scenes = {run.manifest.scene.source: run.manifest.scene.sha256 for run in runs}
     return environment.get_template("tables.html.j2").render(
         headline=headline(views),
         verdict=_verdict_line(runs),
         status=status.status,
         exit_status=int(status),
-        sampling=_sampling(measured),
+        sampling=_sampling(done),
         views=[(view, [table_view(table) for table in view.tables]) for view in views],
         verdict_headings=VERDICT_HEADINGS,
         defined=_DEFINED,
@@ -148,11 +148,11 @@ def _page(
     )
 
 
-def _markdown(measured: Measured, views: Sequence[PaperView]) -> str:
+def _markdown(done: PaperRuns, views: Sequence[PaperView]) -> str:
     lines = [
         "# The papers' tables, measured again",
         "",
-        f"{headline(views)}. On {_sampling(measured)}. {_DEFINED}",
+        f"{headline(views)}. On {_sampling(done)}. {_DEFINED}",
         "",
         _trends(views),
     ]
@@ -162,7 +162,7 @@ def _markdown(measured: Measured, views: Sequence[PaperView]) -> str:
             lines += [f"Not measured: {words.plain(key)}: {words.plain(why)}", ""]
         for table in view.tables:
             lines += [table_markdown(table)]
-        if view.walks:
+        if view.runs:
             lines += ["### Verdicts", "", f"| {' | '.join(VERDICT_HEADINGS)} |"]
             lines.append("|---|---|---|" + "--:|" * (len(VERDICT_HEADINGS) - 3))
             lines += [
@@ -186,8 +186,8 @@ def _trends(views: Sequence[PaperView]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _latex(measured: Measured, views: Sequence[PaperView]) -> str:
-    parts = [f"% {headline(views)}. On {_sampling(measured)}."]
+def _latex(done: PaperRuns, views: Sequence[PaperView]) -> str:
+    parts = [f"% {headline(views)}. On {_sampling(done)}."]
     for view in views:
         parts.append(f"% {view.paper.title}")
         parts += [table_latex(table) for table in view.tables]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from visref.camera_path import CameraPath, middles
 from visref.papers import Paper
-from visref.papers.table import Experiment, Walk
+from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import CULLERS, SCENES, available
 
 EXPERIMENTS = "visref.experiments"
@@ -22,7 +22,7 @@ class Task:
     """One thing to run for a paper."""
 
     paper: str
-    work: Walk | Experiment
+    work: JudgedRun | Experiment
 
     @property
     def label(self) -> str:
@@ -34,7 +34,7 @@ def tasks(papers: Iterable[Paper], *, large: bool) -> list[Task]:
     large scenes last."""
     found: list[Task] = []
     for paper in papers:
-        work: tuple[Walk | Experiment, ...] = (*paper.walks, *paper.experiments)
+        work: tuple[JudgedRun | Experiment, ...] = (*paper.runs, *paper.experiments)
         found += [Task(paper.name, one) for one in work if large or not one.large]
     first: dict[str | None, int] = {}
     for place, task in enumerate(found):
@@ -65,7 +65,7 @@ def cut_path(path: CameraPath, frames: Sequence[int]) -> CameraPath:
 
 def code_digest(packages: Iterable[str] | None = None) -> str:
     """A digest of the sources of packages, by default of visref and all that it finds by name: a
-    record or a scene that other code made is made anew."""
+    result or a scene that other code made is made anew."""
     if packages is None:
         points = [p for group in (CULLERS, EXPERIMENTS, SCENES) for p in available(group).values()]
         packages = {"visref", *(point.module.partition(".")[0] for point in points)}

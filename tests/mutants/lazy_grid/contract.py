@@ -113,37 +113,23 @@ class Replay:
         self.cells = {(x, y): Cell(z_max, z_max) for x in range(columns) for y in range(rows)}
         self.test = None
 
-    def pixels(self, cell):
-        """The set of a cell's pixels, as two ranges."""
+    def whole(self, cell):
+        """The pixels x0, y0, x1, y1 of a cell, the last ones excluded."""
         x, y = cell[0] * self.size, cell[1] * self.size
-        return (
-            range(x, min(x + self.size, self.width)),
-            range(y, min(y + self.size, self.height)),
-        )
+        return x, y, min(x + self.size, self.width), min(y + self.size, self.height)
 
-    def meets(self, cell, area):
-        columns, rows = self.pixels(cell)
-        return (
-            area[0] < area[2]
-            and area[1] < area[3]
-            and columns.start < area[2]
-            and area[0] < columns.stop
-            and rows.start < area[3]
-            and area[1] < rows.stop
-        )
+    def shared(self, cell, area):
+        """Those that a cell and an area share; empty ones are None."""
+        (a, b, c, d), (x0, y0, x1, y1) = self.whole(cell), area
+        found = max(a, x0), max(b, y0), min(c, x1), min(d, y1)
+        return found if found[0] < found[2] and found[1] < found[3] else None
 
     def internal(self, cell, area):
-        columns, rows = self.pixels(cell)
-        return (
-            area[0] <= columns.start
-            and columns.stop <= area[2]
-            and area[1] <= rows.start
-            and rows.stop <= area[3]
-        )
+        return self.shared(cell, area) == self.whole(cell)
 
     def on_mark(self, area, unit):
         for cell, known in self.cells.items():
-            if self.meets(cell, area):
+            if self.shared(cell, area):
                 known.reached, known.untouched = -np.inf, False
 
     def on_test(self, node, area, depth, sure):
@@ -158,7 +144,7 @@ class Replay:
         return [
             cell
             for cell, known in self.cells.items()
-            if self.meets(cell, self.test)
+            if self.shared(cell, self.test)
             and (
                 self.depth <= known.reached
                 if self.internal(cell, self.test)
@@ -196,14 +182,7 @@ class Replay:
                 self.problems["border"].append(f"internal cell {cell} is asked after border cells")
             return
         self.asked_border = True
-        columns, rows = self.pixels(cell)
-        x0, y0, x1, y1 = self.test
-        shared = (
-            max(x0, columns.start),
-            max(y0, rows.start),
-            min(x1, columns.stop),
-            min(y1, rows.stop),
-        )
+        shared = self.shared(cell, self.test)
         if area != shared:
             self.problems["border"].append(f"{area} is asked of cell {cell}, not {shared}")
 
@@ -216,6 +195,6 @@ class Replay:
         if hidden:
             for cell, known in self.cells.items():
                 covers = self.depth > known.farthest or cell in self.hidden_shares
-                if self.meets(cell, self.test) and not covers:
+                if self.shared(cell, self.test) and not covers:
                     self.problems["proof"].append(f"cell {cell} does not hide the box")
         self.test = None

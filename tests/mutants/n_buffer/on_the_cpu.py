@@ -9,6 +9,7 @@ import numpy as np
 from tests.mutants.harness import mutant
 from tests.mutants.n_buffer.methods import ACROSS, CPU, FOUR, LEANING, ONE, PIERCED, TREE
 from visref_culling.boxes.rectangles import screen_rectangles
+from visref_culling.lazy_grid.nodes import corners_of
 from visref_culling.n_buffer.cover import Cover
 from visref_culling.n_buffer.depth_map import DepthMapQueries
 from visref_culling.n_buffer.levels import build_levels, look_up
@@ -31,17 +32,14 @@ class CornersBehindTheEye:
         return np.zeros(len(boxes), bool)
 
     def nearest(self, frame, boxes):
-        x, y, z = np.indices((2, 2, 2)).reshape(3, -1)
-        corners = np.stack([boxes[:, x, 0], boxes[:, y, 1], boxes[:, z, 2]], axis=2)
-        depth = corners @ frame.view.depth_row
+        depth = corners_of(boxes) @ frame.view.depth_row
         return np.where(depth > frame.view.camera.near, depth, np.inf).min(axis=1)
 
     def map_queries(self, squares):
         class Map(DepthMapQueries):
             def rectangles(self, boxes):
-                x, y, z = np.indices((2, 2, 2)).reshape(3, -1)
-                corners = [boxes[:, x, 0], boxes[:, y, 1], boxes[:, z, 2], np.ones((len(boxes), 8))]
-                clip = np.stack(corners, axis=2) @ self.view.clip_from_relative.T
+                corners = np.insert(corners_of(boxes), 3, 1.0, axis=2)
+                clip = corners @ self.view.clip_from_relative.T
                 size = np.array([self.view.camera.width, self.view.camera.height])
                 at = 0.5 * size * (1.0 + clip[:, :, :2] / clip[:, :, 3:] * (1.0, -1.0))
                 low = np.floor(np.clip(at.min(axis=1), 0.0, size))
@@ -67,9 +65,7 @@ class EuclideanDistance:
     """The distance of the nearest corner is compared with depths."""
 
     def nearest(self, frame, boxes):
-        x, y, z = np.indices((2, 2, 2)).reshape(3, -1)
-        corners = np.stack([boxes[:, x, 0], boxes[:, y, 1], boxes[:, z, 2]], axis=2)
-        return np.linalg.norm(corners, axis=2).min(axis=1)
+        return np.linalg.norm(corners_of(boxes), axis=2).min(axis=1)
 
 
 @mutant("G6", of=CPU, caught_by=LEANING)

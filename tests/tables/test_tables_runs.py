@@ -15,24 +15,22 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.papers import load_paper, paper_names
-from visref.papers.table import Experiment, Walk
-from visref.tables import recording
+from visref.papers.contents import Experiment, JudgedRun
+from visref.tables import runs
 from visref.tables.plan import code_digest, cut_path, sampled, tasks
-from visref.tables.recording import measure
+from visref.tables.runs import run_all
 
 
 @pytest.fixture(autouse=True)
 def own_experiments(monkeypatch):
     """Experiments of the tests stand where installed ones would, and no culler ran yet."""
-    monkeypatch.setattr(
-        recording, "load_entry", lambda group, name, kind: getattr(tables_runs, name)
-    )
+    monkeypatch.setattr(runs, "load_entry", lambda group, name, kind: getattr(tables_runs, name))
     All.cameras.clear()
 
 
 def run(out, papers=None, **options):
     steps = Steps()
-    measured = measure([paper()] if papers is None else papers, out, steps, **options)
+    measured = run_all([paper()] if papers is None else papers, out, steps, **options)
     return measured, steps
 
 
@@ -62,10 +60,10 @@ def test_a_stretch_starts_with_a_cut_and_goes_on_without():
 
 def test_tasks_of_one_scene_come_together_and_large_ones_last():
     walks = (
-        Walk("big", "c", (), large=True),
-        Walk("a", "x", ()),
-        Walk("b", "y", ()),
-        Walk("c", "x", ()),
+        JudgedRun("big", "c", (), large=True),
+        JudgedRun("a", "x", ()),
+        JudgedRun("b", "y", ()),
+        JudgedRun("c", "x", ()),
     )
     ordered = tasks([paper(walks, (Experiment("e", "n", "y"),))], large=True)
     assert [task.work.key for task in ordered] == ["a", "c", "b", "e", "big"]
@@ -87,7 +85,7 @@ def test_code_digest_changes_with_a_source_and_with_nothing_else(tmp_path, monke
 @pytest.mark.parametrize("name", paper_names())
 def test_every_paper_names_each_of_its_records_once_and_makes_tables_of_none(name):
     found = load_paper(name)
-    keys = [work.key for work in (*found.walks, *found.experiments)]
+    keys = [work.key for work in (*found.runs, *found.experiments)]
     assert len(set(keys)) == len(keys)
 
     class Nowhere:
@@ -109,7 +107,7 @@ def test_an_unknown_paper_is_refused_with_the_known_ones():
         load_paper("hey2002")
 
 
-# The records.
+# The results.
 
 
 def test_every_walk_and_experiment_is_recorded_and_read_back(tmp_path):
@@ -118,20 +116,20 @@ def test_every_walk_and_experiment_is_recorded_and_read_back(tmp_path):
     assert not measured.failures
     assert steps.all > 0
     assert steps.done == pytest.approx(steps.all)
-    records = measured.records(toy)
-    counted = records.experiment("count")
+    results = measured.results(toy)
+    counted = results.experiment("count")
     assert (counted["frames"], counted["sizes"]) == (3, [list(SIZE)])
-    first = records.run("first")
-    assert counted["triangles"] == first.manifest["scene"]["triangles"]
+    first = results.run("first")
+    assert counted["triangles"] == first.manifest.scene.triangles
     assert first.frame_numbers == (1, 3, 5)
-    assert first.verdict["status"] == "no_violation_found"
+    assert first.verdict.status == "no_violation_found"
     assert [camera.cut for camera in All.cameras] == [True] * 6
 
 
 def test_an_experiment_without_a_scene_is_given_none(tmp_path):
     measured, _ = run(tmp_path, [paper((), (Experiment("alone", "counting"),))])
     (toy,) = measured.papers
-    assert measured.records(toy).experiment("alone") == {"scene": None, "path": None}
+    assert measured.results(toy).experiment("alone") == {"scene": None, "path": None}
 
 
 def test_the_same_again_runs_nothing_and_other_frames_run_all(tmp_path):
@@ -146,52 +144,52 @@ def test_the_same_again_runs_nothing_and_other_frames_run_all(tmp_path):
 
 def test_other_code_runs_all_again(tmp_path, monkeypatch):
     run(tmp_path, frames=2)
-    monkeypatch.setattr(recording, "code_digest", lambda packages=None: "edited")
+    monkeypatch.setattr(runs, "code_digest", lambda packages=None: "edited")
     run(tmp_path, frames=2)
     assert len(All.cameras) == 8
 
 
 def test_an_interrupted_run_goes_on_with_what_it_had_not_done(tmp_path):
-    first, second = paper().walks
-    stopped = Walk("second", TOWN, (STOPPED,), size=SIZE)
+    first, second = paper().runs
+    stopped = JudgedRun("second", TOWN, (STOPPED,), size=SIZE)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path, [paper((first, stopped), ())], frames=2)
     assert len(All.cameras) == 2
     measured, _ = run(tmp_path, [paper((first, second), ())], frames=2)
     assert len(All.cameras) == 4
-    assert all(measured.records(measured.papers[0]).run(walk.key) for walk in (first, second))
+    assert all(measured.results(measured.papers[0]).run(walk.key) for walk in (first, second))
 
 
 def test_a_failure_is_told_and_the_rest_goes_on(tmp_path):
     broken = (Experiment("broken", "without_gl"), Experiment("count", "counting", TOWN))
-    unknown = Walk("unknown", "no_such_scene", (ALL,))
+    unknown = JudgedRun("unknown", "no_such_scene", (ALL,))
     measured, _ = run(tmp_path, [paper((unknown,), broken)], frames=1)
     assert measured.failures["toy/broken"] == "no OpenGL here"
     assert "no_such_scene" in measured.failures["toy/unknown"]
-    records = measured.records(measured.papers[0])
-    assert records.experiment("broken") is None
-    assert records.run("unknown") is None
-    assert records.experiment("count") is not None
+    results = measured.results(measured.papers[0])
+    assert results.experiment("broken") is None
+    assert results.run("unknown") is None
+    assert results.experiment("count") is not None
 
 
 def test_a_culler_that_breaks_down_leaves_no_record_of_half_a_walk(tmp_path):
-    measured, _ = run(tmp_path, [paper((Walk("first", TOWN, (ALL, BROKEN), size=SIZE),), ())])
+    measured, _ = run(tmp_path, [paper((JudgedRun("first", TOWN, (ALL, BROKEN), size=SIZE),), ())])
     assert "it fell over" in measured.failures["toy/first"]
-    assert measured.records(measured.papers[0]).run("first") is None
+    assert measured.results(measured.papers[0]).run("first") is None
 
 
 def test_what_failed_leaves_no_record_of_an_earlier_time(tmp_path):
     run(tmp_path, [paper((), (Experiment("one", "counting"),))])
     measured, _ = run(tmp_path, [paper((), (Experiment("one", "without_gl"),))])
-    assert measured.records(measured.papers[0]).experiment("one") is None
+    assert measured.results(measured.papers[0]).experiment("one") is None
 
 
 def test_a_violation_stands_in_the_records(tmp_path):
-    walk = Walk("first", TOWN, (ALL, NOTHING), size=SIZE)
-    measured, _ = run(tmp_path, [paper((walk,), ())], frames=2)
-    found = measured.records(measured.papers[0]).run("first")
-    assert found.verdict["status"] == "violation"
-    assert found.verdict["cullers"][ALL]["violations"] == 0
+    judged = JudgedRun("first", TOWN, (ALL, NOTHING), size=SIZE)
+    measured, _ = run(tmp_path, [paper((judged,), ())], frames=2)
+    found = measured.results(measured.papers[0]).run("first")
+    assert found.verdict.status == "violation"
+    assert found.verdict.cullers[ALL].violations == 0
 
 
 def test_a_scene_is_generated_once_for_all_runs(tmp_path, monkeypatch):
@@ -206,8 +204,8 @@ def test_a_scene_is_generated_once_for_all_runs(tmp_path, monkeypatch):
 
 def test_records_say_what_they_were_asked_for(tmp_path):
     measured, _ = run(tmp_path, frames=2)
-    asked = measured.records(measured.papers[0]).run("first").manifest["settings"]["asked"]
-    assert asked["work"] == json.loads(json.dumps(vars(tables_runs.WALKS[0])))
+    asked = measured.results(measured.papers[0]).run("first").manifest.settings["asked"]
+    assert asked["work"] == json.loads(json.dumps(vars(tables_runs.RUNS[0])))
     assert asked["frames"] == 2
 
 

@@ -1,18 +1,18 @@
-"""The common shape of a paper's module: what it needs recorded, and the tables made from that.
+"""The common shape of a paper's module: what is run for it, and the tables made from that.
 
 A module of `visref.papers` states
 
     TITLE: str                             authors, title, where it appeared
-    WALKS: tuple[Walk, ...]                judged runs along camera paths
+    RUNS: tuple[JudgedRun, ...]            judged runs along camera paths
     EXPERIMENTS: tuple[Experiment, ...]    measurements that are no judged run
-    def tables(records: Records) -> list[Table]
+    def tables(results: Results) -> list[Table]
 
 and, where a single run may fill a table by itself, whoever asked for it,
 
-    def tables_of_run(record: RunRecord) -> list[Table]
+    def tables_of_run(run: RunFolder) -> list[Table]
 
 It measures nothing itself: every number of ours comes from a run folder or from the JSON that
-an experiment left, so that a table can be made again from the records alone.
+an experiment left, so that a table can be made again from what is on disk.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
 
-from visref.run_folder.read import RunRecord
+from visref.run_folder.read import RunFolder
 
 Size = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Walk:
+class JudgedRun:
     """Cullers judged along a path: `visref run SCENE --culler …`, kept as a run folder.
 
     `key`: the folder's name, unique in its paper. `scene`: a generated scene's spec. `size`: the
@@ -49,7 +49,7 @@ class Walk:
 class Experiment:
     """A measurement behind the entry point `name` of the group `visref.experiments`.
 
-    It is called as `measure(scene, path)` with the scene, and its path of as many frames as are
+    It is called as `experiment(scene, path)` with the scene, and its path of as many frames as are
     asked for, or with (None, None) where `scene` is None; it returns what JSON can hold: numbers,
     strings, lists and dictionaries, times in milliseconds with `_ms` in their names.
     """
@@ -134,11 +134,11 @@ class Table:
     figure: Figure | None = None
 
 
-class Records(Protocol):
-    """What was recorded for a paper; None for what was left out (`--large`) or failed."""
+class Results(Protocol):
+    """What was run for a paper; None for what was left out (`--large`) or failed."""
 
-    def run(self, key: str) -> RunRecord | None:
-        """The run folder of the walk `key`."""
+    def run(self, key: str) -> RunFolder | None:
+        """The run folder of the judged run `key`."""
 
     def experiment(self, key: str) -> Mapping[str, Any] | None:
         """What the experiment `key` returned."""

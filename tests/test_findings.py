@@ -8,7 +8,7 @@ import pytest
 
 from visref.findings import Code, Finding, Severity, document, rule_of
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent
 
 
 def test_the_documentation_is_the_catalogue():

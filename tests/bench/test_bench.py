@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 
 from tests.support.truth_scenes import build, quad, random_soup
 from visref import bench
-from visref.bench import Measurement, measure
+from visref.bench import BenchRun, timing
 from visref.bench.bounds import good_turing, unseen_share_bound
-from visref.bench.measure import GeometricRow, ImageRow, jittered, wrong_owners
 from visref.bench.plot import Point, panels, pictures
 from visref.bench.subsets import ALL, SUBSETS, nested_subsets
+from visref.bench.timing import GeometricRow, ImageRow, jittered, wrong_owners
 from visref.bench.verdict import headline, pareto, sentences
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
@@ -268,7 +268,7 @@ def known_scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def measured() -> bench.Bench:
-    return Measurement(known_scene(), CameraPath((CAMERA, CAMERA)), [0, 1], 1).run()
+    return BenchRun(known_scene(), CameraPath((CAMERA, CAMERA)), [0, 1], 1).run()
 
 
 def row_of(measured: bench.Bench, engine: str, sixteenths: int = ALL) -> ImageRow:
@@ -326,9 +326,9 @@ def test_a_wrong_engine_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
             return Shifted(scene, threads=threads)
         return make_engine(spec, scene, threads=threads)
 
-    monkeypatch.setattr(measure, "make_engine", make)
-    monkeypatch.setattr(measure, "ENGINES", ("exact", "embree", "embree:robust=false"))
-    result = Measurement(known_scene(), CameraPath((CAMERA,)), [0], 1).run()
+    monkeypatch.setattr(timing, "make_engine", make)
+    monkeypatch.setattr(timing, "ENGINES", ("exact", "embree", "embree:robust=false"))
+    result = BenchRun(known_scene(), CameraPath((CAMERA,)), [0], 1).run()
     # The block of 2 x 2 moves by one: two samples gained, two lost.
     assert row_of(result, "embree:robust=false").numeric_wrong_samples == 4
     assert row_of(result, "embree").numeric_wrong_samples == 0
@@ -340,10 +340,10 @@ def test_an_engine_that_is_not_there_is_left_out_and_said(monkeypatch: pytest.Mo
             raise InputError("no Open3D here")
         return make_engine(spec, scene, threads=threads)
 
-    monkeypatch.setattr(measure, "make_engine", make)
-    monkeypatch.setattr(measure, "ENGINES", ("exact", "embree", "open3d"))
+    monkeypatch.setattr(timing, "make_engine", make)
+    monkeypatch.setattr(timing, "ENGINES", ("exact", "embree", "open3d"))
     odd = replace(CAMERA, width=30)
-    result = Measurement(known_scene(), CameraPath((odd,)), [0], 1).run()
+    result = BenchRun(known_scene(), CameraPath((odd,)), [0], 1).run()
     assert [what for what, _ in result.left_out] == ["open3d", "densities below 1"]
     assert {(row.engine, row.sixteenths) for row in result.image} == {
         ("exact", ALL),
@@ -387,6 +387,7 @@ def test_the_front_has_no_point_that_another_beats() -> None:
     assert front == [(1.0, 5.0), (2.0, 3.0), (4.0, 0.0)]
 
 
+@pytest.mark.slow
 def test_the_plot_is_the_same_bytes_for_the_same_numbers() -> None:
     numbers = with_numbers(1.1, 5)
     assert pictures(numbers, "a title") == pictures(numbers, "a title")
@@ -399,11 +400,12 @@ def test_the_plot_is_the_same_bytes_for_the_same_numbers() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_folder_and_the_page_stands_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(measure, "ENGINES", ("exact", "embree"))
-    monkeypatch.setattr(measure, "REPEATS", 1)
+    monkeypatch.setattr(timing, "ENGINES", ("exact", "embree"))
+    monkeypatch.setattr(timing, "REPEATS", 1)
     path = tmp_path / "path.json"
     camera = replace(CAMERA, world_from_camera=look_at((0, 30, 60), (0, 0, 0)), far=1000.0)
     frames = [{"world_from_camera": camera.world_from_camera.tolist()}]

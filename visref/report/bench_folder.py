@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
+from visref.run_folder.json_fields import Fields
 
 MARKER = "bench.json"
 PLOT = "bench.svg"
 
 
 @dataclass(frozen=True)
-class BenchRecord:
+class BenchFolder:
     """A bench folder: `says` its headline and sentences, `scene` by name, `svg` the plot."""
 
     folder: Path
@@ -30,19 +31,24 @@ def is_bench(folder: Path) -> bool:
     return (folder / MARKER).is_file()
 
 
-def read_bench(folder: Path) -> BenchRecord:
+def read_bench(folder: Path) -> BenchFolder:
     """Read a bench folder. Raises InputError if a file of it is missing or spoilt."""
     source = str(folder / MARKER)
     fix = "give a folder that `visref bench` wrote"
     try:
-        record = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+        found = json.loads((folder / MARKER).read_text(encoding="utf-8"))
         svg = (folder / PLOT).read_bytes()
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read it: {error}", source=source, fix=fix) from error
-    known = isinstance(record, dict) and record.get("format") == "visref-bench"
-    if not known or record.get("version") != 1:
+    known = isinstance(found, dict) and found.get("format") == "visref-bench"
+    if not known or found.get("version") != 1:
         raise InputError("this is no bench (format visref-bench, version 1)", source=source,
                          fix=fix)  # fmt: skip
-    scene = Path(record["scene"]["source"]).name
-    frames = len(record["path"]["frames"])
-    return BenchRecord(folder, tuple(record["says"]), scene, frames, record["machine"], svg)
+    fields = Fields(found, source, fix)
+    try:
+        says = tuple(map(str, found["says"]))
+        frames = len(found["path"]["frames"])
+    except (KeyError, TypeError) as error:
+        raise fields.error(f"it lacks {error}") from error
+    scene = Path(fields.inner("scene").text("source")).name
+    return BenchFolder(folder, says, scene, frames, fields.inner("machine").plain(), svg)

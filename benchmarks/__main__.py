@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 import sys
 
-from tests import bench
+import benchmarks
 
 ROWS = list[dict[str, str]]
 
@@ -23,12 +23,12 @@ def table(rows: ROWS) -> str:
 
 
 def main(names: list[str]) -> int:
-    known = sorted(m.name for m in pkgutil.iter_modules(bench.__path__) if m.name[0] != "_")
+    known = sorted(m.name for m in pkgutil.iter_modules(benchmarks.__path__) if m.name[0] != "_")
     for name in names or known:
         if name not in known:
             print(f"no benchmark is named '{name}'; known are {', '.join(known)}", file=sys.stderr)
             return 2
-        module = importlib.import_module(f"tests.bench.{name}")
+        module = importlib.import_module(f"benchmarks.{name}")
         print(f"## {module.TITLE}\n\n{table(module.run())}\n", flush=True)
     return 0
 

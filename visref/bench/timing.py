@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.bench.bounds import ALPHA, good_turing, unseen_share_bound
-from visref.bench.subsets import ALL, SUBSETS, Grid, nested_subsets
+from visref.bench.subsets import ALL, SUBSETS, Sublattice, nested_subsets
 from visref.between.search import TRIES, FrameGeometry, GeometricSearch, Status
 from visref.camera import Camera
 from visref.camera_path import CameraPath
@@ -104,7 +104,7 @@ class _View:
     visible: Bool
 
 
-class Measurement:
+class BenchRun:
     """Runs the bench over a scene's frames."""
 
     def __init__(
@@ -158,7 +158,7 @@ class Measurement:
         )
         rows: list[dict[str, Any]] = []
         for frame, camera, nested in zip(self._frames, cameras, subsets, strict=True):
-            nested = nested or {ALL: [Grid(camera, 0, 0, 1)]}
+            nested = nested or {ALL: [Sublattice(camera, 0, 0, 1)]}
             if frame == self._frames[0]:
                 # Compiles, and lets the engines build what they build late.
                 self._cast(configurations, camera, nested)
@@ -192,7 +192,7 @@ class Measurement:
         self,
         configurations: Sequence[tuple[str, int]],
         camera: Camera,
-        subsets: dict[int, list[Grid]],
+        subsets: dict[int, list[Sublattice]],
     ) -> tuple[dict[tuple[str, int], _View], dict[tuple[str, int], float]]:
         """Each configuration once, in turn: what it saw, and seconds for owners and objects."""
         views, seconds = {}, {}
@@ -203,15 +203,15 @@ class Measurement:
             decided = np.zeros(shape, np.bool_)
             visible = np.zeros(self._scene.object_count, np.bool_)
             spent = 0.0
-            for grid in subsets[density]:
+            for part in subsets[density]:
                 start = time.perf_counter()
-                truth = engine.frame(grid.camera)
+                truth = engine.frame(part.camera)
                 seen = objects_seen(truth, self._scene)
                 spent += time.perf_counter() - start
                 visible |= seen.visible
-                part = np.s_[grid.y :: grid.step, grid.x :: grid.step]
-                triangle[part] = truth.buffer.triangle
-                decided[part] = truth.decided.reshape(truth.buffer.triangle.shape)
+                at = np.s_[part.y :: part.step, part.x :: part.step]
+                triangle[at] = truth.buffer.triangle
+                decided[at] = truth.decided.reshape(truth.buffer.triangle.shape)
             views[spec, density] = _View(triangle, decided.ravel(), visible)
             seconds[spec, density] = spent
         return views, seconds

@@ -2,10 +2,10 @@
 interrupt.
 
     OUT/scenes/SCENE-DIGEST/        generated scenes, kept
-    OUT/records/PAPER/WALK/         run folders
+    OUT/records/PAPER/RUN/          run folders
     OUT/records/PAPER/EXPERIMENT/   experiment.json
 
-A record says what it was asked for and by which code; one that fits is kept, any other is made
+Each says what it was asked for and by which code; one that fits is kept, any other is made
 anew. So an interrupted run goes on where it stopped.
 """
 
@@ -27,10 +27,11 @@ from visref.findings import Code
 from visref.inputs import generated_with, open_scene
 from visref.judging.referee import Job, JudgedFrame, Referee
 from visref.papers import Paper
-from visref.papers.table import Experiment, Walk
+from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import SCENES, available, load_entry, make_culler
-from visref.run_folder.read import RunRecord, read_run
-from visref.run_folder.write import MANIFEST, Recorder, slug, write_json
+from visref.run_folder.layout import MANIFEST, slug
+from visref.run_folder.read import RunFolder, read_run
+from visref.run_folder.write import RunWriter, write_json
 from visref.scene import Scene
 from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -58,13 +59,13 @@ class Progress(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class PaperRecords:
-    """`visref.papers.table.Records`, read from disk, a run once; what is not there is None."""
+class PaperResults:
+    """`visref.papers.contents.Results`, read from disk, a run once; what is not there is None."""
 
     folder: Path
-    _runs: dict[str, RunRecord | None] = field(default_factory=dict)
+    _runs: dict[str, RunFolder | None] = field(default_factory=dict)
 
-    def run(self, key: str) -> RunRecord | None:
+    def run(self, key: str) -> RunFolder | None:
         if key not in self._runs:
             folder = self.folder / key
             self._runs[key] = read_run(folder) if (folder / MANIFEST).is_file() else None
@@ -78,8 +79,8 @@ class PaperRecords:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What was measured: the papers, where their records are, and what failed and why, by
+class PaperRuns:
+    """What was run: the papers, where their results are, and what failed and why, by
     `PAPER/KEY`."""
 
     papers: tuple[Paper, ...]
@@ -87,11 +88,11 @@ class Measured:
     frames: int | None
     failures: dict[str, str] = field(default_factory=dict)
 
-    def records(self, paper: Paper) -> PaperRecords:
-        return PaperRecords(self.out / "records" / paper.name)
+    def results(self, paper: Paper) -> PaperResults:
+        return PaperResults(self.out / "records" / paper.name)
 
 
-def measure(
+def run_all(
     papers: Iterable[Paper],
     out: Path,
     progress: Progress,
@@ -99,16 +100,16 @@ def measure(
     frames: int | None = None,
     large: bool = False,
     threads: int | None = None,
-) -> Measured:
+) -> PaperRuns:
     """Run all that the papers need, on `frames` frames of every path (None for all).
 
-    A thing that fails is told in `failures`, and its old record is no longer there; the others go
+    A thing that fails is told in `failures`, and its old results are no longer there; the others go
     on. Raises InputError for a number of frames that is none.
     """
     if frames is not None and frames < 1:
         raise InputError(f"--frames is {frames}", fix="give 1 or more")
-    measured = Measured(tuple(papers), out, frames)
-    todo = tasks(measured.papers, large=large)
+    done = PaperRuns(tuple(papers), out, frames)
+    todo = tasks(done.papers, large=large)
     progress.begin(sum(_steps(task, frames) for task in todo))
     stage = _Stage(out / "scenes", threads)
     code = code_digest()
@@ -120,15 +121,15 @@ def measure(
             steps = _Share(progress, _steps(task, frames))
             if _asked_before(folder, task) != asked:
                 try:
-                    _record(task, folder, asked, stage, frames, steps)
+                    _run_task(task, folder, asked, stage, frames, steps)
                 except (InputError, NothingToJudge) as error:
-                    measured.failures[task.label] = str(error)
-                    # What an earlier run left is no record of this one.
+                    done.failures[task.label] = str(error)
+                    # What an earlier run left is no result of this one.
                     shutil.rmtree(folder, ignore_errors=True)
             steps.end()
     finally:
         stage.close()
-    return measured
+    return done
 
 
 def _steps(task: Task, frames: int | None) -> int:
@@ -160,13 +161,13 @@ class _Share:
 
 
 def _asked(task: Task, frames: int | None, code: str) -> dict[str, Any]:
-    """What a record must have been made of to be kept."""
+    """What a result must have been made of to be kept."""
     work = json.loads(json.dumps(vars(task.work)))
     return {"work": work, "frames": frames, "code": code, "engine": ENGINE}
 
 
 def _asked_before(folder: Path, task: Task) -> object:
-    """What the record on disk was asked for, None where there is none."""
+    """What the result on disk was asked for, None where there is none."""
     name = RESULT if isinstance(task.work, Experiment) else MANIFEST
     try:
         found = json.loads((folder / name).read_text())
@@ -222,7 +223,7 @@ class _Kept(TruthEngine):
         return self._engine.frame(camera)
 
 
-def _record(
+def _run_task(
     task: Task,
     folder: Path,
     asked: dict[str, Any],
@@ -251,7 +252,7 @@ def _record(
 
 
 def _judge(
-    walk: Walk,
+    judged: JudgedRun,
     scene: Scene,
     path: CameraPath,
     frames: list[int],
@@ -260,14 +261,14 @@ def _judge(
     stage: _Stage,
     share: _Share,
 ) -> None:
-    share.verdicts = len(frames) * len(walk.cullers)
-    settings = {"frames": frames, "generated": generated_with(walk.scene), "asked": asked}
-    recorder = Recorder(folder, scene, path, engine=ENGINE, settings=settings)
+    share.verdicts = len(frames) * len(judged.cullers)
+    settings = {"frames": frames, "generated": generated_with(judged.scene), "asked": asked}
+    writer = RunWriter(folder, scene, path, engine=ENGINE, settings=settings)
     referee = Referee(scene, lambda: _Kept(stage.engine()))
-    cullers = [(spec, make_culler(spec)) for spec in walk.cullers]
-    outcome = referee.run(path, frames, cullers, [recorder, share])
+    cullers = [(spec, make_culler(spec)) for spec in judged.cullers]
+    outcome = referee.run(path, frames, cullers, [writer, share])
     for finding in outcome.findings:
         # A table of the frames before it would be a table of something else.
         if finding.code in (Code.CULLER_FAILED, Code.NO_GL):
             raise NothingToJudge(f"{finding.culler}: {finding.message}")
-    recorder.finish(outcome)
+    writer.finish(outcome)

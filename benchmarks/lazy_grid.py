@@ -2,8 +2,8 @@
 
 The paper's own figures are `visref tables --paper hey2001`.
 
-`python -m tests.bench lazy_grid` takes a tenth of the large city; `python -m
-tests.bench.lazy_grid 1` all of it (some 8 GiB and ten minutes).
+`python -m benchmarks lazy_grid` takes a tenth of the large city; `python -m
+benchmarks.lazy_grid 1` all of it (some 8 GiB and ten minutes).
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[Line]
 
 
 def main() -> None:
-    from tests.bench.__main__ import table
+    from benchmarks.__main__ import table
 
     started = time.perf_counter()
     print(table(run(float(sys.argv[1]) if len(sys.argv) > 1 else CITY_SCALE)))

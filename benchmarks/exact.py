@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tests.bench.truth import alternate, cameras, town
+from benchmarks.truth import alternate, cameras, town
 from visref.camera import Camera, look_at
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine

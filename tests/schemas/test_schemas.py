@@ -1,0 +1,180 @@
+"""Schema, writer and reader agree: what is written fits, and reader and schema refuse the same.
+
+That run folders fit is checked wherever a test writes one (`tests/conftest.py`).
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+import jsonschema
+import pytest
+
+from tests.support import report_runs
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
+from visref.culler import QueryStats
+from visref.errors import InputError
+from visref.recordings.visible_sets import read_visible_sets
+from visref.run_folder.facts import read_manifest, read_verdict
+from visref.run_folder.layout import COUNTS
+from visref.schemas import NAMES, schema
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run with a miss, findings and pictures."""
+    return report_runs.write_runs(tmp_path_factory.mktemp("runs"))["violation"]
+
+
+def path_json() -> dict[str, Any]:
+    """A path whose frames are of both projections, one with every field."""
+    pose = look_at((0.0, 0.0, 3.0), (0.0, 0.0, -5.0))
+    first = Camera(pose, 64, 48, near=0.1, far=50.0, yfov=1.0, shift_x_px=0.5, cut=True)
+    second = Camera(pose, 64, 48, near=0.1, far=math.inf, ymag=2.0, shift_y_px=-0.25)
+    return CameraPath((first, second)).to_json()
+
+
+LINE = {
+    "frame": 1,
+    "visible": [0, "wall"],
+    "stats": {"queries": 7, "ms": {"cull": 1.5}},
+    "note": "whatever",
+}
+
+
+def valid(run, name: str) -> Any:
+    if name == "path":
+        return path_json()
+    if name == "visible_sets":
+        return LINE
+    return json.loads((run / f"{name}.json").read_text())
+
+
+def read(name: str, value: Any, folder) -> None:
+    """Read a value with the reader of that name."""
+    if name == "verdict":
+        read_verdict(value, "verdict.json", 2)
+    elif name == "manifest":
+        read_manifest(value, "manifest.json")
+    elif name == "path":
+        CameraPath.from_json(value)
+    else:
+        file = folder / "sets.jsonl"
+        file.write_text("\n".join(map(json.dumps, [{"frame": 0, "visible": []}, value])))
+        read_visible_sets(file, report_runs.scene(), range(2), 2)
+
+
+def places(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where a value stands, of all values in parsed JSON; of long lists the first ones."""
+    yield at
+    inner = value.items() if isinstance(value, dict) else ()
+    if isinstance(value, list):
+        inner = enumerate(value[:2])
+    for key, part in inner:
+        yield from places(part, (*at, key))
+
+
+def changed(value: Any, at: tuple[Any, ...], to: Any) -> Any:
+    """The value with another in one place, or with nothing there where `to` is Ellipsis."""
+    if not at:
+        return to
+    spoilt = copy.deepcopy(value)
+    inner = spoilt
+    for key in at[:-1]:
+        inner = inner[key]
+    if to is ...:
+        del inner[at[-1]]
+    else:
+        inner[at[-1]] = to
+    return spoilt
+
+
+OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1.5, "x", [], {}, [None], ...)
+
+
+def variants(value: Any) -> Iterator[tuple[str, Any]]:
+    """Each value in it replaced by values of every kind, or left out."""
+    for at in places(value):
+        for to in OTHERS:
+            if at or to is not ...:
+                yield f"{at}: {to!r}", changed(value, at, to)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_schema_is_one_and_every_property_is_known_to_the_writer(name, run):
+    jsonschema.Draft202012Validator.check_schema(schema(name))
+    jsonschema.validate(valid(run, name), schema(name))
+
+
+def test_no_schema_has_another_name():
+    with pytest.raises(KeyError):
+        schema("../pyproject")
+
+
+def test_counts_and_counters_are_those_of_the_code():
+    culler = schema("verdict")["$defs"]["culler"]["properties"]
+    assert set(COUNTS) <= set(culler)
+    stats = schema("visible_sets")["properties"]["stats"]["properties"]
+    assert set(stats) == {field.name for field in fields(QueryStats)}
+
+
+# How many of the variants are refused, at least: a check that refuses nothing proves nothing.
+@pytest.mark.parametrize(
+    ("name", "least"), [("manifest", 300), ("path", 150), ("verdict", 300), ("visible_sets", 40)]
+)
+def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
+    validator = jsonschema.Draft202012Validator(schema(name))
+    refused = 0
+    for what, value in variants(valid(run, name)):
+        if validator.is_valid(value):
+            continue
+        refused += 1
+        with pytest.raises(InputError) as caught:
+            read(name, value, tmp_path)
+            pytest.fail(f"{what} was read")
+        assert "\n" not in str(caught.value)
+    assert refused >= least
+
+
+@pytest.mark.parametrize("name", ["manifest", "verdict"])
+def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
+    validator = jsonschema.Draft202012Validator(schema(name))
+    for what, value in variants(valid(run, name)):
+        if validator.is_valid(value):
+            try:
+                read(name, value, tmp_path)
+            except InputError as error:
+                pytest.fail(f"{what} fits the schema: {error}")
+
+
+@pytest.mark.parametrize("name", ["manifest", "verdict"])
+def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
+    value = valid(run, name)
+    for at in places(value):
+        inner = value
+        for key in at:
+            inner = inner[key]
+        # Where names are anybody's, a further one is no unknown key.
+        free = at and at[-1] in ("cullers", "files", "samples", "settings", "versions")
+        if isinstance(inner, dict) and not free and "samples" not in at[:1]:
+            more = changed(value, at, {**inner, "someday": 1})
+            jsonschema.validate(more, schema(name))
+            read(name, more, tmp_path)
+
+
+def test_a_path_that_the_reader_takes_and_the_schema_too_may_say_all_in_its_frames():
+    value = path_json()
+    shared = {name: value.pop(name) for name in ("width", "height", "near")}
+    value["frames"] = [{**shared, **frame} for frame in value["frames"]]
+    jsonschema.validate(value, schema("path"))
+    CameraPath.from_json(value)
+    del value["frames"][1]["near"]
+    assert not jsonschema.Draft202012Validator(schema("path")).is_valid(value)
+    with pytest.raises(InputError, match="near is missing"):
+        CameraPath.from_json(value)

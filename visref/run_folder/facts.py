@@ -1,0 +1,183 @@
+"""manifest.json and verdict.json as values, checked field by field.
+
+What is refused here is what the schemas in `visref.schemas` refuse; a test holds the two together.
+Fields that nobody here knows are ignored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from visref.culler import Promise
+from visref.findings import Severity
+from visref.run_folder.json_fields import Fields
+from visref.run_folder.layout import (
+    COUNTS,
+    FORMAT,
+    READABLE,
+    UNNAMED_VIEW,
+    VERSION,
+    ObjectKind,
+)
+from visref.run_folder.rows import (
+    CullerFacts,
+    CullerVerdict,
+    FindingRow,
+    Manifest,
+    PathFacts,
+    PictureSet,
+    RunVerdict,
+    SceneFacts,
+    Witness,
+)
+
+FIX = "give a folder that `visref run` or `visref check` wrote"
+
+STATUSES = ("no_violation_found", "violation", "inconclusive", "measured")
+EXIT_STATUSES = (0, 1, 2, 3)
+_HEX_NUMBERS = ("near", "far", "shift_x_px", "shift_y_px")
+_HEX_VECTORS = ("e", "F", "R", "U")
+
+
+def read_manifest(value: object, source: str) -> Manifest:
+    """The manifest from parsed JSON. Raises InputError naming `source` and the place."""
+    top = Fields(value, source, FIX)
+    version = top.plain().get("version")
+    known = isinstance(version, int) and not isinstance(version, bool) and version in READABLE
+    if top.plain().get("format") != FORMAT or not known:
+        raise top.error(f"this manifest is not a run's (format {FORMAT}, version 1 to {VERSION})")
+    assert isinstance(version, int)
+    scene, path = top.inner("scene"), top.inner("path")
+    exact = None
+    if version >= 2 and not top.is_null("exact"):
+        exact = top.flag("exact")
+    return Manifest(
+        version,
+        SceneFacts(
+            scene.text("source"),
+            scene.text("sha256"),
+            scene.whole("objects"),
+            scene.whole("triangles"),
+        ),
+        PathFacts(path.text("source"), path.text("sha256"), path.whole("frames", least=1)),
+        top.text("engine"),
+        exact,
+        top.inner("settings").plain(),
+        {
+            name: CullerFacts(
+                culler.text("promise", among=tuple(Promise)),
+                culler.text("unit_kind"),
+                culler.whole("units"),
+                culler.text("slug"),
+            )
+            for name, culler in top.inner("cullers").items()
+        },
+        tuple(
+            PictureSet(
+                pictures.text("culler"),
+                pictures.whole("frame"),
+                pictures.inner("files").texts(),
+                _view(pictures, version),
+            )
+            for pictures in top.each("pictures")
+        ),
+        _samples(top, version),
+        top.inner("versions").texts(),
+        _machine(top.inner("machine")),
+    )
+
+
+def _machine(machine: Fields) -> dict[str, Any]:
+    machine.text("cpu")
+    machine.text("system")
+    if not machine.is_null("cores"):
+        machine.whole("cores", least=1)
+    return machine.plain()
+
+
+def _samples(top: Fields, version: int) -> tuple[Mapping[str, Mapping[str, Any]], ...]:
+    """The samples' definition by frame and view; in version 1 a frame has one without a name."""
+    frames = top.each("samples")
+    if version == 1:
+        return tuple({UNNAMED_VIEW: _definition(frame)} for frame in frames)
+    found = []
+    for frame in frames:
+        found.append({view: _definition(definition) for view, definition in frame.items()})
+        if not found[-1]:
+            raise frame.error("a frame has at least one view")
+    return tuple(found)
+
+
+def _definition(definition: Fields) -> Mapping[str, Any]:
+    """What `Camera.definition` gives: whole numbers of samples, hexadecimal floats else."""
+    definition.text("projection", among=("perspective", "orthographic"))
+    for name in ("width", "height"):
+        definition.whole(name, least=1)
+    for name in _HEX_NUMBERS:
+        definition.hexadecimal(name)
+    for name in _HEX_VECTORS:
+        definition.hexadecimal_vector(name)
+    return definition.plain()
+
+
+def read_verdict(value: object, source: str, version: int) -> RunVerdict:
+    """The verdict of a run folder of this version, from parsed JSON. Raises InputError naming
+    `source` and the place."""
+    top = Fields(value, source, FIX)
+    if version >= 2 and top.whole("version") != version:
+        raise top.error(f"its version is not the manifest's, {version}", "version")
+    exit_status = top.whole("exit_status")
+    if exit_status not in EXIT_STATUSES:
+        raise top.error(f"it is {exit_status}", "exit_status")
+    return RunVerdict(
+        version,
+        top.text("status", among=STATUSES),
+        exit_status,
+        {name: _culler(culler, version) for name, culler in top.inner("cullers").items()},
+        tuple(_finding(finding) for finding in top.each("findings")),
+    )
+
+
+def _culler(culler: Fields, version: int) -> CullerVerdict:
+    return CullerVerdict(
+        status=culler.text("status", among=STATUSES),
+        promise=culler.text("promise", among=tuple(Promise)),
+        frames=culler.whole("frames"),
+        unit_kind=culler.text("unit_kind"),
+        worst=None if culler.is_null("worst") else _witness(culler.inner("worst"), version),
+        **{name: culler.whole(name) for name in COUNTS},
+    )
+
+
+def _witness(witness: Fields, version: int) -> Witness:
+    kinds = (ObjectKind.CONFIRMED, ObjectKind.TIE, ObjectKind.WITHIN_RASTER)
+    wholes = ("frame", "object", "pixels", "owned", "x", "y", "triangle")
+    return Witness(
+        view=_view(witness, version),
+        name=witness.text("object_name"),
+        kind=witness.text("kind", among=kinds),
+        depth=witness.number("depth"),
+        **{name: witness.whole(name) for name in wholes},
+        margin_px=_margin(witness, "margin_px"),
+        margin_depth=_margin(witness, "margin_depth"),
+    )
+
+
+def _margin(witness: Fields, name: str) -> float | None:
+    return None if witness.is_null(name) else witness.number(name)
+
+
+def _finding(finding: Fields) -> FindingRow:
+    return FindingRow(
+        finding.text("code"),
+        finding.text("severity", among=tuple(Severity)),
+        finding.text("message"),
+        finding.text("culler"),
+        None if finding.is_null("frame") else finding.whole("frame"),
+        finding.text("object"),
+    )
+
+
+def _view(value: Fields, version: int) -> str:
+    return value.text("view") if version >= 2 else UNNAMED_VIEW

@@ -1,0 +1,125 @@
+"""The run folder: what a run leaves on disk, and all that reports are made from.
+
+manifest.json      versions, hashes of the inputs, settings, samples' definition, machine
+verdict.json       statuses, sums, findings
+frames.parquet     one row per culler, frame and view: counts and costs
+timings.parquet    one row per culler, frame, view and phase: milliseconds (the one file that
+                   differs between two runs of the same inputs)
+objects.parquet    one row per culler, frame, view and object that was missed, undecided or drawn
+                   for nothing; the last with its cause, in the frames that have pictures
+truth.parquet      the truth, as `visref truth` writes it
+witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
+                   as hexadecimal floats, so that it replays without the scene
+pictures/          PNGs of a few frames, listed in manifest.json
+
+What writer and reader share stands here: names, versions, kinds and the tables' columns. Version
+1 has no views, and says nothing of whether the engine is exact; it is still read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from enum import StrEnum
+
+import pyarrow as pa
+
+FORMAT = "visref-run"
+VERSION = 2
+READABLE = (1, 2)
+
+MANIFEST = "manifest.json"
+VERDICT = "verdict.json"
+FRAMES = "frames.parquet"
+TIMINGS = "timings.parquet"
+OBJECTS = "objects.parquet"
+TRUTH = "truth.parquet"
+WITNESSES = "witnesses"
+PICTURES = "pictures"
+
+# The view of a frame that has one camera without a name.
+UNNAMED_VIEW = ""
+
+# The wall time of a culler's call for a frame; its other phases are parts of it.
+CULL_PHASE = "cull"
+# Of a row in timings.parquet that belongs to no culler: the time of casting the frame's truth.
+TRUTH_PHASE = "truth"
+
+# File systems take names of 255 bytes; frame, kind and ending come on top.
+SLUG_LENGTH = 80
+
+
+class ObjectKind(StrEnum):
+    """What a row of objects.parquet tells of an object or unit."""
+
+    CONFIRMED = "confirmed"
+    TIE = "tie"
+    WITHIN_RASTER = "within_raster_tolerance"
+    UNDECIDED = "undecided"
+    SUPERFLUOUS = "superfluous"
+
+
+# The counts of `visref.judging.judge.Counts`, by frame in frames.parquet and summed over frames in
+# verdict.json.
+COUNTS = (
+    "visible", "missed", "confirmed", "ties", "within_raster_tolerance", "violations", "undecided",
+    "missed_pixels", "drawn", "superfluous",
+)  # fmt: skip
+# The counters of `visref.culler.QueryStats`; null where a culler does not count.
+COUNTERS = (
+    "queries", "queries_passed", "batches", "tests_skipped", "query_fragments",
+    "query_fragments_passed", "lookups", "depth_tests", "triangles_drawn", "units_drawn",
+    "draw_calls", "state_changes", "bytes_read_back", "iterations", "triangles_estimated",
+)  # fmt: skip
+
+FRAMES_SCHEMA = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("frame", pa.int64()),
+        ("view", pa.string()),
+        *((name, pa.int64()) for name in (*COUNTS, *COUNTERS)),
+        ("corrections", pa.int64()),
+        ("image_pixels_differ", pa.int64()),
+        ("owned", pa.int64()),
+    ]
+)
+TIMINGS_SCHEMA = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("frame", pa.int64()),
+        ("view", pa.string()),
+        ("phase", pa.string()),
+        ("ms", pa.float64()),
+    ]
+)
+OBJECTS_SCHEMA = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("frame", pa.int32()),
+        ("view", pa.string()),
+        ("object", pa.int32()),
+        ("name", pa.string()),
+        ("kind", pa.string()),
+        ("pixels", pa.int64()),
+        ("owned", pa.int64()),
+        ("x", pa.int32()),
+        ("y", pa.int32()),
+        ("triangle", pa.int32()),
+        ("depth", pa.float64()),
+        ("margin_px", pa.float64()),
+        ("margin_depth", pa.float64()),
+        ("unit", pa.int32()),
+        ("cause", pa.string()),
+    ]
+)
+# Columns of few different texts, each of which a reader of the table keeps once.
+OBJECTS_REPEATED = ("culler", "view", "kind", "name")
+
+
+def slug(spec: str) -> str:
+    """A culler's spec as part of a file name: itself where it may be, else a likeness of it
+    with a digest, so that two specs never share a name."""
+    likeness = re.sub(r"[^A-Za-z0-9._-]+", "_", spec)[:SLUG_LENGTH]
+    if likeness == spec:
+        return spec
+    return f"{likeness}-{hashlib.sha256(spec.encode()).hexdigest()[:8]}"

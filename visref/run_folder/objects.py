@@ -1,0 +1,88 @@
+"""Writing objects.parquet, a batch of rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from visref.judging.outcome import witness_json
+from visref.judging.referee import Job, JudgedFrame
+from visref.run_folder.causes import superfluous_causes
+from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
+from visref.scene import OBJECT, Scene
+
+# Rows that are held before they are written: some 10 MB. A culler of small units over a long path
+# has tens of millions.
+PENDING_ROWS = 1 << 17
+
+
+class ObjectsWriter:
+    """Collects rows and writes them. Superfluous units are explained in the frames `explained`."""
+
+    def __init__(self, file: Path, scene: Scene, explained: Sequence[int]) -> None:
+        self._file = file
+        self._scene = scene
+        self._explained = frozenset(explained)
+        self._names = pa.array(scene.names, pa.string())
+        self._pending: list[pa.Table] = []
+        self._writer: pq.ParquetWriter | None = None
+
+    def add(self, job: Job, judged: JudgedFrame) -> None:
+        """Add what a culler missed, drew for nothing or left in doubt in one view of a frame."""
+        record, verdict = judged.record, judged.record.verdict
+        misses = []
+        for miss in verdict.misses:
+            witness = witness_json(self._scene, record.width, record.frame, miss)
+            witness["name"] = witness.pop("object_name")
+            misses.append({"culler": job.spec, "view": record.view, **witness})
+        self._pending.append(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
+
+        def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:
+            """Rows of which all columns that are not given are null."""
+            columns = columns | {
+                "culler": pa.repeat(pa.scalar(job.spec), count),
+                "frame": pa.repeat(pa.scalar(record.frame, pa.int32()), count),
+                "view": pa.repeat(pa.scalar(record.view), count),
+                "kind": pa.repeat(pa.scalar(kind.value), count),
+            }
+            every = [columns.get(f.name, pa.nulls(count, f.type)) for f in OBJECTS_SCHEMA]
+            self._pending.append(pa.table(every, schema=OBJECTS_SCHEMA))
+
+        units = pa.array(verdict.superfluous_units, pa.int32())
+        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
+        if job.units.kind == OBJECT:
+            columns |= {"object": units, "name": self._names.take(units)}
+        else:
+            columns["object"] = pa.repeat(pa.scalar(-1, pa.int32()), len(units))
+        rows(ObjectKind.SUPERFLUOUS, len(units), columns)
+        objects = pa.array(verdict.undecided_objects, pa.int32())
+        columns = {"object": objects, "name": self._names.take(objects)}
+        rows(ObjectKind.UNDECIDED, len(objects), columns)
+        if sum(map(len, self._pending)) >= PENDING_ROWS:
+            self._write()
+
+    def close(self) -> None:
+        """Write what is left, and the file if there was nothing at all."""
+        self._write()
+        assert self._writer is not None
+        self._writer.close()
+
+    def _write(self) -> None:
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._file, OBJECTS_SCHEMA, compression="zstd")
+        self._writer.write_table(pa.concat_tables([OBJECTS_SCHEMA.empty_table(), *self._pending]))
+        self._pending = []
+
+    def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
+        """Why each superfluous unit was drawn; null in frames that are not explained."""
+        units = judged.record.verdict.superfluous_units
+        if judged.truth is None or judged.record.frame not in self._explained:
+            return pa.nulls(len(units), pa.string())
+        causes = superfluous_causes(self._scene, judged.truth, job.units, judged.drawn_set, units)
+        names = np.full(len(units), None, object)
+        names[np.searchsorted(units, list(causes))] = list(causes.values())
+        return pa.array(names, pa.string())

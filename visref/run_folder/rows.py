@@ -1,0 +1,200 @@
+"""A run folder's content as values: the rows of its tables, its manifest and its verdict.
+
+Names are those of the files' columns and keys. What a version 1 folder does not say has a
+default: view "", None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from visref.run_folder.layout import UNNAMED_VIEW
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sums:
+    """Counts of a frame, or summed over frames.
+
+    `visible`, `missed` and its parts, `violations` and `undecided` count objects; `drawn` and
+    `superfluous` count units; `missed_pixels` counts samples.
+    """
+
+    visible: int
+    missed: int
+    confirmed: int
+    ties: int
+    within_raster_tolerance: int
+    violations: int
+    undecided: int
+    missed_pixels: int
+    drawn: int
+    superfluous: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FrameRow(Sums):
+    """A row of frames.parquet. Counters are `visref.culler.QueryStats`'s, None where the culler
+    did not count. `owned`: samples that anything owns."""
+
+    culler: str
+    frame: int
+    view: str = UNNAMED_VIEW
+    queries: int | None = None
+    queries_passed: int | None = None
+    batches: int | None = None
+    tests_skipped: int | None = None
+    query_fragments: int | None = None
+    query_fragments_passed: int | None = None
+    lookups: int | None = None
+    depth_tests: int | None = None
+    triangles_drawn: int | None = None
+    units_drawn: int | None = None
+    draw_calls: int | None = None
+    state_changes: int | None = None
+    bytes_read_back: int | None = None
+    iterations: int | None = None
+    triangles_estimated: int | None = None
+    corrections: int
+    image_pixels_differ: int | None = None
+    owned: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimingRow:
+    """A row of timings.parquet; `culler` is empty where the phase is the truth's."""
+
+    culler: str
+    frame: int
+    view: str = UNNAMED_VIEW
+    phase: str
+    ms: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Witness:
+    """A miss and the sample that proves it: `pixels` of the `owned` samples of the object are
+    lost in this frame and view; (x, y) is the pixel, `depth` its view depth. Margins are None
+    where nothing limits them or they were not computed."""
+
+    frame: int
+    view: str = UNNAMED_VIEW
+    object: int
+    name: str
+    kind: str
+    pixels: int
+    owned: int
+    x: int
+    y: int
+    triangle: int
+    depth: float
+    margin_px: float | None
+    margin_depth: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class LostObject:
+    """One object that a culler missed, over all frames: samples lost, in how many frames, and
+    the witness of the frame that lost most."""
+
+    pixels: int
+    frames: int
+    worst: Witness
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFacts:
+    """The judged scene: where it came from, its digest and its size."""
+
+    source: str
+    sha256: str
+    objects: int
+    triangles: int
+
+
+@dataclass(frozen=True, slots=True)
+class PathFacts:
+    """The camera path: where it came from, the digest of its samples, how many frames it has."""
+
+    source: str
+    sha256: str
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class CullerFacts:
+    """What a culler declared, and its part of file names."""
+
+    promise: str
+    unit_kind: str
+    units: int
+    slug: str
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSet:
+    """The files of one frame, relative to the run folder, by what they show.
+
+    `picture`: the shaded scene; `drawn`: who was drawn, and for what; `ids`: one colour per
+    object; `errors`: the missed samples, where there are any. The first and the third are the
+    same for every culler of a frame, and one file.
+    """
+
+    culler: str
+    frame: int
+    files: dict[str, str]
+    view: str = UNNAMED_VIEW
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """manifest.json. `samples`: by frame of the path and by view, the samples' definition
+    (`Camera.definition`). `exact`: whether the engine's truth is exact, None where it is not
+    said."""
+
+    version: int
+    scene: SceneFacts
+    path: PathFacts
+    engine: str
+    exact: bool | None
+    settings: dict[str, Any]
+    cullers: dict[str, CullerFacts]
+    pictures: tuple[PictureSet, ...]
+    samples: tuple[Mapping[str, Mapping[str, Any]], ...]
+    versions: dict[str, str]
+    machine: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FindingRow:
+    """A finding of verdict.json (`visref.findings`)."""
+
+    code: str
+    severity: str
+    message: str
+    culler: str
+    frame: int | None
+    object: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CullerVerdict(Sums):
+    """What verdict.json says of one culler; counts are sums over its judged `frames`."""
+
+    status: str
+    promise: str
+    frames: int
+    unit_kind: str
+    worst: Witness | None
+
+
+@dataclass(frozen=True, slots=True)
+class RunVerdict:
+    """verdict.json."""
+
+    version: int
+    status: str
+    exit_status: int
+    cullers: dict[str, CullerVerdict]
+    findings: tuple[FindingRow, ...]

@@ -1,0 +1,24 @@
+"""JSON Schemas (draft 2020-12) of the files that visref reads and writes as JSON, for programs that
+check them without visref.
+
+verdict, manifest   of a run folder, version 2
+path                a camera path, version 1
+visible_sets        a line of recorded visible sets, version 1
+"""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+NAMES = ("manifest", "path", "verdict", "visible_sets")
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The schema of one of `NAMES`. Raises KeyError for any other name."""
+    if name not in NAMES:
+        raise KeyError(name)
+    text = files(__name__).joinpath(f"{name}.json").read_text(encoding="utf-8")
+    loaded: dict[str, Any] = json.loads(text)
+    return loaded
