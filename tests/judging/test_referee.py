@@ -21,11 +21,12 @@ from visref.judging.judge import judge
 from visref.judging.outcome import verdict_json
 from visref.judging.referee import Referee
 from visref.judging.settle import settle
-from visref.judging.status import Exit
+from visref.judging.status import Exit, Status
+from visref.judging.walk import walk_samples
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.run_folder.write import Recorder, slug
 from visref.scene import Alpha, Units
-from visref.visibility import objects_seen
+from visref.visibility import Doubt, objects_seen
 
 SCENE, PATH = conformance.case("walk_through_a_city")
 FRAMES = range(3)
@@ -139,6 +140,7 @@ def test_approximate_culler_is_measured_and_not_convicted():
     outcome = run(nothing(promise=Promise.APPROXIMATE))
     totals = outcome.cullers[0].totals
     assert outcome.exit is Exit.NO_VIOLATION
+    assert outcome.cullers[0].status is outcome.status is Status.MEASURED
     assert (totals.violations, totals.confirmed) == (0, totals.visible)
     assert set(codes(outcome)) == {"MISSED_DECLARED"}
 
@@ -273,7 +275,8 @@ def test_run_without_a_visible_object_is_vacuous():
     assert outcome.exit is Exit.NOTHING_JUDGED
     assert codes(outcome) == ["NOTHING_JUDGED"]
     assert run(Draws(), frames=[]).exit is Exit.NOTHING_JUDGED
-    assert run().exit is Exit.NOTHING_JUDGED
+    # Without cullers a run is the truth alone: nothing was asked for, nothing is violated.
+    assert run().exit is Exit.NO_VIOLATION
 
 
 def test_only_the_asked_frames_are_judged_in_the_order_asked():
@@ -497,7 +500,7 @@ def test_drawing_a_subset_disputes_exactly_the_samples_of_the_rest():
     truth = make_engine("exact", SCENE).frame(PATH.frames[0])
     owner = truth.buffer.triangle.reshape(-1)
     drawn = np.arange(SCENE.triangle_count) % 3 > 0
-    disputed = find_disputes(truth, SCENE, drawn).samples
+    disputed = find_disputes(walk_samples(truth, SCENE, drawn))
     undrawn = np.flatnonzero((owner >= 0) & ~drawn[owner])
     tied = truth.ties.sample[drawn[truth.ties.triangle]]
     assert disputed.tolist() == np.setdiff1d(undrawn, tied).tolist()
@@ -604,11 +607,12 @@ def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
     true = exact.certify(camera())
     assert len(true.undecided) == camera().samples
     # As a float32 engine would have it whose rays slipped through the leaf.
-    slipped = replace(true, ties_complete=False, undecided=np.zeros(0, np.int64))
-    drawn = np.array([True, True, False, False])
-    settled = settle(scene, slipped, drawn, exact=lambda: exact)
-    found = judge(settled, scene.object_units(), np.array([0]), Promise.CONSERVATIVE)
+    slipped = replace(true, ties_complete=False, doubt=Doubt())
+    drawn = np.array([0], np.int32)
+    settled = settle(scene, slipped, scene.object_units(), drawn, exact=lambda: exact)
+    found = judge(settled, Promise.CONSERVATIVE)
     assert (found.counts.missed, found.counts.undecided) == (0, 1)
+    assert found.counts.undecided_samples == found.counts.owned_samples == camera().samples
 
 
 def test_two_specs_never_share_a_file_name():

@@ -125,9 +125,7 @@ def truth(scene: Scene, camera: Camera, states: States | None = None) -> list[Sa
         opaque = [(t, i) for t, i in there if kinds[i] == Alpha.OPAQUE]
         nearest = min((t for t, _ in opaque), default=None)
         doubt = [
-            (t, i)
-            for t, i in there
-            if kinds[i] == Alpha.MASK and (nearest is None or t <= nearest)
+            (t, i) for t, i in there if kinds[i] == Alpha.MASK and (nearest is None or t <= nearest)
         ]
         # Glass is seen for certain before the first thing that may be opaque.
         first = min([t for t, _ in doubt] + ([] if nearest is None else [nearest]), default=None)
