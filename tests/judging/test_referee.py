@@ -412,6 +412,55 @@ def test_recorded_truth_of_units_that_are_no_objects_is_looked_at_by_sample(tmp_
     assert comparable(recalled) == comparable(cast)
 
 
+def superfluous_of(frames=FRAMES):
+    """Of `Draws()`: how many objects with triangles are no owner, by a census of exact truths."""
+    engine, total = make_engine("exact", SCENE), 0
+    for frame in frames:
+        seen = objects_seen(engine.frame(PATH.frames[frame]), SCENE)
+        total += np.count_nonzero(~seen.visible & (SCENE.object_units().sizes > 0))
+    return total
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("recall", [False, True])
+@pytest.mark.parametrize(
+    ("promise", "kept_to", "forbidden"),
+    [
+        (Promise.CONSERVATIVE, {"draws": Exit.NO_VIOLATION, "draws#2": Exit.VIOLATION}, 0),
+        (Promise.EXACT, {"draws": Exit.VIOLATION, "draws#2": Exit.VIOLATION}, 1),
+        (Promise.AGGRESSIVE, {"draws": Exit.VIOLATION, "draws#2": Exit.NO_VIOLATION}, 1),
+        (Promise.APPROXIMATE, {"draws": Exit.NO_VIOLATION, "draws#2": Exit.NO_VIOLATION}, 0),
+    ],
+)
+def test_drawing_what_is_hidden_convicts_where_the_promise_forbids_it(
+    tmp_path, engine, recall, promise, kept_to, forbidden
+):
+    more = {"recorded": recorded(tmp_path, engine)} if recall else {}
+    outcome = run(Draws(promise=promise), nothing(promise=promise), engine=engine, **more)
+    assert {record.spec: record.exit for record in outcome.cullers} == kept_to
+    everything = outcome.cullers[0].totals
+    assert everything.superfluous_confirmed == forbidden * superfluous_of()
+    assert everything.superfluous == superfluous_of() > 0
+    assert everything.violations == everything.superfluous_confirmed
+    for record in outcome.cullers[0].frames:
+        confirmed = [one.unit for one in record.verdict.confirmed_superfluous]
+        assert confirmed == (record.verdict.superfluous_units.tolist() if forbidden else [])
+
+
+@pytest.mark.parametrize("promise", Promise)
+def test_drawing_the_visible_alone_keeps_every_promise_and_builds_no_engine(tmp_path, promise):
+    def no_engine():
+        raise AssertionError("an engine was built")
+
+    visible = recorded(tmp_path, frames=[0])
+    ids = visible.frames[0].objects
+    referee = Referee(SCENE, no_engine, recorded=visible)
+    outcome = referee.run(PATH, [0], [("all", Draws(*ids, promise=promise))])
+    (record,) = outcome.cullers
+    assert record.exit is Exit.NO_VIOLATION
+    assert (record.totals.superfluous, record.totals.violations) == (0, 0)
+
+
 # Records.
 
 

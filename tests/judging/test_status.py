@@ -10,7 +10,6 @@ from visref.culler import Promise
 from visref.judging.judge import Counts
 from visref.judging.status import CullerOutcome, Exit, Status, decide, run_status, status_of
 
-
 SEEN = Counts(visible=5, owned_samples=100, drawn=5)
 
 

@@ -100,8 +100,8 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
 @dataclass
 class Sample:
     """What the rules say of one sample. `nearest`: t of `tied`, the triangles that own it for
-    certain, None for the background. `doubt`: (t, triangle) of masked ones that may be seen before it
-    or level with it, front to back. `blend`: by object, the blended triangles that are seen there."""
+    certain, None for the background. `doubt`: (t, triangle) of masked ones that may be seen
+    before it or level with it. `blend`: by object, the blended triangles that are seen there."""
 
     nearest: Fraction | None
     tied: list[int]
