@@ -259,7 +259,7 @@ class Recorder:
     def _write_witnesses(self, outcome: RunOutcome) -> None:
         folder = self._folder / "witnesses"
         for record in outcome.cullers:
-            if record.totals.missed:
+            if record.totals.missed + record.totals.partly_missed:
                 folder.mkdir(exist_ok=True)
                 file = folder / f"{slug(record.spec)}.jsonl"
                 write_witnesses(file, self._scene, self._path, record, self._drawn_in(record.spec))
