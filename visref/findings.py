@@ -47,15 +47,24 @@ _CATALOGUE = (
     Rule(
         "MISSED_OBJECT",
         Severity.ERROR,
-        "A visible object was not drawn",
-        "The object owns samples of the frame, exact arithmetic confirmed one of them, and "
-        "none of its owned samples shows it. A culler that promises to be conservative must "
-        "not do this. The witness replays with `visref explain`.",
+        "A visible object was not drawn, or not all of it that is seen",
+        "At samples that the object owns, or where it is seen as glass, nothing that shows it "
+        "was drawn, and exact arithmetic confirmed that. A culler that promises to be "
+        "conservative must not do this, however much else of the object it draws. The witness "
+        "replays with `visref explain`.",
+    ),
+    Rule(
+        "DRAWN_HIDDEN",
+        Severity.ERROR,
+        "A hidden unit was drawn by a culler that promises not to",
+        "Exact arithmetic found the unit hidden at every sample that its triangles cover. A "
+        "culler that promises to be exact or aggressive must not draw it; for others it only "
+        "costs.",
     ),
     Rule(
         "MISSED_DECLARED",
         Severity.INFO,
-        "A visible object was not drawn, by a culler that does not promise to draw it",
+        "A visible object was not drawn in full, by a culler that does not promise to draw it",
         "The same as MISSED_OBJECT for a culler that declares itself aggressive or "
         "approximate: it is measured, not convicted.",
     ),

@@ -442,6 +442,7 @@ def test_drawing_what_is_hidden_convicts_where_the_promise_forbids_it(
     assert everything.superfluous_confirmed == forbidden * superfluous_of()
     assert everything.superfluous == superfluous_of() > 0
     assert everything.violations == everything.superfluous_confirmed
+    assert ("DRAWN_HIDDEN" in codes(outcome, "draws")) == bool(forbidden)
     for record in outcome.cullers[0].frames:
         confirmed = [one.unit for one in record.verdict.confirmed_superfluous]
         assert confirmed == (record.verdict.superfluous_units.tolist() if forbidden else [])

@@ -357,6 +357,7 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
+    found += _hidden_findings(record)
     for kind, code in _CODES.items():
         first: dict[int, int] = {}
         for row in record.frames:
@@ -387,6 +388,25 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
         found.append(Finding("NOTHING_JUDGED", text, record.spec))
     return found
+
+
+def _hidden_findings(record: CullerRecord) -> list[Finding]:
+    """One finding a hidden unit that was drawn against the promise, the most often drawn first."""
+    frames_of: dict[int, list[int]] = {}
+    for row in record.frames:
+        for one in row.verdict.confirmed_superfluous:
+            frames_of.setdefault(one.unit, []).append(row.frame)
+    order = sorted(frames_of, key=lambda unit: (-len(frames_of[unit]), unit))
+    return [
+        Finding(
+            "DRAWN_HIDDEN",
+            f"{record.unit_kind} {unit}, drawn and hidden in "
+            f"{_count(len(frames_of[unit]), 'frame')}, first in frame {frames_of[unit][0]}",
+            record.spec,
+            frames_of[unit][0],
+        )
+        for unit in order
+    ]
 
 
 def _count(number: int, noun: str) -> str:
