@@ -60,7 +60,8 @@ class ItemBufferEngine(TruthEngine):
         doubt = Doubt()
         if self.masked:
             items.forget_ids(target)
-            items.draw(view, target, self.masked, depth_write=False)
+            # The nearest of them; glass behind it is not seen for certain.
+            items.draw(view, target, self.masked, depth_write=True)
             ids = target.read_ids().reshape(-1)
             open_ = np.flatnonzero(ids != BACKGROUND)
             doubt = Doubt.of(open_, ids[open_])
@@ -69,12 +70,12 @@ class ItemBufferEngine(TruthEngine):
             self.name,
             VisibilityBuffer(triangle, depth),
             doubt=doubt,
-            blend=self._blend(camera, view, target, doubt),
+            blend=self._blend(camera, view, target),
         )
 
-    def _blend(self, camera: Camera, view: View, target: Target, doubt: Doubt) -> BlendVisibility:
-        """An image for each BLEND object in the view, against the opaque depth: its last drawn
-        triangle at each sample."""
+    def _blend(self, camera: Camera, view: View, target: Target) -> BlendVisibility:
+        """An image for each BLEND object in the view, against the depth of all else: its last
+        drawn triangle at each sample."""
         scene = self.scene
         if not scene.has_blend:
             return BlendVisibility()
@@ -90,7 +91,7 @@ class ItemBufferEngine(TruthEngine):
             for batch in batches:
                 batch.release()
             ids = target.read_ids().reshape(-1)
-            covered = np.setdiff1d(np.flatnonzero(ids != BACKGROUND), doubt.sample)
+            covered = np.flatnonzero(ids != BACKGROUND)
             samples.append(covered)
             triangles.append(ids[covered])
         sample, triangle = np.concatenate(samples), np.concatenate(triangles)

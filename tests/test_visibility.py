@@ -14,6 +14,7 @@ from visref.visibility import (
     BACKGROUND,
     NO_SAMPLE,
     BlendVisibility,
+    Doubt,
     FrameTruth,
     ObjectVisibility,
     Ties,
@@ -48,21 +49,29 @@ def random_truth(seed: int) -> FrameTruth:
         if triangle[s] >= 0 and triangle[s] != t
     }
     ties = np.array(sorted(pairs), np.int64).reshape(-1, 2)
-    blended = np.flatnonzero(rng.random(SCENE.object_count) < 0.3)
+    hits, open_ = (int(n) for n in rng.integers(0, 12, 2))
+    doubted = np.sort(rng.integers(0, samples, open_))
     return FrameTruth(
         camera,
         "test",
         VisibilityBuffer(triangle.reshape(height, width), depth.reshape(height, width)),
         Ties(ties[:, 0], ties[:, 1].astype(np.int32)),
-        undecided=np.flatnonzero(rng.random(samples) < 0.2),
-        blend=BlendVisibility(
-            blended.astype(np.int32),
-            rng.integers(1, 5, len(blended)),
-            rng.integers(0, samples, len(blended)),
-            rng.integers(0, triangles, len(blended)).astype(np.int32),
-            rng.integers(1, 5, len(blended)) / 2.0,
+        doubt=Doubt.of(doubted, rng.integers(0, triangles, open_).astype(np.int32)),
+        blend=BlendVisibility.of(
+            SCENE,
+            rng.integers(0, samples, hits),
+            rng.integers(0, triangles, hits).astype(np.int32),
+            rng.integers(1, 5, hits) / 2.0,
         ),
     )
+
+
+def owns_at(truth: FrameTruth, sample: int) -> set[int]:
+    """The objects that own or share a sample in the visibility buffer."""
+    triangle = truth.buffer.triangle.ravel()[sample]
+    found = {int(SCENE.object_of_triangle[triangle])} if triangle >= 0 else set()
+    tied = truth.ties.triangle[truth.ties.sample == sample]
+    return found | set(SCENE.object_of_triangle[tied].tolist())
 
 
 def brute_force(truth: FrameTruth) -> ObjectVisibility:
@@ -91,13 +100,24 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
             result.sample[o] = alone[0] if alone else mine[0]
             result.depth[o] = depths[result.sample[o]]
             result.nearest[o] = min(depths[s] for s in mine)
-        for at in np.flatnonzero(truth.blend.object == o):
-            result.pixels[o] += truth.blend.pixels[at]
-            result.alone[o] += truth.blend.pixels[at]
-            result.nearest[o] = min(result.nearest[o], truth.blend.depth[at])
+        beside = sorted(
+            (z, t, s)
+            for s, t, z in zip(
+                *(
+                    x.tolist()
+                    for x in (truth.blend.sample, truth.blend.triangle, truth.blend.depth)
+                ),
+                strict=True,
+            )
+            if SCENE.object_of_triangle[t] == o and o not in owns_at(truth, s)
+        )
+        if beside:
+            more = len({s for _, _, s in beside})
+            result.pixels[o] += more
+            result.alone[o] += more
+            result.nearest[o] = min(result.nearest[o], beside[0][0])
             if not mine:
-                result.sample[o] = truth.blend.sample[at]
-                result.depth[o] = truth.blend.depth[at]
+                result.depth[o], _, result.sample[o] = beside[0]
     return result
 
 
@@ -137,7 +157,9 @@ def test_a_tied_sample_counts_for_every_object_tied_there_once() -> None:
 
 
 def test_an_undecided_sample_makes_nothing_visible() -> None:
-    seen = objects_seen(one_row([0, 2], undecided=np.array([1])), SCENE)
+    seen = objects_seen(
+        one_row([0, 2], doubt=Doubt.of(np.array([1]), np.array([4], np.int32))), SCENE
+    )
     assert seen.visible.tolist() == [True, False, False, False, False, False]
 
 

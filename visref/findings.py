@@ -42,15 +42,24 @@ class Code(StrEnum):
     MISSED_OBJECT = Rule(
         "MISSED_OBJECT",
         Severity.ERROR,
-        "A visible object was not drawn",
-        "The object owns samples of the frame, exact arithmetic confirmed one of them, and "
-        "none of its owned samples shows it. A culler that promises to be conservative must "
-        "not do this. The witness replays with `visref explain`.",
+        "A visible object was not drawn, or not all of it that is seen",
+        "At samples that the object owns, or where it is seen as glass, nothing that shows it "
+        "was drawn, and exact arithmetic confirmed that. A culler that promises to be "
+        "conservative must not do this, however much else of the object it draws. The witness "
+        "replays with `visref explain`.",
+    )
+    DRAWN_HIDDEN = Rule(
+        "DRAWN_HIDDEN",
+        Severity.ERROR,
+        "A hidden unit was drawn by a culler that promises not to",
+        "Exact arithmetic found the unit hidden at every sample that its triangles cover. A "
+        "culler that promises to be exact or aggressive must not draw it; for others it only "
+        "costs.",
     )
     MISSED_DECLARED = Rule(
         "MISSED_DECLARED",
         Severity.INFO,
-        "A visible object was not drawn, by a culler that does not promise to draw it",
+        "A visible object was not drawn in full, by a culler that does not promise to draw it",
         "The same as MISSED_OBJECT for a culler that declares itself aggressive or "
         "approximate: it is measured, not convicted.",
     )
@@ -73,8 +82,9 @@ class Code(StrEnum):
         "UNDECIDED_OBJECT",
         Severity.WARNING,
         "Whether an undrawn object is visible depends on an alpha texture",
-        "Every sample that the object could own lies at or behind a triangle with an alpha "
-        "mask whose texture was not evaluated. Such samples neither clear nor convict.",
+        "Every sample that the object could own hangs on an alpha mask that is neither solid nor "
+        "a hole over the pixel, and some of what may be seen there was drawn. Such samples "
+        "neither clear nor convict.",
     )
     ENGINE_CORRECTED = Rule(
         "ENGINE_CORRECTED",
@@ -105,6 +115,13 @@ class Code(StrEnum):
         "The scene spans too many magnitudes for a translation that keeps every coordinate "
         "exact in float32. Far from the origin the ray engine may err; disputed samples are "
         "exact all the same.",
+    )
+    VERTICES_ROUNDED = Rule(
+        "VERTICES_ROUNDED",
+        Severity.WARNING,
+        "Rounding to float32 moved what is seen by more than a sixteenth of a pixel",
+        "The scene is too large for float32 vertices, even about an origin of its own. At samples "
+        "where such a triangle was lost, or lies right behind what was, nobody is convicted.",
     )
     IMAGE_DIFFERS = Rule(
         "IMAGE_DIFFERS",

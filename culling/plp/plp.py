@@ -3,8 +3,8 @@
 Klosowski, Silva 2001, section 2.1 (and the papers that it cites): space is an octree whose leaves
 are the cells; a front of candidate cells grows from the eye's; the one that most likely shows, by
 the solidity of what lies before it, is projected next, its triangles are drawn, and its neighbours
-join the front. No depth is asked. What the budget leaves out may be visible, so the method is
-aggressive: it is measured, not convicted.
+join the front. No depth is asked. What the budget leaves out may be visible, and what it draws
+may be hidden, so the method promises nothing (the papers call it aggressive): it is measured.
 
 Departures from the paper:
 
@@ -53,7 +53,7 @@ class PLPCulling(GLCuller):
         "Klosowski 2001: octree cells, the likeliest to show first, up to a budget of triangles"
     )
     notes_asked = True
-    promise = Promise.AGGRESSIVE
+    promise = Promise.APPROXIMATE
     options: ClassVar[Mapping[str, Option]] = {**PLP_OPTIONS, **GL_OPTIONS}
     geometry: SharedGeometry | None
 

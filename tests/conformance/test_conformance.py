@@ -171,6 +171,63 @@ def test_culler_that_promises_less_is_measured_and_not_convicted():
     assert found.missed > 0
 
 
+class OneTriangleEach(DrawsAll):
+    """Units are triangles; of every visible object one that shows is drawn, no more."""
+
+    name = "one-triangle-each"
+
+    def prepare(self, scene):
+        self.engine, self.scene = ExactEngine(scene), scene
+        count = scene.triangle_count
+        return Units(np.arange(count + 1), np.arange(count, dtype=np.int32), "triangle")
+
+    def cull(self, camera):
+        truth = self.engine.frame(camera)
+        shown = np.concatenate(
+            [
+                truth.buffer.triangle[truth.buffer.triangle >= 0],
+                truth.ties.triangle,
+                truth.blend.triangle,
+                truth.doubt.triangle,
+            ]
+        )
+        shown = np.unique(shown)
+        _, first = np.unique(self.scene.object_of_triangle[shown], return_index=True)
+        return DrawnSet(shown[first])
+
+
+def test_one_triangle_of_each_visible_object_is_not_enough():
+    checks = named("walk_through_a_city", "crowd", "glass", "one_sided_walls")
+    results = check_culler(OneTriangleEach, checks=checks)
+    assert set(statuses(results).values()) == {Status.FAILED}
+    assert all(result.missed > 0 for result in results)
+    assert all("MISSED_OBJECT" in result.problems[0] for result in results)
+
+
+@pytest.mark.parametrize(
+    ("promise", "status"),
+    [
+        (Promise.EXACT, Status.FAILED),
+        (Promise.AGGRESSIVE, Status.FAILED),
+        (Promise.CONSERVATIVE, Status.PASSED),
+        (Promise.APPROXIMATE, Status.PASSED),
+    ],
+)
+def test_drawing_everything_fails_where_the_promise_forbids_it(promise, status):
+    class Draws(DrawsAll):
+        pass
+
+    Draws.promise = promise
+    (found,) = check_culler(Draws, checks=named("walk_through_a_city"))
+    assert found.status is status
+    if status is Status.FAILED:
+        assert re.search(
+            r"DRAWN_HIDDEN: frame \d+: object \d+ was drawn and (is hidden at all of its \d+ "
+            r"samples, at pixel \(\d+, \d+\) by '.+' \(object \d+\)|covers no sample)",
+            found.problems[0],
+        )
+
+
 class Raises(DrawsAll):
     def cull(self, camera):
         raise ZeroDivisionError("boxes per object")

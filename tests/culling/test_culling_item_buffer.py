@@ -152,10 +152,10 @@ def test_blended_objects_are_seen_before_the_nearest_opaque_hit():
     )
     alpha = np.repeat([Alpha.BLEND, Alpha.OPAQUE, Alpha.BLEND, Alpha.BLEND], [4, 2, 2, 2])
     frame = truth(with_materials(scene, alpha=alpha), ortho(8, 8))
-    assert frame.blend.object.tolist() == [0, 3]
-    assert frame.blend.pixels.tolist() == [2, 3]
-    assert np.allclose(frame.blend.depth, [4.5, 6.0])
-    assert frame.blend.sample.tolist() == [3 * 8 + 4, 1 * 8 + 6]
+    assert frame.blend.object.tolist() == [0, 0, 3, 3, 3]
+    assert frame.blend.sample.tolist() == [3 * 8 + 4, 3 * 8 + 5, *(y * 8 + 6 for y in (1, 2, 3))]
+    # Of an object's layers the last one drawn stands for all.
+    assert np.allclose(frame.blend.depth, [4.5, 4.5, 6.0, 6.0, 6.0])
     assert set(frame.buffer.triangle.flat) == {-1, 4, 5}
 
 

@@ -441,7 +441,7 @@ def test_more_budget_means_fewer_rounds_and_fewer_extra_triangles():
 
 
 def test_names_options_and_promises():
-    assert make_culler("plp:budget=7").promise is Promise.AGGRESSIVE
+    assert make_culler("plp:budget=7").promise is Promise.APPROXIMATE
     made = make_culler("cplp:query=item-buffer,budget=1000,leaf=300,image=restore")
     assert made.promise is Promise.CONSERVATIVE
     assert (made.budget, made.leaf, made.restores) == (1000, 300, True)

@@ -235,13 +235,17 @@ def test_every_blended_layer_before_the_opaque_hit_is_seen(
     truth = make(scene).frame(camera)
     opaque = np.where(filled(camera, (0, 0, 16, 24)), 0, BACKGROUND)
     np.testing.assert_array_equal(objects(truth, scene), opaque)
-    assert truth.blend.object.tolist() == [1, 2, 3]
-    assert truth.blend.pixels.tolist() == [16 * 8, 16 * 8, 16 * 24]
-    assert truth.blend.depth.tolist() == [4.0, 4.0, 12.0]
+    right = filled(camera, (16, 0, 32, 24))
+    layers = {1: (filled(camera, (8, 8, 24, 16)), 4.0), 3: (right, 12.0)}
+    layers[2] = layers[1]
+    assert np.unique(truth.blend.object).tolist() == [1, 2, 3]
+    for owner, (covered, depth) in layers.items():
+        mine = truth.blend.object == owner
+        # A sample on the diagonal of a quad is both its triangles'.
+        assert np.unique(truth.blend.sample[mine]).tolist() == np.flatnonzero(covered).tolist()
+        assert (truth.blend.depth[mine] == depth).all()
     owners = scene.object_of_triangle[truth.blend.triangle]
-    assert owners.tolist() == [1, 2, 3]
-    y, x = np.divmod(truth.blend.sample, camera.width)
-    assert ((x >= 8) & (x < 32) & (y < 24)).all()
+    assert owners.tolist() == truth.blend.object.tolist()
     seen = objects_seen(truth, scene)
     assert seen.pixels.tolist() == [16 * 24, 128, 128, 16 * 24, 0, 0, 0, 0]
 
@@ -249,10 +253,16 @@ def test_every_blended_layer_before_the_opaque_hit_is_seen(
 def test_a_blended_object_of_many_layers_counts_a_sample_once(make: Make) -> None:
     camera = perspective()
     glass = box((0.0, 0.0, -8.0), (2.0, 1.0, 2.0))
-    truth = make(build(replace(glass, alpha=Alpha.BLEND))).frame(camera)
+    scene = build(replace(glass, alpha=Alpha.BLEND))
+    truth = make(scene).frame(camera)
     solid = make(build(glass)).frame(camera)
-    assert truth.blend.pixels.tolist() == [(solid.buffer.triangle >= 0).sum()]
-    assert truth.blend.depth[0] == solid.buffer.depth.min() == 6.0
+    covered = np.flatnonzero(solid.buffer.triangle >= 0)
+    assert np.unique(truth.blend.sample).tolist() == covered.tolist()
+    # Front and back are hits each.
+    assert len(truth.blend.sample) >= 2 * len(covered)
+    seen = objects_seen(truth, scene)
+    assert seen.pixels.tolist() == [len(covered)]
+    assert seen.nearest[0] == solid.buffer.depth.min() == 6.0
 
 
 @pytest.mark.slow
@@ -274,7 +284,7 @@ def test_what_float64_decides_alone_is_what_the_library_decides(
         if alpha == Alpha.MASK:
             np.testing.assert_array_equal(truth.undecided, expected)
         else:
-            assert truth.blend.pixels.sum() == len(expected)
+            np.testing.assert_array_equal(np.unique(truth.blend.sample), expected)
     assert total > 500
 
 
@@ -312,9 +322,42 @@ def test_a_masked_quad_at_or_before_the_owner_leaves_its_samples_undecided(
     np.testing.assert_array_equal(truth.undecided, np.flatnonzero(expected))
     opaque = np.where(filled(camera, (0, 0, 16, 24)), 0, BACKGROUND)
     np.testing.assert_array_equal(objects(truth, scene), opaque)
-    # An undecided sample clears and convicts nobody, a blended object neither.
-    assert truth.blend.object.tolist() == [5]
-    assert truth.blend.pixels.tolist() == [32 * 24 - expected.sum()]
+    doubted = scene.object_of_triangle[truth.doubt.triangle]
+    assert set(zip(truth.doubt.at().tolist(), doubted.tolist(), strict=True)) == {
+        *((s, 1) for s in np.flatnonzero(filled(camera, (8, 0, 20, 4)))),
+        *((s, 2) for s in np.flatnonzero(filled(camera, (0, 10, 4, 12)))),
+    }
+    # Glass before all of it is seen, whatever the mask says.
+    assert np.unique(truth.blend.object).tolist() == [5]
+    assert np.unique(truth.blend.sample).tolist() == list(range(32 * 24))
+
+
+@both_projections
+def test_glass_is_seen_for_certain_only_before_all_that_a_mask_leaves_open(
+    make: Make, camera_of: Callable[..., Camera]
+) -> None:
+    camera = camera_of()
+    whole = (0, 0, 32, 24)
+    scene = build(
+        quad(camera, whole, 8.0),
+        quad(camera, (0, 0, 16, 24), 4.0, alpha=Alpha.MASK),
+        quad(camera, (0, 0, 8, 24), 3.0, alpha=Alpha.MASK),
+        quad(camera, whole, 6.0, alpha=Alpha.BLEND),
+        # Level with the leaf: not before it.
+        quad(camera, whole, 4.0, alpha=Alpha.BLEND),
+        quad(camera, whole, 2.0, alpha=Alpha.BLEND),
+    )
+    truth = make(scene).frame(camera)
+    seen = {o: np.unique(truth.blend.sample[truth.blend.object == o]) for o in (3, 4, 5)}
+    right = np.flatnonzero(filled(camera, (16, 0, 32, 24)))
+    np.testing.assert_array_equal(seen[3], right)
+    np.testing.assert_array_equal(seen[4], right)
+    np.testing.assert_array_equal(seen[5], np.arange(32 * 24))
+    # Front to back.
+    at, depth = truth.doubt.at(), {1: 4.0, 2: 3.0}
+    depths = [depth[o] for o in scene.object_of_triangle[truth.doubt.triangle]]
+    assert np.array_equal(np.lexsort((depths, at)), np.arange(len(at)))
+    assert sorted(set(depths)) == [3.0, 4.0]
 
 
 # Scenes without much in them, and with very much.
@@ -524,8 +567,9 @@ def mixed_scene() -> Scene:
 
 
 def contents(truth: FrameTruth) -> list[bytes]:
-    arrays = [truth.buffer.triangle, truth.buffer.depth, truth.undecided]
-    arrays += [getattr(truth.blend, n) for n in ("object", "pixels", "sample", "triangle", "depth")]
+    arrays = [truth.buffer.triangle, truth.buffer.depth]
+    arrays += [getattr(truth.doubt, n) for n in ("sample", "offsets", "triangle")]
+    arrays += [getattr(truth.blend, n) for n in ("object", "sample", "triangle", "depth")]
     return [array.tobytes() for array in arrays]
 
 

@@ -35,6 +35,7 @@ def test_exact_and_rays_count_blended_objects_alike(seed):
     assert np.array_equal(exact.undecided, rays.undecided)
     assert np.array_equal(exact.blend.object, rays.blend.object)
     assert np.array_equal(exact.blend.sample, rays.blend.sample)
+    assert np.array_equal(exact.blend.triangle, rays.blend.triangle)
     ours, theirs = objects_seen(exact, scene), objects_seen(rays, scene)
     assert np.array_equal(ours.pixels, theirs.pixels)
     assert np.allclose(ours.nearest, theirs.nearest, rtol=1e-12)
@@ -67,23 +68,51 @@ def test_the_witness_of_a_blended_object_is_its_nearest_hit():
     tilted[:, 2] = tilted[:, 0]
     scene = with_alpha(replace(scene, vertices=tilted), Alpha.BLEND)
     truth = make_engine("exact", scene).frame(camera())
+    seen = objects_seen(truth, scene)
     # The surface comes nearer to the right: z = x, so depth = 10 - x at the last column.
-    assert truth.blend.sample[0] % camera().width == camera().width - 1
-    assert truth.blend.depth[0] == 10.0 - 1.5
+    assert seen.sample[0] % camera().width == camera().width - 1
+    assert seen.depth[0] == seen.nearest[0] == 10.0 - 1.5
 
 
 @pytest.mark.parametrize("engine", ["exact", "embree", "gl"])
-def test_masked_objects_that_may_be_seen_are_named(engine):
+def test_masked_triangles_that_may_be_seen_are_named(engine):
     scene = with_alpha(scene_of_squares(0.0, -3.0, -6.0), Alpha.MASK, Alpha.OPAQUE, Alpha.MASK)
     truth = make_engine(engine, scene).frame(camera())
-    assert truth.masked.tolist() == [0]
+    assert truth.undecided.tolist() == list(range(camera().samples))
+    assert set(scene.object_of_triangle[truth.doubt.triangle].tolist()) == {0}
+    assert set(scene.object_of_triangle[truth.buffer.triangle].reshape(-1).tolist()) == {1}
+
+
+@pytest.mark.parametrize("engine", ["exact", "embree"])
+def test_of_an_object_that_owns_a_sample_its_own_glass_there_is_kept_too(engine):
+    scene = scene_of_squares(0.0, -3.0)
+    one = replace(
+        with_alpha(scene, Alpha.BLEND, Alpha.OPAQUE),
+        object_offsets=np.array([0, 4]),
+        names=("window",),
+    )
+    truth = make_engine(engine, one).frame(camera())
+    assert np.unique(truth.blend.sample).tolist() == list(range(camera().samples))
+    assert (truth.blend.triangle < 2).all()
+    assert (truth.blend.depth == 10.0).all()
+
+
+@pytest.mark.parametrize("engine", ["exact", "embree", "gl"])
+def test_glass_before_all_that_a_mask_leaves_open_is_seen(engine):
+    scene = with_alpha(scene_of_squares(0.0, -3.0, -6.0), Alpha.BLEND, Alpha.MASK, Alpha.OPAQUE)
+    truth = make_engine(engine, scene).frame(camera())
+    assert len(truth.doubt) == camera().samples
+    assert np.unique(truth.blend.sample).tolist() == list(range(camera().samples))
+    assert set(truth.blend.object.tolist()) == {0}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
-def test_exact_and_rays_name_the_same_masked_objects(seed):
+def test_exact_and_rays_leave_the_same_triangles_open(seed):
     scene = mixed_scene(seed)
     view = Camera(look_at((0, 2, 12), (0, 0, 0)), 64, 48, 0.5, 30.0, yfov=0.9)
     exact = make_engine("exact", scene).frame(view)
-    assert len(exact.masked) > 0
-    assert exact.masked.tolist() == make_engine("embree", scene).frame(view).masked.tolist()
+    rays = make_engine("embree", scene).frame(view)
+    assert len(exact.doubt) > 0
+    assert np.array_equal(exact.doubt.offsets, rays.doubt.offsets)
+    assert np.array_equal(exact.doubt.triangle, rays.doubt.triangle)

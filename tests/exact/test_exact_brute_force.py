@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.exact_brute import truth
+from tests.support.exact_brute import Sample, truth
 from tests.support.exact_scenes import HALF, pose, random_case
 from visref.camera import Camera
 from visref.exact import ExactScene
-from visref.scene import Scene
+from visref.scene import Alpha, Scene
 from visref.visibility import FrameTruth
 
 pytestmark = pytest.mark.slow
@@ -22,33 +22,47 @@ pytestmark = pytest.mark.slow
 CHUNKS, FRAMES = 10, 200
 
 
-def assert_equal(scene: Scene, camera: Camera, frame: FrameTruth) -> Counter[str]:
+def assert_equal(
+    scene: Scene, camera: Camera, frame: FrameTruth, expectation: list[Sample]
+) -> Counter[str]:
     """Raise where the frame differs from the brute force; count what it met."""
     seen: Counter[str] = Counter()
     triangle, depth = frame.buffer.triangle.reshape(-1), frame.buffer.depth.reshape(-1)
-    blended: Counter[int] = Counter()
-    expectation = truth(scene, camera)
-    for sample, (nearest, tied, undecided, blend) in enumerate(expectation):
-        own = [int(triangle[sample])] if triangle[sample] >= 0 else []
-        further = frame.ties.triangle[frame.ties.sample == sample]
-        assert own + further.tolist() == tied, f"owners of sample {sample}"
+    doubt, doubted = frame.doubt.at(), 0
+    for at, sample in enumerate(expectation):
+        own = [int(triangle[at])] if triangle[at] >= 0 else []
+        further = frame.ties.triangle[frame.ties.sample == at]
+        assert own + further.tolist() == sample.tied, f"owners of sample {at}"
         # The quotient of two integers is correctly rounded.
+        nearest = sample.nearest
         expected = math.inf if nearest is None else nearest.numerator / nearest.denominator
-        assert depth[sample] == expected, f"depth of sample {sample}"
-        assert (sample in frame.undecided) == undecided, f"alpha mask at sample {sample}"
-        blended.update(list(blend))
-        seen["owned"] += len(tied) > 0
-        seen["tied"] += len(tied) > 1
-        seen["undecided"] += undecided
-    assert (
-        dict(zip(frame.blend.object.tolist(), frame.blend.pixels.tolist(), strict=True)) == blended
+        assert depth[at] == expected, f"depth of sample {at}"
+        # Front to back by rounded depths: of two that round alike the lesser id comes first.
+        order = sorted((t.numerator / t.denominator, i) for t, i in sample.doubt)
+        found = frame.doubt.triangle[doubt == at].tolist()
+        assert found == [i for _, i in order], f"doubt at sample {at}"
+        doubted += len(sample.doubt) > 0
+        seen["owned"] += len(sample.tied) > 0
+        seen["tied"] += len(sample.tied) > 1
+        seen["undecided"] += len(sample.doubt) > 0
+        seen["doubted twice"] += len(sample.doubt) > 1
+        seen["solid"] += any(scene.alpha[i] == Alpha.MASK for i in sample.tied)
+        seen["blended"] += len(sample.blend) > 0
+    assert len(frame.doubt) == doubted
+    expected_blend = [
+        (o, s, i)
+        for s, sample in enumerate(expectation)
+        for o, triangles in sample.blend.items()
+        for i in triangles
+    ]
+    blend = frame.blend
+    hits = list(
+        zip(blend.object.tolist(), blend.sample.tolist(), blend.triangle.tolist(), strict=True)
     )
-    for o, s, t, z in zip(
-        frame.blend.object, frame.blend.sample, frame.blend.triangle, frame.blend.depth, strict=True
-    ):
-        assert t in expectation[s][3][o]
-        assert z < depth[s]
-    seen["blended"] += len(blended)
+    assert sorted(hits) == sorted(expected_blend), "blended hits"
+    order = np.lexsort((blend.triangle, blend.depth, blend.sample, blend.object))
+    assert order.tolist() == list(range(len(order))), "the order of blended hits"
+    assert (blend.depth <= depth[blend.sample]).all()
     return seen
 
 
@@ -59,12 +73,13 @@ def test_random_close_calls_equal_the_brute_force(chunk: int) -> None:
         scene, camera = random_case(chunk, index)
         frame = ExactScene(scene, threads=1).certify(camera)
         try:
-            seen += assert_equal(scene, camera, frame)
+            seen += assert_equal(scene, camera, frame, truth(scene, camera))
         except AssertionError as error:
             raise AssertionError(f"random_case({chunk}, {index}): {error}") from error
     # The scenes must be worth the name.
     assert seen["owned"] > 5 * FRAMES
-    assert min(seen["tied"], seen["undecided"], seen["blended"]) > FRAMES / 10
+    assert min(seen[kind] for kind in ("tied", "undecided", "blended")) > FRAMES / 10
+    assert seen["doubted twice"] > 0
 
 
 whole = st.integers(-3, 3)
@@ -84,7 +99,8 @@ def test_small_whole_coordinates_equal_the_brute_force(
     )
     projection = {"yfov": HALF} if perspective else {"ymag": 4.0}
     camera = Camera(pose(np.eye(3), np.zeros(3)), 4, 4, near, 4.0, **projection)
-    assert_equal(scene, camera, ExactScene(scene, threads=1).certify(camera))
+    frame = ExactScene(scene, threads=1).certify(camera)
+    assert_equal(scene, camera, frame, truth(scene, camera))
 
 
 def test_the_comparison_itself_can_fail() -> None:
@@ -96,4 +112,4 @@ def test_the_comparison_itself_can_fail() -> None:
     frame = ExactScene(scene, threads=1).certify(camera).copy()
     frame.ties.triangle[0] += 1
     with pytest.raises(AssertionError, match="owners"):
-        assert_equal(scene, camera, frame)
+        assert_equal(scene, camera, frame, truth(scene, camera))

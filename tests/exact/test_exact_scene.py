@@ -65,12 +65,13 @@ def test_threads_change_no_byte(options: dict[str, float]) -> None:
 
     def content(frame: FrameTruth) -> tuple[bytes, ...]:
         blend, ties, buffer = frame.blend, frame.ties, frame.buffer
-        arrays = (buffer.triangle, buffer.depth, ties.sample, ties.triangle, frame.undecided)
-        arrays += (blend.object, blend.pixels, blend.sample, blend.triangle, blend.depth)
+        arrays = (buffer.triangle, buffer.depth, ties.sample, ties.triangle)
+        arrays += (frame.doubt.sample, frame.doubt.offsets, frame.doubt.triangle)
+        arrays += (blend.object, blend.sample, blend.triangle, blend.depth)
         return tuple(array.tobytes() for array in arrays)
 
     assert len(frames[0].ties.sample)
-    assert len(frames[0].undecided)
+    assert len(frames[0].doubt)
     assert len(frames[0].blend.object)
     assert content(frames[0]) == content(frames[1]) == content(frames[2])
     for other in owners[1:]:

@@ -21,11 +21,12 @@ from visref.judging.judge import judge
 from visref.judging.outcome import verdict_json
 from visref.judging.referee import Referee
 from visref.judging.settle import settle
-from visref.judging.status import Exit
+from visref.judging.status import Exit, Status
+from visref.judging.walk import walk_samples
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.run_folder.write import RunWriter, slug
 from visref.scene import Alpha, Units
-from visref.visibility import objects_seen
+from visref.visibility import Doubt, objects_seen
 
 SCENE, PATH = conformance.case("walk_through_a_city")
 FRAMES = range(3)
@@ -139,6 +140,7 @@ def test_approximate_culler_is_measured_and_not_convicted():
     outcome = run(nothing(promise=Promise.APPROXIMATE))
     totals = outcome.cullers[0].totals
     assert outcome.exit is Exit.NO_VIOLATION
+    assert outcome.cullers[0].status is outcome.status is Status.MEASURED
     assert (totals.violations, totals.confirmed) == (0, totals.visible)
     assert set(codes(outcome)) == {"MISSED_DECLARED"}
 
@@ -414,6 +416,56 @@ def test_recorded_truth_of_units_that_are_no_objects_is_looked_at_by_sample(tmp_
     assert comparable(recalled) == comparable(cast)
 
 
+def superfluous_of(frames=FRAMES):
+    """Of `Draws()`: how many objects with triangles are no owner, by a census of exact truths."""
+    engine, total = make_engine("exact", SCENE), 0
+    for frame in frames:
+        seen = objects_seen(engine.frame(PATH.frames[frame]), SCENE)
+        total += np.count_nonzero(~seen.visible & (SCENE.object_units().sizes > 0))
+    return total
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("recall", [False, True])
+@pytest.mark.parametrize(
+    ("promise", "kept_to", "forbidden"),
+    [
+        (Promise.CONSERVATIVE, {"draws": Exit.NO_VIOLATION, "draws#2": Exit.VIOLATION}, 0),
+        (Promise.EXACT, {"draws": Exit.VIOLATION, "draws#2": Exit.VIOLATION}, 1),
+        (Promise.AGGRESSIVE, {"draws": Exit.VIOLATION, "draws#2": Exit.NO_VIOLATION}, 1),
+        (Promise.APPROXIMATE, {"draws": Exit.NO_VIOLATION, "draws#2": Exit.NO_VIOLATION}, 0),
+    ],
+)
+def test_drawing_what_is_hidden_convicts_where_the_promise_forbids_it(
+    tmp_path, engine, recall, promise, kept_to, forbidden
+):
+    more = {"recorded": recorded(tmp_path, engine)} if recall else {}
+    outcome = run(Draws(promise=promise), nothing(promise=promise), engine=engine, **more)
+    assert {record.spec: record.exit for record in outcome.cullers} == kept_to
+    everything = outcome.cullers[0].totals
+    assert everything.superfluous_confirmed == forbidden * superfluous_of()
+    assert everything.superfluous == superfluous_of() > 0
+    assert everything.violations == everything.superfluous_confirmed
+    assert ("DRAWN_HIDDEN" in codes(outcome, "draws")) == bool(forbidden)
+    for record in outcome.cullers[0].frames:
+        confirmed = [one.unit for one in record.verdict.confirmed_superfluous]
+        assert confirmed == (record.verdict.superfluous_units.tolist() if forbidden else [])
+
+
+@pytest.mark.parametrize("promise", Promise)
+def test_drawing_the_visible_alone_keeps_every_promise_and_builds_no_engine(tmp_path, promise):
+    def no_engine():
+        raise AssertionError("an engine was built")
+
+    visible = recorded(tmp_path, frames=[0])
+    ids = visible.frames[0].objects
+    referee = Referee(SCENE, no_engine, recorded=visible)
+    outcome = referee.run(PATH, [0], [("all", Draws(*ids, promise=promise))])
+    (record,) = outcome.cullers
+    assert record.exit is Exit.NO_VIOLATION
+    assert (record.totals.superfluous, record.totals.violations) == (0, 0)
+
+
 # Records.
 
 
@@ -504,7 +556,7 @@ def test_drawing_a_subset_disputes_exactly_the_samples_of_the_rest():
     truth = make_engine("exact", SCENE).frame(PATH.frames[0])
     owner = truth.buffer.triangle.reshape(-1)
     drawn = np.arange(SCENE.triangle_count) % 3 > 0
-    disputed = find_disputes(truth, SCENE, drawn).samples
+    disputed = find_disputes(walk_samples(truth, SCENE, drawn))
     undrawn = np.flatnonzero((owner >= 0) & ~drawn[owner])
     tied = truth.ties.sample[drawn[truth.ties.triangle]]
     assert disputed.tolist() == np.setdiff1d(undrawn, tied).tolist()
@@ -611,11 +663,12 @@ def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
     true = exact.certify(camera())
     assert len(true.undecided) == camera().samples
     # As a float32 engine would have it whose rays slipped through the leaf.
-    slipped = replace(true, ties_complete=False, undecided=np.zeros(0, np.int64))
-    drawn = np.array([True, True, False, False])
-    settled = settle(scene, slipped, drawn, exact=lambda: exact)
-    found = judge(settled, scene.object_units(), np.array([0]), Promise.CONSERVATIVE)
+    slipped = replace(true, ties_complete=False, doubt=Doubt())
+    drawn = np.array([0], np.int32)
+    settled = settle(scene, slipped, scene.object_units(), drawn, exact=lambda: exact)
+    found = judge(settled, Promise.CONSERVATIVE)
     assert (found.counts.missed, found.counts.undecided) == (0, 1)
+    assert found.counts.undecided_samples == found.counts.owned_samples == camera().samples
 
 
 def test_two_specs_never_share_a_file_name():

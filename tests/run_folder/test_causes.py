@@ -21,6 +21,7 @@ from visref.run_folder.causes import Cause, boxes_show, superfluous_causes
 from visref.run_folder.read import read_run
 from visref.run_folder.silhouettes import UnitImage
 from visref.scene import Alpha, Scene
+from visref.visibility import Doubt
 
 CAMERA = Camera(look_at((0, 0, 10), (0, 0, 0)), 8, 6, near=1.0, far=100.0, ymag=3.0)
 
@@ -120,7 +121,7 @@ def test_an_undecided_sample_proves_no_box_hidden():
     units, ids = SCENE.object_units(), np.array([BEHIND], np.int32)
     drawn = DrawnSet(np.array([LEFT, RIGHT, BEHIND], np.int32))
     middle = np.array([3 * CAMERA.width + 4])
-    doubtful = replace(truth, undecided=middle)
+    doubtful = replace(truth, doubt=Doubt.of(middle, np.zeros(1, np.int32)))
     assert superfluous_causes(SCENE, truth, units, drawn, ids) == {BEHIND: Cause.HIDDEN}
     assert superfluous_causes(SCENE, doubtful, units, drawn, ids) == {BEHIND: Cause.BOX}
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.hand_made import judged, scene_of_squares, square, truth
+from tests.support.hand_made import scene_of_squares, settled, square, truth
 from visref.camera import Camera, look_at
 from visref.culler import Promise
+from visref.judging.judge import judge
 from visref.run_folder.pictures import (
     MISSED_RGB,
     PAGE_WIDTH_PX,
@@ -26,20 +27,9 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 
 
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
-    units = units or scene.object_units()
-    drawn = np.array(drawn, np.int32)
-    verdict = judged(scene, frame_truth, units, drawn, promise)
-    return draw_pictures(
-        folder / "pictures",
-        "mine",
-        scene,
-        frame_truth,
-        units,
-        drawn,
-        verdict,
-        culler="mine",
-        frame=7,
-    )
+    frame = settled(scene, frame_truth, units or scene.object_units(), drawn)
+    verdict = judge(frame, promise)
+    return draw_pictures(folder / "pictures", "mine", frame, verdict, culler="mine", frame=7)
 
 
 def rgb(folder, pictures, what):
@@ -117,12 +107,8 @@ def test_a_missed_blended_object_is_ringed_though_it_owns_no_sample(tmp_path):
         seen.camera,
         seen.engine,
         seen.buffer,
-        blend=BlendVisibility(
-            np.array([1], np.int32),
-            np.array([9]),
-            np.array([40 * 120 + 60]),
-            np.array([2], np.int32),
-            np.array([4.0]),
+        blend=BlendVisibility.of(
+            scene, np.array([40 * 120 + 60]), np.array([2], np.int32), np.array([4.0])
         ),
     )
     pictures = draw(tmp_path, scene, seen, [0])

@@ -6,10 +6,16 @@ the plane, and asks on which side of each edge that point lies, within the plane
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 
 from visref.camera import Camera
+from visref.masks.lookup import HOLE, SOLID
 from visref.scene import Alpha, Scene
+
+# What a mask says at a (sample, triangle).
+States = Mapping[tuple[int, int], int]
 
 
 def _cross(p, q):
@@ -91,25 +97,42 @@ def hits(scene: Scene, camera: Camera) -> list[list[tuple[Fraction, int]]]:
     return result
 
 
-def truth(scene: Scene, camera: Camera):
-    """Per sample (t or None, tied opaque triangles, undecided, {blend object: triangles}).
+@dataclass
+class Sample:
+    """What the rules say of one sample. `nearest`: t of `tied`, the triangles that own it for
+    certain, None for the background. `doubt`: (t, triangle) of masked ones that may be seen
+    before it or level with it. `blend`: by object, the blended triangles that are seen there."""
 
-    A blended object counts where its sample is decided and it does not own that sample anyway.
-    """
+    nearest: Fraction | None
+    tied: list[int]
+    doubt: list[tuple[Fraction, int]]
+    blend: dict[int, list[int]]
+
+
+def truth(scene: Scene, camera: Camera, states: States | None = None) -> list[Sample]:
+    """Every sample, by the rules. `states`: (sample, triangle) to SOLID, HOLE or BETWEEN, for
+    each masked triangle that covers a sample; None: all are in between."""
     result = []
-    for found in hits(scene, camera):
-        opaque = [(t, i) for t, i in found if scene.alpha[i] == Alpha.OPAQUE]
+    for sample, found in enumerate(hits(scene, camera)):
+        kinds = {i: Alpha(int(scene.alpha[i])) for _, i in found}
+        for _, i in found:
+            if kinds[i] == Alpha.MASK and states is not None:
+                if states[sample, i] == SOLID:
+                    kinds[i] = Alpha.OPAQUE
+                elif states[sample, i] == HOLE:
+                    del kinds[i]
+        there = [(t, i) for t, i in sorted(found) if i in kinds]
+        opaque = [(t, i) for t, i in there if kinds[i] == Alpha.OPAQUE]
         nearest = min((t for t, _ in opaque), default=None)
-        tied = sorted(i for t, i in opaque if t == nearest)
-        undecided = any(
-            scene.alpha[i] == Alpha.MASK and (nearest is None or t <= nearest) for t, i in found
-        )
-        owners = {int(scene.object_of_triangle[i]) for i in tied}
+        doubt = [
+            (t, i) for t, i in there if kinds[i] == Alpha.MASK and (nearest is None or t <= nearest)
+        ]
+        # Glass is seen for certain before the first thing that may be opaque.
+        first = min([t for t, _ in doubt] + ([] if nearest is None else [nearest]), default=None)
         blend: dict[int, list[int]] = {}
-        for t, i in found:
-            owner = int(scene.object_of_triangle[i])
-            before = scene.alpha[i] == Alpha.BLEND and (nearest is None or t < nearest)
-            if before and not undecided and owner not in owners:
-                blend.setdefault(owner, []).append(i)
-        result.append((nearest, tied, undecided, blend))
+        for t, i in there:
+            if kinds[i] == Alpha.BLEND and (first is None or t < first):
+                blend.setdefault(int(scene.object_of_triangle[i]), []).append(i)
+        tied = sorted(i for t, i in opaque if t == nearest)
+        result.append(Sample(nearest, tied, doubt, blend))
     return result

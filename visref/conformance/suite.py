@@ -61,8 +61,8 @@ class Status(StrEnum):
 @dataclass(frozen=True)
 class CheckResult:
     """One check's outcome. `problems` are readable lines, empty if it passed; `reason` is the
-    one given for an expected failure; `missed` counts objects left out in full over all
-    frames, whatever the culler promises."""
+    one given for an expected failure; `missed` counts objects of which something is lost,
+    over all frames, whatever the culler promises."""
 
     check: str
     status: Status
@@ -206,7 +206,7 @@ def judge_on(
     make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
 ) -> tuple[tuple[str, ...], int]:
     """Judge a culler on a case whose exact truths are known, one a frame: what is wrong, in
-    readable lines, and how many objects were missed in full over all frames."""
+    readable lines, and how many objects lose something, over all frames."""
     culler = make_culler()
     path = built.path.relative_to(built.scene.origin)
     referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
@@ -220,11 +220,16 @@ def judge_on(
         f"{finding.code}: {finding.message}"
         for finding in outcome.findings
         if finding.code == Code.NO_GL
-        or (finding.rule.severity is Severity.ERROR and finding.code != Code.MISSED_OBJECT)
+        or (finding.rule.severity is Severity.ERROR and finding.code not in _TOLD)
     ]
     if record.promise.convicts:
         problems += _losses(record, built)
+    problems += _hidden(record, built)
     return tuple(problems), record.totals.confirmed
+
+
+# What is told with its witness instead of the finding's own words.
+_TOLD = ("MISSED_OBJECT", "DRAWN_HIDDEN")
 
 
 def _losses(record: CullerRecord, built: Case) -> list[str]:
@@ -241,6 +246,24 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
         )
     if len(losses) > LINES_PER_CHECK:
         lines.append(f"... and {len(losses) - LINES_PER_CHECK} objects more")
+    return lines
+
+
+def _hidden(record: CullerRecord, built: Case) -> list[str]:
+    """What was drawn though hidden, where the promise forbids it."""
+    found = [(row, one) for row in record.frames for one in row.verdict.confirmed_superfluous]
+    lines = []
+    for row, one in found[:LINES_PER_CHECK]:
+        line = f"DRAWN_HIDDEN: frame {row.frame}: {record.unit_kind} {one.unit} was drawn"
+        if one.sample < 0:
+            lines.append(f"{line} and covers no sample")
+            continue
+        hides = int(built.scene.object_of_triangle[one.occluder]) if one.occluder >= 0 else -1
+        by = f", at pixel ({one.sample % row.width}, {one.sample // row.width})"
+        by += f" by '{built.scene.names[hides]}' (object {hides})" if hides >= 0 else ""
+        lines.append(f"{line} and is hidden at all of its {one.samples} samples{by}")
+    if len(found) > LINES_PER_CHECK:
+        lines.append(f"... and {len(found) - LINES_PER_CHECK} hidden units more")
     return lines
 
 

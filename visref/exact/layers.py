@@ -12,7 +12,7 @@ from visref.exact.contests import Contest
 from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, SOLID
 from visref.scene import Float64, Int32, Int64, Scene
-from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, hit_depths
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties
 
 
 class Arithmetic(Protocol):
@@ -61,7 +61,7 @@ def masked(
     result = exact.compare(camera, between.triangle[some], behind[some], between.sample[some])
     kept[some] = result <= 0
     between = between.where(kept)
-    depth = hit_depths(exact.scene, camera, between.sample, between.triangle)
+    depth = exact.depth_by_layer(camera, between.sample, between.triangle)
     order = np.lexsort((between.triangle, depth, between.sample))
     return ties, Doubt.of(between.sample[order], between.triangle[order]), moved
 

@@ -34,6 +34,7 @@ from visref.findings import Code, Finding
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
@@ -115,6 +116,8 @@ class Referee:
     def __post_init__(self) -> None:
         self._engine: TruthEngine | None = None
         self._exact: ExactScene | None = None
+        # By how many pixels rounding moved a vertex that is seen, less the frame, and a triangle.
+        self._moved = (0.0, 0, -1)
 
     def run(
         self,
@@ -264,6 +267,8 @@ class Referee:
             # An engine that lists its ties and says so nowhere is taken at its class's word.
             truth = replace(truth, ties_complete=self._engine.exact)
         seen = objects_seen(truth, self.scene)
+        moved, triangle = greatest_move(self.scene, truth)
+        self._moved = max(self._moved, (moved, -frame, triangle))
         ms = (time.perf_counter() - start) * 1e3
         for listener in listeners:
             listener.on_truth(frame, truth, seen, ms)
@@ -301,6 +306,12 @@ class Referee:
             name = caster.engine if isinstance(caster, RecordedTruth) else caster.name
             outcome.findings.append(
                 Finding(Code.ENGINE_BLIND_SPOTS, f"the truth was cast by '{name}'")
+            )
+        moved, frame, triangle = self._moved
+        if moved > FORGIVEN_PX:
+            owner = self.scene.names[self.scene.object_of_triangle[triangle]]
+            outcome.findings.append(
+                Finding(Code.VERTICES_ROUNDED, f"by {moved:.3g} pixels at most", "", -frame, owner)
             )
         if engine is not None and not getattr(engine, "rebase_exact", True):
             outcome.findings.append(Finding(Code.REBASE_INEXACT, "the scene spans too far"))
@@ -360,6 +371,7 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
+    found += _hidden_findings(record)
     for kind, code in _CODES.items():
         first: dict[int, int] = {}
         for row in record.frames:
@@ -392,3 +404,22 @@ def _culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
         found.append(Finding(Code.NOTHING_JUDGED, text, record.spec))
     return found
+
+
+def _hidden_findings(record: CullerRecord) -> list[Finding]:
+    """One finding a hidden unit that was drawn against the promise, the most often drawn first."""
+    frames_of: dict[int, list[int]] = {}
+    for row in record.frames:
+        for one in row.verdict.confirmed_superfluous:
+            frames_of.setdefault(one.unit, []).append(row.frame)
+    order = sorted(frames_of, key=lambda unit: (-len(frames_of[unit]), unit))
+    return [
+        Finding(
+            Code.DRAWN_HIDDEN,
+            f"{record.unit_kind} {unit}, drawn and hidden in "
+            f"{counted(len(frames_of[unit]), 'frame')}, first in frame {frames_of[unit][0]}",
+            record.spec,
+            frames_of[unit][0],
+        )
+        for unit in order
+    ]

@@ -98,21 +98,25 @@ def _confirm(
     order = np.argsort(hits.triangle, kind="stable")
     low = np.searchsorted(hits.triangle[order], triangles, side="left")
     high = np.searchsorted(hits.triangle[order], triangles, side="right")
-    found = []
-    for place, unit in enumerate(unit_ids):
-        mine = np.flatnonzero(of_unit == place)
-        own = np.concatenate([order[low[i] : high[i]] for i in mine])
-        if open_[own].any():
-            continue
-        if not len(own):
-            found.append(Superfluous(int(unit), 0, -1, -1))
-            continue
-        closest = own[np.lexsort((hits.sample[own], gap[own]))[0]]
-        samples = len(np.unique(hits.sample[own]))
-        found.append(
-            Superfluous(int(unit), samples, int(owner[closest]), int(hits.sample[closest]))
-        )
-    return found
+    counts = high - low
+    place = np.repeat(of_unit, counts)
+    within = np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
+    own = order[np.repeat(low, counts) + within]
+    cleared = np.zeros(len(unit_ids), np.bool_)
+    cleared[place[open_[own]]] = True
+    covered = np.unique(place * camera.samples + hits.sample[own]) // camera.samples
+    samples = np.bincount(covered, minlength=len(unit_ids))
+    nearest = np.lexsort((hits.sample[own], gap[own], place))
+    closest = np.full(len(unit_ids), -1)
+    at, first = np.unique(place[nearest], return_index=True)
+    closest[at] = own[nearest[first]]
+    return [
+        Superfluous(int(unit), int(count), int(owner[hit]), int(hits.sample[hit]))
+        if hit >= 0
+        else Superfluous(int(unit), 0, -1, -1)
+        for unit, count, hit, clear in zip(unit_ids, samples, closest, cleared, strict=True)
+        if not clear
+    ]
 
 
 def _shown(scene: Scene, truth: FrameTruth, sample: Int64, triangle: Int32) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ hexadecimal floats, and exact arithmetic orders them again.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from PIL import Image, ImageDraw
 from visref.errors import InputError
 from visref.exact.ray import Ray, RayHit, along_ray
 from visref.files import replacing_file
+from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.run_folder.layout import MANIFEST, WITNESSES
 from visref.scene import Alpha, Float64
 
@@ -37,8 +39,9 @@ class Explanation:
     """A witness, replayed.
 
     `hits`: every triangle along the ray that covers the sample in range, in exact order of
-    depth. `holds`: the object is among the nearest opaque hits (or, blended, before them) and
-    no drawn triangle is. `lines`: all of it in words.
+    depth. `holds`: the object is among the nearest hits that are certain (or, blended, before
+    all that may be opaque), and no drawn triangle is among them or before them. `lines`: all
+    of it in words.
     """
 
     witness: Mapping[str, Any]
@@ -100,28 +103,41 @@ def _replay(witness: Mapping[str, Any]) -> Explanation:
     return Explanation(witness, hits, _holds(witness, hits), tuple(_tell(witness, ray, hits)))
 
 
-def _nearest_opaque(triangles: list[Mapping[str, Any]], hits: tuple[RayHit, ...]) -> int | None:
-    """The order of the nearest opaque hits, None if there is none."""
-    orders = [h.order for h in hits if triangles[h.triangle]["alpha"] == Alpha.OPAQUE]
-    return min(orders, default=None)
-
-
 def _holds(witness: Mapping[str, Any], hits: tuple[RayHit, ...]) -> bool:
-    triangles = witness["triangles"]
-    nearest = _nearest_opaque(triangles, hits)
-    own = [h for h in hits if triangles[h.triangle]["object"] == witness["object"]]
-    blended = [h for h in own if triangles[h.triangle]["alpha"] == Alpha.BLEND]
-    if any(nearest is None or h.order < nearest for h in blended):
-        return not any(triangles[h.triangle]["drawn"] for h in blended)
-    owners = [
-        triangles[h.triangle]
-        for h in hits
-        if h.order == nearest and triangles[h.triangle]["alpha"] == Alpha.OPAQUE
-    ]
-    mine = [t for t in owners if t["object"] == witness["object"]]
-    tied = witness["kind"] == "tie"
-    undrawn = mine if tied else owners
-    return bool(mine) and not any(t["drawn"] for t in undrawn)
+    triangles, obj = witness["triangles"], witness["object"]
+    certain: list[RayHit] = []
+    open_: list[RayHit] = []
+    for hit in hits:
+        triangle = triangles[hit.triangle]
+        # A mask that is not told is in between.
+        mask = triangle.get("mask", BETWEEN) if triangle["alpha"] == Alpha.MASK else SOLID
+        if triangle["alpha"] != Alpha.BLEND and mask != HOLE:
+            (certain if mask == SOLID else open_).append(hit)
+    nearest = min((hit.order for hit in certain), default=math.inf)
+    before = [hit for hit in open_ if hit.order <= nearest]
+    claimed = next((t for t in triangles if t["triangle"] == witness["triangle"]), None)
+    if claimed is None:
+        return False
+    if claimed["alpha"] == Alpha.BLEND:
+        first = min((hit.order for hit in before), default=nearest)
+        glass = [
+            triangles[hit.triangle]
+            for hit in hits
+            if triangles[hit.triangle]["alpha"] == Alpha.BLEND and hit.order < first
+        ]
+        mine = [t for t in glass if t["object"] == obj]
+        return claimed in mine and not any(t["drawn"] for t in mine)
+    owners = [triangles[hit.triangle] for hit in certain if hit.order == nearest]
+    mine = [t for t in owners if t["object"] == obj]
+    if witness["kind"] == "tie":
+        return bool(mine) and not any(t["drawn"] for t in mine)
+    shown = owners + [triangles[hit.triangle] for hit in before]
+    return bool(mine) and not any(t["drawn"] for t in shown)
+
+
+def _masked(triangle: Mapping[str, Any]) -> list[str]:
+    words = {SOLID: "masked, solid", HOLE: "masked, a hole", BETWEEN: "masked, in between"}
+    return [words.get(triangle.get("mask", BETWEEN), "masked")]
 
 
 def _tell(witness: Mapping[str, Any], ray: Ray, hits: tuple[RayHit, ...]) -> Iterator[str]:
@@ -150,7 +166,7 @@ def _tell(witness: Mapping[str, Any], ray: Ray, hits: tuple[RayHit, ...]) -> Ite
         marks = [
             "drawn" if triangle["drawn"] else "not drawn",
             *(["blended"] if triangle["alpha"] == Alpha.BLEND else []),
-            *(["masked"] if triangle["alpha"] == Alpha.MASK else []),
+            *(_masked(triangle) if triangle["alpha"] == Alpha.MASK else []),
         ]
         yield (
             f"  {hit.order + 1}. t = {hit.depth!r}  object {triangle['object']} "

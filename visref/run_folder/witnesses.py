@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
+from visref.exact.layers import mask_states
 from visref.judging.judge import Miss
 from visref.judging.outcome import CullerRecord, witness_json
-from visref.scene import Int32, Int64, Scene
+from visref.scene import Alpha, Int32, Int64, Scene
 
 # A culler that draws nothing misses thousands of objects. Its worst misses, by samples lost,
 # get all the triangles along their rays; every miss has a row in objects.parquet.
@@ -190,16 +191,21 @@ def write_witnesses(
             shown = drawn(frame, view)
             along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
             for miss, triangles in zip(chosen, along, strict=True):
+                state = mask_states(
+                    scene, camera, np.full(len(triangles), miss.sample), triangles.astype(np.int32)
+                )
                 witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
                 witness |= {"culler": record.spec, "view": view}
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
-                    _triangle_json(scene, int(t), drawn=bool(shown[t])) for t in triangles
+                    _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))
+                    for t, s in zip(triangles, state, strict=True)
                 ]
                 lines.write(json.dumps(witness, sort_keys=True) + "\n")
 
 
-def _triangle_json(scene: Scene, triangle: int, *, drawn: bool) -> dict[str, Any]:
+def _triangle_json(scene: Scene, triangle: int, *, drawn: bool, state: int) -> dict[str, Any]:
+    """`state`: what its mask says at the sample, written for a masked triangle alone."""
     owner = int(scene.object_of_triangle[triangle])
     corners: Int32 = scene.triangles[triangle]
     return {
@@ -209,5 +215,6 @@ def _triangle_json(scene: Scene, triangle: int, *, drawn: bool) -> dict[str, Any
         "drawn": drawn,
         "one_sided": bool(scene.one_sided[triangle]),
         "alpha": int(scene.alpha[triangle]),
+        **({"mask": state} if scene.alpha[triangle] == Alpha.MASK else {}),
         "vertices": [[float(value).hex() for value in scene.vertices[v]] for v in corners],
     }

@@ -150,7 +150,7 @@ class RunWriter:
     def _write_witnesses(self, outcome: RunOutcome) -> None:
         folder = self._folder / WITNESSES
         for record in outcome.cullers:
-            if record.totals.missed:
+            if record.totals.missed + record.totals.partly_missed:
                 folder.mkdir(exist_ok=True)
                 file = folder / f"{slug(record.spec)}.jsonl"
                 drawn = self._drawn_in(record.spec)
