@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.support.gltf_files import TRIANGLE, Gltf
+from tests.support.hand_made import judged, soup, truth
 from visref.errors import InputError
 from visref.formats import load_scene
 from visref.recordings.names import Names
-from visref.recordings.visible_sets import read_visible_sets
+from visref.recordings.visible_sets import _units, read_visible_sets
 from visref.scene import Group, Scene
 
 # 0 house/kitchen/chair, 1 house/hall/chair, 2 house/hall/lamp, 3 chair, 4 tree,
@@ -102,8 +104,33 @@ def read(tmp_path, scene: Scene, *frames: list):
 
 def test_a_group_draws_all_that_is_in_it(tmp_path, scene):
     drawn = read(tmp_path, scene, ["grass", "lamp", 8], ["group:tree", "house/kitchen/chair"])
-    assert drawn.frames[0].tolist() == [2, 5, 6, 7, 8]
-    assert drawn.frames[1].tolist() == [0, 8, 9]
+    assert objects_drawn(drawn, scene, 0) == [2, 5, 6, 7, 8]
+    assert objects_drawn(drawn, scene, 1) == [0, 8, 9]
+
+
+def objects_drawn(recorded, scene: Scene, frame: int) -> list[int]:
+    triangles = recorded.units.gather(recorded.frames[frame])
+    return np.unique(scene.object_of_triangle[triangles]).tolist()
+
+
+def test_a_group_is_one_unit_and_so_are_its_objects_where_they_are_named_alone(tmp_path, scene):
+    drawn = read(tmp_path, scene, ["grass", "lamp"], ["grass", 8])
+    # Ten objects, three of them in one group.
+    assert (drawn.units.count, drawn.units.kind) == (8, "object or group")
+    assert [len(ids) for ids in drawn.frames.values()] == [2, 2]
+    alone = read(tmp_path, scene, ["grass", 5])
+    assert (alone.units.count, len(alone.frames[0])) == (9, 2)
+    plain = read(tmp_path, scene, [5, 6, 7])
+    assert plain.units.are_objects(scene)
+    assert plain.frames[0].tolist() == [5, 6, 7]
+
+
+def test_a_group_is_superfluous_only_if_none_of_it_is_visible():
+    scene = replace(soup([1, 1, 1]), groups=(Group("pair", "pair", (0, 1)),))
+    units, unit_of = _units(scene, {(0, 1), (2,)})
+    for owner, hidden in ((0, []), (1, []), (2, [unit_of[0, 1]])):
+        verdict = judged(scene, truth([[owner]]), units, [0, 1])
+        assert verdict.superfluous_units.tolist() == hidden
 
 
 def test_an_ambiguous_name_is_an_error_that_lists_the_candidates(tmp_path, scene):

@@ -42,10 +42,13 @@ _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 
 @dataclass(frozen=True, eq=False)
 class VisibleSets:
-    """An engine's recorded output by frame: the object ids that it drew, sorted int32."""
+    """An engine's recorded output by frame: the ids of the units that it drew, sorted int32, and
+    what those units are: the scene's objects, or where groups were named, each such group as one
+    unit in place of its objects."""
 
     frames: Mapping[int, Int32]
     stats: Mapping[int, QueryStats]
+    units: Units
 
 
 class DeclaredRaster(Raster):
@@ -78,7 +81,7 @@ class Replay(Culler):
         self._coming = iter(recorded.frames)
 
     def prepare(self, scene: Scene) -> Units:
-        return scene.object_units()
+        return self._recorded.units
 
     def cull(self, camera: Camera) -> DrawnSet:
         frame = next(self._coming)
@@ -158,17 +161,43 @@ def _gather(
             if isinstance(entry, str):
                 places.setdefault(entry, by_frame[frame].place)
     named = Names(scene).resolved(places, source) if places else {}
-    drawn = {}
+    drawn: dict[int, list[tuple[int, ...]]] = {}
     for frame in frames:
         row = by_frame[frame]
-        ids: list[int] = []
-        for entry in row.objects:
-            if isinstance(entry, str):
-                ids.extend(named[entry])
-            else:
-                ids.append(_object_id(entry, scene, source, row.place))
-        drawn[frame] = np.unique(np.array(ids, np.int32))
-    return VisibleSets(drawn, {frame: by_frame[frame].stats for frame in frames})
+        drawn[frame] = [
+            named[entry]
+            if isinstance(entry, str)
+            else (_object_id(entry, scene, source, row.place),)
+            for entry in row.objects
+        ]
+    units, unit_of = _units(scene, {objects for every in drawn.values() for objects in every})
+    ids = {
+        frame: np.unique(np.array([unit_of[objects] for objects in every], np.int32))
+        for frame, every in drawn.items()
+    }
+    return VisibleSets(ids, {frame: by_frame[frame].stats for frame in frames}, units)
+
+
+def _units(
+    scene: Scene, named: set[tuple[int, ...]]
+) -> tuple[Units, Mapping[tuple[int, ...], int]]:
+    """The units of a recording, and the unit of each object or group that it names."""
+    groups = sorted(objects for objects in named if len(objects) != 1)
+    if not groups:
+        return scene.object_units(), {(i,): i for i in range(scene.object_count)}
+    grouped = {i for objects in groups for i in objects}
+    single = [i for i in range(scene.object_count) if i not in grouped or (i,) in named]
+    every = [*((i,) for i in single), *groups]
+    offsets, triangles = [0], [np.zeros(0, np.int32)]
+    for objects in every:
+        for i in objects:
+            low, high = scene.object_offsets[i : i + 2]
+            triangles.append(np.arange(low, high, dtype=np.int32))
+        offsets.append(
+            offsets[-1] + sum(int(np.diff(scene.object_offsets[i : i + 2])[0]) for i in objects)
+        )
+    units = Units(np.array(offsets, np.int64), np.concatenate(triangles), "object or group")
+    return units, {objects: unit for unit, objects in enumerate(every)}
 
 
 def _object_id(entry: int, scene: Scene, source: str, place: str) -> int:
