@@ -86,10 +86,12 @@ def test_masked_triangles_that_may_be_seen_are_named(engine):
 @pytest.mark.parametrize("engine", ["exact", "embree"])
 def test_of_an_object_that_owns_a_sample_its_own_glass_there_is_kept_too(engine):
     scene = scene_of_squares(0.0, -3.0)
-    one = replace(
-        with_alpha(scene, Alpha.BLEND, Alpha.OPAQUE),
-        object_offsets=np.array([0, 4]),
-        names=("window",),
+    one = Scene(
+        scene.vertices,
+        scene.triangles,
+        np.array([0, 4]),
+        ("window",),
+        alpha=np.repeat(np.array([Alpha.BLEND, Alpha.OPAQUE], np.uint8), 2),
     )
     truth = make_engine(engine, one).frame(camera())
     assert np.unique(truth.blend.sample).tolist() == list(range(camera().samples))

@@ -15,7 +15,7 @@ from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
 from visref.judging.referee import Referee
 from visref.run_folder.explain import Explanation, explain
-from visref.run_folder.write import Recorder
+from visref.run_folder.write import RunWriter
 from visref.scene import Scene, Units
 
 LEAF, WALL, GLASS, GLASS_BEFORE = range(4)
@@ -41,7 +41,7 @@ def explanations(folder: Path, scene: Scene, culler: Culler) -> dict[str, Explan
     """By object: the replay of each witness that a run of one frame wrote."""
     path = CameraPath((leaf_before_wall()[1],))
     folder.mkdir()
-    recorder = Recorder(folder, scene, path, engine="exact", settings={}, picture_frames=[])
+    recorder = RunWriter(folder, scene, path, engine="exact", settings={}, picture_frames=[])
     referee = Referee(scene, lambda: make_engine("exact", scene))
     recorder.finish(referee.run(path, [0], [("draws", culler)], [recorder]))
     (file,) = (folder / "witnesses").glob("*.jsonl")

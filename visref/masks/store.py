@@ -13,13 +13,16 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.masks.materials import MaskMaterial, Wrap
-from visref.masks.textures import AlphaImage
+
+if TYPE_CHECKING:
+    # Decoding brings a compiler and Pillow along, and only who decodes needs them.
+    from visref.masks.textures import AlphaImage
 
 # How a kernel names the wrap modes.
 REPEAT, MIRROR, CLAMP = 0, 1, 2
