@@ -1,5 +1,12 @@
-"""The suite that authors of cullers run on their own: small scenes, judged on exact truth."""
+"""The suites that authors of cullers and of truth engines run on their own: small scenes, and
+what exact arithmetic says of them."""
 
+from visref.conformance.engines import (
+    EngineCheck,
+    assert_engine_conforms,
+    engine_checks,
+    parametrize_with_engine_checks,
+)
 from visref.conformance.suite import (
     Check,
     CheckResult,
@@ -10,16 +17,22 @@ from visref.conformance.suite import (
     conformance_checks,
     exact_truths,
     judge_on,
+    parametrize_with_checks,
 )
 
 __all__ = [
     "Check",
     "CheckResult",
+    "EngineCheck",
     "Status",
     "assert_conforms",
+    "assert_engine_conforms",
     "case",
     "check_culler",
     "conformance_checks",
+    "engine_checks",
     "exact_truths",
     "judge_on",
+    "parametrize_with_checks",
+    "parametrize_with_engine_checks",
 ]

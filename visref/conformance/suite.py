@@ -1,12 +1,11 @@
 """check_culler(): what a stranger runs on a culler of their own, from pytest.
 
-    import pytest
-    from visref.conformance.suite import assert_conforms, conformance_checks
+    from visref.conformance import assert_conforms, parametrize_with_checks
     from my_engine import MyCuller
 
-    @pytest.mark.parametrize("check", conformance_checks(), ids=str)
-    def test_my_culler(check):
-        assert_conforms(MyCuller, checks=[check])
+    @parametrize_with_checks([MyCuller])
+    def test_my_culler(make_culler, check):
+        assert_conforms(make_culler, checks=[check])
 
 Each check is named, seeded and small: most build a scene around one way to go wrong, cast its
 truth with the exact engine (every sample, every tie) and let `visref.judging.referee` judge the
@@ -22,6 +21,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from visref.judging.referee import Referee
 from visref.scene import Scene
 from visref.visibility import FrameTruth
 from visref.wording import did_you_mean
+
+if TYPE_CHECKING:
+    import pytest
 
 MakeCuller = Callable[[], Culler]
 
@@ -148,6 +151,20 @@ def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
         raise InputError(f"check '{name}' is about the contract and has no scene of its own")
     built = _built(made, seed)
     return built.scene, built.path
+
+
+def built_case(name: str, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
+    """The scene of a check with its exact truth, cast once for all who ask."""
+    return _truths({made.name: made for made in SCENES}[name], seed)
+
+
+def parametrize_with_checks(cullers: Iterable[MakeCuller]) -> pytest.MarkDecorator:
+    """A decorator for a test of `make_culler` and `check`: every check on every culler."""
+    import pytest
+
+    pairs = [(make, check) for make in cullers for check in conformance_checks()]
+    ids = [f"{getattr(make, '__name__', 'culler')}-{check}" for make, check in pairs]
+    return pytest.mark.parametrize(("make_culler", "check"), pairs, ids=ids)
 
 
 def _known(names: Iterable[str] | Mapping[str, str]) -> None:

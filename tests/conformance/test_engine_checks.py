@@ -1,0 +1,108 @@
+"""The suite for engines passes the sound ones, and fails each kind of mistake."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from visref.conformance import (
+    assert_engine_conforms,
+    engine_checks,
+    parametrize_with_engine_checks,
+)
+from visref.engines.embree import EmbreeEngine
+from visref.engines.exact import ExactEngine
+from visref.visibility import BlendVisibility, Ties, VisibilityBuffer
+
+CHECKS = {check.name: check for check in engine_checks()}
+
+
+@parametrize_with_engine_checks([EmbreeEngine, ExactEngine])
+def test_engine_on_board_conforms(make_engine, check):
+    assert_engine_conforms(make_engine, checks=[check])
+
+
+class Changed(ExactEngine):
+    """An exact engine whose answers are changed after."""
+
+    def frame(self, camera):
+        return self.change(super().frame(camera).copy())
+
+
+class ForgetsTies(Changed):
+    def change(self, truth):
+        return replace(truth, ties=Ties())
+
+
+class ForgetsGlass(Changed):
+    def change(self, truth):
+        return replace(truth, blend=BlendVisibility())
+
+
+class ShiftsByAPixel(Changed):
+    exact = False
+
+    def change(self, truth):
+        moved = np.roll(truth.buffer.triangle, 1, axis=1)
+        return replace(truth, buffer=VisibilityBuffer(moved, truth.buffer.depth))
+
+
+class SeesNothing(Changed):
+    exact = False
+
+    def change(self, truth):
+        truth.buffer.triangle[:] = -1
+        return truth
+
+
+class FillsTheBackground(Changed):
+    exact = False
+
+    def change(self, truth):
+        truth.buffer.triangle[truth.buffer.triangle < 0] = 0
+        return truth
+
+
+class DependsOnThreads(Changed):
+    def change(self, truth):
+        if self.threads == 2:
+            truth.buffer.depth[:] += 1.0
+        return truth
+
+
+class Remembers(Changed):
+    frames = 0
+
+    def change(self, truth):
+        self.frames += 1
+        truth.buffer.depth[:] += self.frames
+        return truth
+
+
+class FailsToCloseTwice(ExactEngine):
+    closed = False
+
+    def close(self):
+        if self.closed:
+            raise RuntimeError("closed already")
+        self.closed = True
+
+
+@pytest.mark.parametrize(
+    ("engine", "check"),
+    [
+        (ForgetsTies, "coplanar_ties"),
+        (ForgetsGlass, "glass"),
+        (ShiftsByAPixel, "walk_through_a_city"),
+        (SeesNothing, "walk_through_a_city"),
+        (FillsTheBackground, "walk_through_a_city"),
+        (DependsOnThreads, "same_answer_again"),
+        (Remembers, "same_answer_again"),
+        (FailsToCloseTwice, "close_at_any_time"),
+    ],
+)
+def test_wrong_engine_fails_its_check(engine, check):
+    with pytest.raises(AssertionError, match=check):
+        assert_engine_conforms(engine, checks=[CHECKS[check]])
