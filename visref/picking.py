@@ -1,4 +1,4 @@
-"""Some of many, evenly picked: one rule wherever not all frames or units can be looked at."""
+"""Some of many: evenly picked, or each once."""
 
 from __future__ import annotations
 
@@ -11,3 +11,12 @@ def evenly_picked(count: int, at_most: int) -> NDArray[np.int64]:
     the first and (of two or more) the last among them."""
     size = min(count, at_most)
     return np.unique(np.linspace(0, count - 1, size).astype(np.int64))
+
+
+def distinct(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The values, (k,) int64, ascending and each once. By sorting: `np.unique` hashes integers,
+    which takes many times as long on the millions of samples of a frame."""
+    ordered = np.sort(values)
+    fresh = np.ones(len(ordered), np.bool_)
+    fresh[1:] = ordered[1:] != ordered[:-1]
+    return ordered[fresh]

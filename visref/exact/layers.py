@@ -11,6 +11,7 @@ from visref.camera import Camera
 from visref.exact.contests import Contest
 from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, SOLID
+from visref.picking import distinct
 from visref.scene import Float64, Int32, Int64, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties
 
@@ -43,7 +44,7 @@ def masked(
     solid, between = hits.where(state == SOLID), hits.where(state == BETWEEN)
     moved = np.zeros(0, np.int64)
     if len(solid.sample):
-        moved = np.unique(solid.sample)
+        moved = distinct(solid.sample)
         before = owner[moved]
         at, triangle = exact.front(camera, solid, owner)
         # Who was tied with an owner that is hidden now is hidden too.

@@ -40,6 +40,8 @@ class Rulings:
 def find_disputes(walk: SampleWalk) -> Int64:
     """Flat indices, ascending, of the samples that a drawn set fails to show in full: what owns
     them was left out, or glass that is seen there."""
+    if not len(walk.lost_blended_samples):
+        return walk.lost_samples
     return np.union1d(walk.lost_samples, walk.lost_blended_samples)
 
 

@@ -14,6 +14,7 @@ from visref.culler import CullerError, Raster
 from visref.exact import ExactScene, surviving, witness_margins
 from visref.judging.disputes import Rulings
 from visref.judging.frame import SettledFrame
+from visref.picking import distinct
 from visref.scene import Int32, Int64, Scene
 from visref.visibility import BACKGROUND
 
@@ -106,7 +107,7 @@ def _lost_pairs(frame: SettledFrame) -> tuple[Int64, Int64]:
     sample = np.concatenate([lost, truth.ties.sample[at]])
     triangle = np.concatenate([owner, truth.ties.triangle[at]])
     pairs = scene.object_of_triangle[triangle].astype(np.int64) * truth.camera.samples + sample
-    obj, sample = np.divmod(np.unique(pairs), truth.camera.samples)
+    obj, sample = np.divmod(distinct(pairs), truth.camera.samples)
     return sample, obj
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from visref import kernels
 from visref.exact import ExactScene
+from visref.picking import distinct
 from visref.scene import Alpha, Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, hit_depths
 
@@ -88,7 +89,7 @@ def _confirm(
     hits = exact.hits(camera, theirs)
     right = truth
     if not truth.ties_complete:
-        right = exact.certify(camera, np.unique(hits.sample))
+        right = exact.certify(camera, distinct(hits.sample))
     open_ = np.isin(hits.sample, right.doubt.sample)
     open_ |= _shown(scene, right, hits.sample, hits.triangle)
     owner = right.buffer.triangle.reshape(-1)[hits.sample]
@@ -104,7 +105,7 @@ def _confirm(
     own = order[np.repeat(low, counts) + within]
     cleared = np.zeros(len(unit_ids), np.bool_)
     cleared[place[open_[own]]] = True
-    covered = np.unique(place * camera.samples + hits.sample[own]) // camera.samples
+    covered = distinct(place * camera.samples + hits.sample[own]) // camera.samples
     samples = np.bincount(covered, minlength=len(unit_ids))
     nearest = np.lexsort((hits.sample[own], gap[own], place))
     closest = np.full(len(unit_ids), -1)

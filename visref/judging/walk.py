@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref import kernels
+from visref.picking import distinct
 from visref.scene import Int64, Scene
 from visref.visibility import BlendVisibility, FrameTruth, blended_beside
 
@@ -107,7 +108,7 @@ def _walk_blended(
     counted = (lost_at[blend.sample] == kernels.LOST) & ~_beside(truth, scene)
     where = starts[~any_drawn & ~counted[starts]]
     lost_blended += np.bincount(blend.object[where], minlength=len(lost_blended))
-    return np.unique(blend.sample[lost])
+    return distinct(blend.sample[lost])
 
 
 def _beside(truth: FrameTruth, scene: Scene) -> NDArray[np.bool_]:
