@@ -33,9 +33,12 @@ from visref.exact import ExactScene
 from visref.findings import Code, Finding
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
+from visref.judging.limits import LOOKED_AT, hidden_by_limits
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
+from visref.judging.winding import inside_out
+from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
@@ -104,7 +107,8 @@ class Referee:
 
     `engine` makes the truth engine on first use, so that a recorded truth with nothing to
     dispute never builds one. It must be the engine that cast a recorded truth: another may not
-    see what that truth says was missed.
+    see what that truth says was missed. `examine`: say too, where an engine is built, whether near,
+    far or the winding hide most of the scene; then the engine must cast any camera.
     """
 
     scene: Scene
@@ -112,6 +116,7 @@ class Referee:
     threads: int | None = None
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
+    examine: bool = False
 
     def __post_init__(self) -> None:
         self._engine: TruthEngine | None = None
@@ -130,6 +135,7 @@ class Referee:
         path = path.relative_to(self.scene.origin)
         names = unique_names([spec for spec, _ in cullers])
         cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
+        frames = list(frames)
         outcome = RunOutcome([])
         try:
             jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
@@ -137,6 +143,14 @@ class Referee:
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
+            if self.examine and self._engine is not None:
+                # Afterwards: nobody needs the engine's arrays any more.
+                picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]
+                kind = type(self._engine)
+                outcome.findings[:0] = [
+                    *hidden_by_limits(self._engine, self.scene, picked),
+                    *inside_out(kind, self.scene, picked, threads=self.threads),
+                ]
         finally:
             for spec, culler in cullers:
                 self._close(spec, culler, outcome)
