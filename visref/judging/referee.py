@@ -7,7 +7,6 @@ only if a culler left something visible out of it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -41,6 +40,7 @@ from visref.judging.winding import inside_out
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
+from visref.stopwatch import Stopwatch
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 from visref.wording import counted
 
@@ -275,30 +275,29 @@ class Referee:
     def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener]) -> Cast:
         if self._engine is None:
             self._engine = self.engine()
-        start = time.perf_counter()
-        truth = self._engine.frame(camera)
-        if truth.ties_complete != self._engine.exact:
-            # An engine that lists its ties and says so nowhere is taken at its class's word.
-            truth = replace(truth, ties_complete=self._engine.exact)
-        seen = objects_seen(truth, self.scene)
-        moved, triangle = greatest_move(self.scene, truth)
-        self._moved = max(self._moved, (moved, -frame, triangle))
-        ms = (time.perf_counter() - start) * 1e3
+        with Stopwatch() as watch:
+            truth = self._engine.frame(camera)
+            if truth.ties_complete != self._engine.exact:
+                # An engine that lists its ties and says so nowhere is taken at its class's word.
+                truth = replace(truth, ties_complete=self._engine.exact)
+            seen = objects_seen(truth, self.scene)
+            moved, triangle = greatest_move(self.scene, truth)
+            self._moved = max(self._moved, (moved, -frame, triangle))
         for listener in listeners:
-            listener.on_truth(frame, truth, seen, ms)
+            listener.on_truth(frame, truth, seen, watch.ms)
         return truth, seen
 
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
-        start = time.perf_counter()
-        if job.culler.joint:
-            drawn_set = job.culler.cull_joint((camera,))
-        else:
-            drawn_set = job.culler.cull(camera)
-        elapsed_ms = (time.perf_counter() - start) * 1e3
+        with Stopwatch() as watch:
+            if job.culler.joint:
+                drawn_set = job.culler.cull_joint((camera,))
+            else:
+                drawn_set = job.culler.cull(camera)
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
         asked_at = check_asked(drawn_set.asked_at, len(ids), culler=job.spec, frame=frame)
+        elapsed_ms = watch.ms if job.culler.timed else None
         stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
         return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
 

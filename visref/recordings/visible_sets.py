@@ -63,6 +63,7 @@ class Replay(Culler):
 
     name = "replay"
     summary = "an engine's recorded visible sets"
+    timed = False
 
     def __init__(
         self,
