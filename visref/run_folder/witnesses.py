@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.exact.layers import mask_states
 from visref.judging.judge import Miss
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.scene import Alpha, Int32, Int64, Scene
+from visref.visibility import mask_states
 
 # A culler that draws nothing misses thousands of objects. Its worst misses, by samples lost,
 # get all the triangles along their rays; every miss has a row in objects.parquet.
