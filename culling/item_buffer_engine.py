@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import Option
 from visref.engines.base import TruthEngine
-from visref.scene import Alpha, Float32, Float64, Scene
+from visref.masks.lookup import BETWEEN, HOLE, SOLID
+from visref.scene import Alpha, Float32, Float64, Int32, Scene
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
@@ -19,15 +20,21 @@ from visref.visibility import (
     FrameTruth,
     VisibilityBuffer,
     hit_depths,
+    mask_states,
 )
 from visref_culling.boxes.conservative import inflated, meets_frustum
 from visref_culling.gl.device import Target, device
 from visref_culling.gl.item_buffer import ItemBuffer
+from visref_culling.gl.layers import GivenDepth, Hits, Layers
 from visref_culling.gl.view import FLOAT32_UNIT, View
 
 
 class ItemBufferEngine(TruthEngine):
-    """Truth as this rasteriser sees it: quick, and wrong wherever snapping or depth rounds."""
+    """Truth as this rasteriser sees it: quick, and wrong wherever snapping or depth rounds.
+
+    Masks are decided on the CPU, at the sample's own ray (`mask_states`), for each masked fragment
+    front to back down to the first certain one.
+    """
 
     name = "gl"
     summary = "OpenGL item buffer: snapped to sub-pixels, rounded depth; one GL thread"
@@ -38,7 +45,12 @@ class ItemBufferEngine(TruthEngine):
     def __init__(self, scene: Scene, *, threads: int | None = None, depth: int = 32) -> None:
         super().__init__(scene, threads=threads)
         self.items = ItemBuffer(device(), scene, depth_bits=depth)
-        self.masked = self.items.upload(scene.alpha == Alpha.MASK)
+        # What is solid everywhere is among the items' opaque triangles.
+        masked = (scene.alpha == Alpha.MASK) & ~self.items.solid
+        self.layers: Layers | None = None
+        if masked.any():
+            self.layers = Layers(device(), scene, self.items.vertices, masked)
+            self.given_depth = GivenDepth(device())
 
     def describe(self) -> str:
         """Renderer and limits."""
@@ -56,15 +68,14 @@ class ItemBufferEngine(TruthEngine):
         items.draw(view, target, items.opaque, depth_write=True)
         triangle = np.ascontiguousarray(target.read_ids())
         window = target.read_depth()
-        depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
         doubt = Doubt()
-        if self.masked:
-            items.forget_ids(target)
-            # The nearest of them; glass behind it is not seen for certain.
-            items.draw(view, target, self.masked, depth_write=True)
-            ids = target.read_ids().reshape(-1)
-            open_ = np.flatnonzero(ids != BACKGROUND)
-            doubt = Doubt.of(open_, ids[open_])
+        if self.layers is not None:
+            triangle, window, doubt, nearest = let_masks_own(
+                self.scene, camera, triangle, window, self.layers.before(view, target)
+            )
+            # What blends is seen for certain before all that may own.
+            self.given_depth.write(target, nearest)
+        depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
         return FrameTruth(
             camera,
             self.name,
@@ -99,9 +110,46 @@ class ItemBufferEngine(TruthEngine):
         return BlendVisibility.of(scene, sample, triangle, depth)
 
     def close(self) -> None:
-        for batch in self.masked:
-            batch.release()
+        if self.layers is not None:
+            self.layers.release()
+            self.given_depth.release()
         self.items.release()
+
+
+def let_masks_own(
+    scene: Scene, camera: Camera, triangle: Int32, window: Float32, hits: Hits
+) -> tuple[Int32, Float32, Doubt, Float32]:
+    """What masked triangles make of a frame of opaque ones.
+
+    `triangle`, `window`: (height, width) ids and window depths of the opaque owners; `hits`: the
+    masked fragments before them or level with them; a solid one level with an opaque one owns.
+    Returns ids and depths with masked owners, the doubt, and the (height, width) window depth of
+    the first triangle at each sample that owns or may own it.
+    """
+    shape = triangle.shape
+    owner, depth = triangle.reshape(-1).copy(), window.reshape(-1).copy()
+    nearest = depth.copy()
+    limit = np.full_like(depth, np.inf)
+    _, first = np.unique(hits.sample, return_index=True)
+    ends = np.append(first[1:], len(hits.sample))
+    between = np.zeros(len(hits.sample), np.bool_)
+    at = first
+    while len(at):
+        state = mask_states(scene, camera, hits.sample[at], hits.triangle[at])
+        between[at] = state == BETWEEN
+        solid = at[state == SOLID]
+        # A second solid one can only be level with the first.
+        owner[hits.sample[solid]] = hits.triangle[solid]
+        depth[hits.sample[solid]] = limit[hits.sample[solid]] = hits.depth[solid]
+        maybe = at[state != HOLE]
+        nearest[hits.sample[maybe]] = np.minimum(nearest[hits.sample[maybe]], hits.depth[maybe])
+        at = at + 1
+        more = at < ends
+        at, ends = at[more], ends[more]
+        more = hits.depth[at] <= limit[hits.sample[at]]
+        at, ends = at[more], ends[more]
+    doubt = Doubt.of(hits.sample[between], hits.triangle[between])
+    return owner.reshape(shape), depth.reshape(shape), doubt, nearest.reshape(shape)
 
 
 def view_depth(window: Float32, view: View) -> Float64:

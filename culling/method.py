@@ -17,7 +17,6 @@ Each condition is one overridable step of `GLCuller`, so that a test can break e
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -30,6 +29,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import Culler, DrawnSet, Option, QueryStats
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref.stopwatch import Stopwatch
 from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query, round_outward
 from visref_culling.boxes.hierarchy import BoxTree, front_to_back
 from visref_culling.gl import geometry
@@ -124,11 +124,11 @@ class GLCuller(Culler):
         if self.raster is not None:
             self.raster.see(camera)
         self.device.context.finish()
-        started = time.perf_counter()
-        frame = self.begin(camera)
-        self.decide(frame)
-        self.device.context.finish()
-        frame.stats.ms["frame"] = (time.perf_counter() - started) * 1e3
+        with Stopwatch() as watch:
+            frame = self.begin(camera)
+            self.decide(frame)
+            self.device.context.finish()
+        frame.stats.ms["frame"] = watch.ms
         drawn = np.concatenate([np.zeros(0, np.int64), *frame.drawn])
         if self.count_fragments:
             self._count(frame, drawn)
@@ -331,8 +331,9 @@ class GLCuller(Culler):
 @contextmanager
 def phase(stats: QueryStats, name: str) -> Iterator[None]:
     """Add the wall time of a block to a phase, in milliseconds."""
-    started = time.perf_counter()
+    watch = Stopwatch()
     try:
-        yield
+        with watch:
+            yield
     finally:
-        stats.ms[name] = stats.ms.get(name, 0.0) + (time.perf_counter() - started) * 1e3
+        stats.ms[name] = stats.ms.get(name, 0.0) + watch.ms

@@ -160,7 +160,8 @@ class Culler(ABC):
 
     `joint`: one drawn set serves all views of a frame, and `cull_joint` is called. `memory`:
     how many frames back it looks, None for no limit. `raster`: the rasteriser behind its depth
-    buffer, None where it asks none.
+    buffer, None where it asks none. `timed`: the time of a call is the culler's own; not so where
+    it plays back what was recorded.
     """
 
     name: ClassVar[str]
@@ -170,6 +171,7 @@ class Culler(ABC):
     joint: bool = False
     memory: int | None = None
     raster: Raster | None = None
+    timed: bool = True
 
     def prepare(self, scene: Scene) -> Units:
         """Meet the scene, once, before any camera; say what is decided about."""
@@ -227,9 +229,11 @@ def check_asked(
     return asked.astype(np.int32)
 
 
-def check_stats(stats: QueryStats, elapsed_ms: float, *, culler: str, frame: int) -> QueryStats:
-    """A copy of a frame's stats, with the call's own time where they give none. Raises
-    CullerError for a value that no record can hold."""
+def check_stats(
+    stats: QueryStats, elapsed_ms: float | None, *, culler: str, frame: int
+) -> QueryStats:
+    """A copy of a frame's stats, with the call's own time, if there is one, where they give none.
+    Raises CullerError for a value that no record can hold."""
     if not isinstance(stats, QueryStats) or not isinstance(stats.ms, dict):
         raise CullerError(f"{culler}: frame {frame}: stats is no QueryStats")
     for f in fields(QueryStats):
@@ -239,7 +243,8 @@ def check_stats(stats: QueryStats, elapsed_ms: float, *, culler: str, frame: int
     for phase, ms in stats.ms.items():
         if not isinstance(phase, str) or not is_duration(ms):
             raise CullerError(f"{culler}: frame {frame}: stats.ms[{phase!r}] is {ms!r}")
-    return replace(stats, ms={"cull": elapsed_ms, **stats.ms})
+    own = {} if elapsed_ms is None else {"cull": elapsed_ms}
+    return replace(stats, ms={**own, **stats.ms})
 
 
 class CullerError(RuntimeError):

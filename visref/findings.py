@@ -123,6 +123,30 @@ class Code(StrEnum):
         "The scene is too large for float32 vertices, even about an origin of its own. At samples "
         "where such a triangle was lost, or lies right behind what was, nobody is convicted.",
     )
+    FAR_HIDES = Rule(
+        "FAR_HIDES",
+        Severity.WARNING,
+        "Most of what the cameras meet lies beyond far",
+        "In ten frames, evenly picked, and a few samples of each, more than half of what a ray "
+        "meets first lies beyond the path's far plane: no culler can go wrong there. Are path and "
+        "scene in the same units? No verdict rests on this.",
+    )
+    NEAR_HIDES = Rule(
+        "NEAR_HIDES",
+        Severity.WARNING,
+        "Most of what the cameras meet lies before near",
+        "As FAR_HIDES, for the near plane: the cameras look through what is nearest to them.",
+    )
+    INSIDE_OUT = Rule(
+        "INSIDE_OUT",
+        Severity.WARNING,
+        "The scene looks inside out",
+        "Triangles are one-sided, and in ten frames, evenly picked, most of what a ray meets "
+        "first is a back face; or most closed objects among it enclose a negative volume and are "
+        "seen from behind. Then near walls vanish and far ones show. Turn the winding of the "
+        "model, or leave --cull-backfaces out. A room that is seen from within is right with its "
+        "faces turned inwards.",
+    )
     IMAGE_DIFFERS = Rule(
         "IMAGE_DIFFERS",
         Severity.WARNING,

@@ -23,6 +23,7 @@ from visref.engines.rays import RayEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.files import replacing_file, replacing_folder
+from visref.findings import Finding
 from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome
 from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
@@ -82,6 +83,7 @@ def judge_to_folder(
             threads=inputs.threads,
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
+            examine=True,
         )
         outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
@@ -110,10 +112,12 @@ def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
 @dataclass(frozen=True, eq=False)
 class CastTruth:
     """What `truth_to_file` found. `visible`: (n,) bool, the objects that own a sample in some
-    frame; `between`: who shows between the samples, one per frame, empty unless asked for."""
+    frame; `between`: who shows between the samples, one per frame, empty unless asked for;
+    `findings`: what else a reader should know."""
 
     visible: NDArray[np.bool_]
     between: tuple[FrameGeometry, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def truth_to_file(
@@ -138,8 +142,8 @@ def truth_to_file(
         cast_ = _Casting(inputs, search)
         try:
             # A run without cullers is the truth alone.
-            referee = Referee(inputs.scene, lambda: engine, threads=inputs.threads)
-            referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
+            referee = Referee(inputs.scene, lambda: engine, threads=inputs.threads, examine=True)
+            outcome = referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
         finally:
             engine.close()
             if search is not None:
@@ -156,7 +160,8 @@ def truth_to_file(
             ties_complete=engine.exact,
             exact=engine.exact,
         )
-    return CastTruth(cast_.visible, tuple(one for _, one in cast_.between))
+    between = tuple(one for _, one in cast_.between)
+    return CastTruth(cast_.visible, between, tuple(outcome.findings))
 
 
 class _Casting:

@@ -260,3 +260,22 @@ def hit_depths(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> 
     with np.errstate(divide="ignore", invalid="ignore"):
         depth: Float64 = (normal * start).sum(axis=1) / (normal * direction).sum(axis=1)
     return np.nan_to_num(depth, nan=np.inf)
+
+
+def mask_states(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> NDArray[np.uint8]:
+    """(h,) uint8, SOLID, HOLE or BETWEEN of hits of masked triangles; a triangle whose mask is
+    not known is in between. The camera is in the coordinates of the scene's vertices."""
+    from visref.masks.hits import states_at
+    from visref.masks.lookup import BETWEEN
+
+    state = np.full(len(sample), BETWEEN, np.uint8)
+    if scene.masks is None or not len(sample):
+        return state
+    row = scene.masks.row[triangle]
+    known = np.flatnonzero(row >= 0)
+    y, x = np.divmod(sample[known], camera.width)
+    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+    corners = scene.vertices[scene.triangles[triangle[known]]].astype(np.float64)
+    at = np.stack([camera.column_a[x], camera.row_b[y]], axis=1)
+    state[known] = states_at(scene.masks, row[known], axes, at, camera.is_perspective, corners)
+    return state

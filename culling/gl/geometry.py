@@ -17,16 +17,18 @@ from numpy.typing import NDArray
 from visref.culler import QueryStats
 from visref.scene import Alpha, Int64, Scene, Units
 from visref_culling.gl.device import Device, State, Target, set_uniform
+from visref_culling.gl.masks import certainly_solid, with_known_mask
+from visref_culling.gl.solid_masks import SolidMasks
 from visref_culling.gl.view import View
 
 COMMAND_WORDS = 5  # count, instances, first index, base vertex, base instance
 
 
 def occluders(scene: Scene) -> NDArray[np.bool_]:
-    """(t,) bool: only opaque triangles hide what lies behind. A MASK triangle whose texture is
-    not looked at might hide nothing."""
+    """(t,) bool: what hides all that lies behind it. Opaque triangles, and masked ones that are
+    solid wherever they are looked up; another masked one might hide nothing."""
     result: NDArray[np.bool_] = scene.alpha == Alpha.OPAQUE
-    return result
+    return result | certainly_solid(scene)
 
 
 @dataclass(eq=False)
@@ -59,6 +61,10 @@ class Geometry:
                 chosen = (writes == writes_depth) & (sided == one_sided)
                 if chosen.any():
                     self.classes.append(self._upload(scene, chosen, writes_depth, one_sided))
+        by_mask = with_known_mask(scene) & ~occludes
+        self.solid_masks: SolidMasks | None = None
+        if by_mask[units.triangles].any():
+            self.solid_masks = SolidMasks(device, scene, units, by_mask)
 
     def _upload(
         self, scene: Scene, chosen: NDArray[np.bool_], writes_depth: bool, one_sided: bool
@@ -143,26 +149,39 @@ class Geometry:
                     cull_back_faces=part.one_sided,
                 )
             )
-            counts = part.count[ids]
-            if len(ids) == 1:
-                part.vertex_array.render(vertices=int(counts[0]), first=int(part.first[ids[0]]))
-            else:
-                commands = np.zeros((len(ids), COMMAND_WORDS), np.uint32)
-                commands[:, 0], commands[:, 1], commands[:, 2] = counts, 1, part.first[ids]
-                if commands.nbytes > self.commands.size:
-                    self.commands.orphan(2 * commands.nbytes)
-                else:
-                    self.commands.orphan()
-                self.commands.write(commands.tobytes())
-                part.vertex_array.render_indirect(self.commands, count=len(ids))
-            triangles += int(counts.sum()) // 3
+            self._draw_ranges(part.vertex_array, part.first[ids], part.count[ids])
+            triangles += int(part.count[ids].sum()) // 3
             calls += 1
+        masks = self.solid_masks
+        if masks is not None and base.depth_write:
+            # The triangles have been counted, where they are drawn.
+            ids = unit_ids[masks.count[unit_ids] > 0]
+            if len(ids):
+                view_uniforms(masks.program, view)
+                changes += masks.ready(view, base)
+                self._draw_ranges(masks.vertex_array, masks.first[ids], masks.count[ids])
+                calls += 1
         stats.triangles_drawn = (stats.triangles_drawn or 0) + triangles
         stats.units_drawn = (stats.units_drawn or 0) + len(unit_ids)
         stats.draw_calls = (stats.draw_calls or 0) + calls
         stats.state_changes = (stats.state_changes or 0) + changes
 
+    def _draw_ranges(self, vertex_array: moderngl.VertexArray, first: Int64, count: Int64) -> None:
+        if len(first) == 1:
+            vertex_array.render(vertices=int(count[0]), first=int(first[0]))
+            return
+        commands = np.zeros((len(first), COMMAND_WORDS), np.uint32)
+        commands[:, 0], commands[:, 1], commands[:, 2] = count, 1, first
+        if commands.nbytes > self.commands.size:
+            self.commands.orphan(2 * commands.nbytes)
+        else:
+            self.commands.orphan()
+        self.commands.write(commands.tobytes())
+        vertex_array.render_indirect(self.commands, count=len(first))
+
     def release(self) -> None:
+        if self.solid_masks is not None:
+            self.solid_masks.release()
         for part in self.classes:
             part.vertex_array.release()
             part.indices.release()

@@ -1,8 +1,10 @@
 """The unculled image of triangle ids, drawn by GL: the witness of what this rasteriser makes of a
 scene.
 
-Triangles are drawn in id order with a `<=` depth test, so of several at the same stored depth
-the last one owns the sample.
+Opaque triangles are drawn in id order with a `<=` depth test, so of several at the same stored
+depth the last one owns the sample. Then follow masked triangles, material by material, each
+with its mask: what passes writes id and depth. The others, BLEND ones and those whose mask cannot
+be looked up, may be drawn over these, whole.
 """
 
 from __future__ import annotations
@@ -19,20 +21,30 @@ from visref.scene import Int32, Scene
 from visref.visibility import BACKGROUND
 from visref_culling.gl.device import Device, State, Target, device
 from visref_culling.gl.geometry import occluders, view_uniforms
+from visref_culling.gl.masks import (
+    CORNER_LAYOUT,
+    CORNER_NAMES,
+    MaskTextures,
+    corners,
+    with_known_mask,
+)
 from visref_culling.gl.view import View
 
 
 @dataclass(eq=False)
 class _Batch:
-    """Triangles on the GPU, drawn at once: ids ascending, back faces all or none shown."""
+    """Triangles on the GPU, drawn at once: ids ascending, back faces all or none shown.
+    `data`: their indices, or where `material` is not None their corners. `count` triangles."""
 
     one_sided: bool
-    indices: moderngl.Buffer
+    count: int
+    data: moderngl.Buffer
     ids: moderngl.Buffer
     vertex_array: moderngl.VertexArray
+    material: int | None = None
 
     def release(self) -> None:
-        for part in (self.vertex_array, self.indices, self.ids):
+        for part in (self.vertex_array, self.data, self.ids):
             part.release()
 
 
@@ -44,15 +56,21 @@ class ItemBuffer:
         self.scene = scene
         self.depth_bits = depth_bits
         self.program = gl.program("mesh.vert", "item.frag")
+        self.masked_program = gl.program("masked.vert", "masked.frag")
         self.vertices = gl.context.buffer(scene.vertices.tobytes() or bytes(12))
-        solid = occluders(scene)
-        self.opaque, self.others = self.upload(solid), self.upload(~solid)
+        self.textures = None if scene.masks is None else MaskTextures(gl, scene.masks)
+        # (t,) bool each, disjoint: what is drawn whole, by its mask, and over these.
+        self.solid = occluders(scene)
+        self.by_mask = with_known_mask(scene) & ~self.solid
+        self.over = ~(self.solid | self.by_mask)
+        self.opaque, self.others = self.upload(self.solid), self.upload(self.over)
+        self.masked = self.upload_masked(self.by_mask)
 
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
 
     def upload(self, chosen: NDArray[np.bool_]) -> list[_Batch]:
-        """Put some triangles on the GPU. `chosen`: (t,) bool."""
+        """Put some triangles on the GPU, to be drawn whole. `chosen`: (t,) bool."""
         batches = []
         for one_sided in (False, True):
             ids = np.flatnonzero(chosen & (self.scene.one_sided == one_sided)).astype(np.int32)
@@ -62,9 +80,37 @@ class ItemBuffer:
                 vertex_array = context.vertex_array(
                     self.program, [(self.vertices, "3f", "vertex_world")], index_buffer=indices
                 )
-                batches.append(
-                    _Batch(one_sided, indices, context.buffer(ids.tobytes()), vertex_array)
+                ids_buffer = context.buffer(ids.tobytes())
+                batches.append(_Batch(one_sided, len(ids), indices, ids_buffer, vertex_array))
+        return batches
+
+    def upload_masked(self, chosen: NDArray[np.bool_]) -> list[_Batch]:
+        """Put some triangles of `by_mask` on the GPU, to be drawn by their masks."""
+        batches: list[_Batch] = []
+        scene, masks, context = self.scene, self.scene.masks, self.device.context
+        triangles = np.flatnonzero(chosen).astype(np.int32)
+        if masks is None or not len(triangles):
+            return batches
+        material = masks.arrays.triangles["material"][masks.row[triangles]]
+        sided = scene.one_sided[triangles]
+        order = np.lexsort((triangles, sided, material))
+        starts = np.flatnonzero(np.diff(2 * material[order] + sided[order])) + 1
+        for part in np.split(order, starts):
+            ids = triangles[part]
+            data = context.buffer(corners(scene, masks, ids).tobytes())
+            vertex_array = context.vertex_array(
+                self.masked_program, [(data, CORNER_LAYOUT, *CORNER_NAMES)]
+            )
+            batches.append(
+                _Batch(
+                    bool(sided[part[0]]),
+                    len(ids),
+                    data,
+                    context.buffer(ids.tobytes()),
+                    vertex_array,
+                    int(material[part[0]]),
                 )
+            )
         return batches
 
     def clear(self, camera: Camera) -> Target:
@@ -80,11 +126,15 @@ class ItemBuffer:
 
     def draw(self, view: View, target: Target, batches: list[_Batch], *, depth_write: bool) -> None:
         view_uniforms(self.program, view)
+        view_uniforms(self.masked_program, view)
         for batch in batches:
+            program = self.program if batch.material is None else self.masked_program
+            if batch.material is not None and self.textures is not None:
+                self.textures.bind(program, batch.material)
             self.device.apply(
                 State(
                     target.framebuffer,
-                    self.program,
+                    program,
                     depth_write=depth_write,
                     cull_back_faces=batch.one_sided,
                 )
@@ -95,14 +145,16 @@ class ItemBuffer:
     def image(self, camera: Camera, drawn: NDArray[np.bool_]) -> Int32:
         """(height, width) int32: the picture that some triangles make, `drawn`: (t,) bool.
 
-        Opaque triangles in id order, then the others over them, tested against depth and not
-        writing it, so that each of those shows as well. With all triangles it is the
-        unculled image, which a safe culler's drawn set gives pixel for pixel.
+        Opaque triangles and masked ones by their masks, then the others over them, tested
+        against depth and not writing it, so that each of those shows as well. With all triangles
+        it is the unculled image, which a safe culler's drawn set gives pixel for pixel.
         """
         view, target = self.view(camera), self.clear(camera)
-        solid = occluders(self.scene)
-        for chosen, depth_write in ((drawn & solid, True), (drawn & ~solid, False)):
-            batches = self.upload(chosen)
+        for batches, depth_write in (
+            (self.upload(drawn & self.solid), True),
+            (self.upload_masked(drawn & self.by_mask), True),
+            (self.upload(drawn & self.over), False),
+        ):
             self.draw(view, target, batches, depth_write=depth_write)
             for batch in batches:
                 batch.release()
@@ -112,13 +164,22 @@ class ItemBuffer:
         """`image` of all triangles, which are on the GPU already: a million of them uploaded for
         each frame leave holes in the heap that it never fills again."""
         view, target = self.view(camera), self.clear(camera)
-        self.draw(view, target, self.opaque, depth_write=True)
+        self.draw(view, target, [*self.opaque, *self.masked], depth_write=True)
         self.draw(view, target, self.others, depth_write=False)
         return target.read_ids()
 
+    def owners(self, camera: Camera) -> Int32:
+        """(height, width) int32 ids of the triangles that own the samples: opaque ones, and
+        masked ones where their masks pass."""
+        view, target = self.view(camera), self.clear(camera)
+        self.draw(view, target, [*self.opaque, *self.masked], depth_write=True)
+        return target.read_ids()
+
     def release(self) -> None:
-        for batch in (*self.opaque, *self.others):
+        for batch in (*self.opaque, *self.masked, *self.others):
             batch.release()
+        if self.textures is not None:
+            self.textures.release()
         self.vertices.release()
 
 
@@ -148,12 +209,10 @@ class GLRaster(Raster):
         return self._items
 
     def item_buffer(self, camera: Camera) -> Int32:
-        """(height, width) int32 ids of the opaque triangles alone, `BACKGROUND` for none."""
+        """(height, width) int32, `ItemBuffer.owners`: `BACKGROUND` where nothing owns, holes in
+        a mask show what is behind them, and what blends is not there."""
         self.see(camera)
-        items = self._ready()
-        target = items.clear(camera)
-        items.draw(items.view(camera), target, items.opaque, depth_write=True)
-        return target.read_ids()
+        return self._ready().owners(camera)
 
     def image(self, camera: Camera, drawn: NDArray[np.bool_]) -> Int32:
         """`ItemBuffer.image` of this scene."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from numba.core import event
 
 from tests.support.hand_made import camera, scene_of_squares
 from visref.camera_path import CameraPath
@@ -24,8 +25,10 @@ from visref.judging.settle import settle
 from visref.judging.status import Exit, Status
 from visref.judging.walk import walk_samples
 from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.visible_sets import Replay, read_visible_sets
 from visref.run_folder.write import RunWriter, slug
 from visref.scene import Alpha, Units
+from visref.stopwatch import Stopwatch
 from visref.visibility import Doubt, objects_seen
 
 SCENE, PATH = conformance.case("walk_through_a_city")
@@ -320,6 +323,66 @@ def test_time_of_cull_is_measured_by_the_referee_unless_the_culler_says_more():
     plain, timed = run(Draws(), Timed()).cullers
     assert plain.frames[0].stats.ms["cull"] > 0.0
     assert timed.frames[0].stats.ms == {"cull": 123.0, "query": 1.0}
+
+
+def test_answers_that_were_recorded_have_the_times_that_are_recorded_with_them(tmp_path):
+    lines = [
+        {"frame": 0, "visible": [0]},
+        {"frame": 1, "visible": [0], "stats": {"ms": {"cull": 7.5}}},
+        {"frame": 2, "visible": [0], "stats": {"ms": {"sort": 1.0}}},
+    ]
+    file = tmp_path / "visible.jsonl"
+    file.write_text("\n".join(map(json.dumps, lines)))
+    replay = Replay(read_visible_sets(file, SCENE, FRAMES, len(PATH)), PATH)
+    folder = tmp_path / "run"
+    folder.mkdir()
+    writer = RunWriter(folder, SCENE, PATH, engine="exact", settings={})
+    run(replay, Draws(), listeners=[writer])
+    rows = writer_timings(writer)
+    assert [r for r in rows if r[0] == "replay"] == [
+        ("replay", 1, "cull", 7.5),
+        ("replay", 2, "sort", 1.0),
+    ]
+    # A culler that is called has a time in every frame.
+    assert [r[1:3] for r in rows if r[0] == "draws"] == [(f, "cull") for f in FRAMES]
+
+
+def writer_timings(writer):
+    return [(r["culler"], r["frame"], r["phase"], r["ms"]) for r in writer._timings]
+
+
+def test_compiling_is_no_frames_time(monkeypatch):
+    clock = [0.0]
+
+    def compiled_and(answer):
+        """What takes an hour to compile, and a second to run."""
+        event.start_event("numba:compiler_lock")
+        clock[0] += 3600.0
+        event.end_event("numba:compiler_lock")
+        clock[0] += 1.0
+        return answer
+
+    class Compiles(Draws):
+        def cull(self, camera):
+            return compiled_and(super().cull(camera))
+
+    engine, told = make_engine("exact", SCENE), []
+    cast = engine.frame
+    engine.frame = lambda camera: compiled_and(cast(camera))
+
+    class Listens(Diary):
+        def on_truth(self, frame, truth, seen, ms):
+            told.append(ms)
+
+    monkeypatch.setattr(
+        "visref.judging.referee.Stopwatch", lambda: Stopwatch(clock=lambda: clock[0])
+    )
+    outcome = Referee(SCENE, lambda: engine).run(
+        PATH, FRAMES, [("compiles", Compiles())], [Listens()]
+    )
+    assert told == pytest.approx([1000.0] * len(FRAMES))
+    for frame in outcome.cullers[0].frames:
+        assert frame.stats.ms["cull"] == pytest.approx(1000.0)
 
 
 class Diary:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,12 @@ import pytest
 
 from tests.support.hand_made import camera, scene_of_squares
 from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
+from visref.culler import Promise, QueryStats
 from visref.exact import ExactScene
-from visref.run_folder.witnesses import triangles_along
+from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.outcome import CullerRecord, FrameRecord
+from visref.run_folder.witnesses import triangles_along, write_witnesses
 from visref.scene import Scene
 
 
@@ -79,3 +84,43 @@ def test_triangles_passed_by_in_blocks_are_none_that_own_a_sample(ortho, offset)
     for sample in samples:
         low, high = owners.offsets[sample : sample + 2]
         assert set(owners.triangles[low:high].tolist()) <= set(along[sample].tolist())
+
+
+def of_object(number: int, pixels: int, kind: MissKind = MissKind.CONFIRMED) -> Miss:
+    return Miss(number, kind, pixels, pixels, 0, 2 * number, 10.0)
+
+
+def written(tmp_path, scene, *frames: list[Miss]) -> list[tuple[int, int]]:
+    """(frame, object) of each witness on file."""
+    path = CameraPath((camera(),) * len(frames))
+    rows = [
+        FrameRecord(
+            i, "", 4, FrameVerdict(Counts(), tuple(found), np.zeros(0, np.int32)), QueryStats(), 0
+        )
+        for i, found in enumerate(frames)
+    ]
+    record = CullerRecord("draws", Promise.CONSERVATIVE, frames=rows)
+    nothing = np.zeros(scene.triangle_count, np.bool_)
+    write_witnesses(tmp_path / "w.jsonl", scene, path, record, lambda frame, view: nothing)
+    lines = [json.loads(line) for line in (tmp_path / "w.jsonl").read_text().splitlines()]
+    return [(line["frame"], line["object"]) for line in lines]
+
+
+def test_every_convicted_object_has_its_worst_witness_beyond_the_cap(tmp_path, monkeypatch):
+    monkeypatch.setattr("visref.run_folder.witnesses.WITNESSES_PER_CULLER", 3)
+    scene = scene_of_squares(0.0, -1.0, -2.0, -3.0)
+    tie, late = MissKind.TIE, MissKind.LATE
+    frames = [
+        [of_object(0, 90), of_object(1, 3), of_object(2, 0, tie), of_object(3, 1, late)],
+        [of_object(0, 80), of_object(1, 5), of_object(2, 0, tie)],
+        [of_object(0, 70), of_object(1, 5), of_object(3, 1)],
+    ]
+    # The three worst are object 0's. Of object 1 the first of its worst, of 3 its confirmed one;
+    # nobody is convicted of object 2.
+    assert written(tmp_path, scene, *frames) == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 3)]
+
+
+def test_a_witness_within_the_cap_is_written_once(tmp_path):
+    scene = scene_of_squares(0.0, -1.0)
+    frames = [[of_object(0, 9), of_object(1, 0, MissKind.TIE)], [of_object(0, 9)]]
+    assert written(tmp_path, scene, *frames) == [(0, 0), (0, 1), (1, 0)]

@@ -10,6 +10,7 @@ import numpy as np
 from visref.between.search import geometric_line
 from visref.cli.arguments import add_scene_arguments, inputs_of
 from visref.cli.terminal import OUT, frame_bar
+from visref.findings import Severity
 from visref.judging.status import Exit
 from visref.runs import truth_to_file
 
@@ -37,4 +38,7 @@ def run(given: argparse.Namespace) -> Exit:
     )
     if given.geometric is not None:
         OUT.print(f"{given.geometric}: {geometric_line(cast.between)}", markup=False)
+    for finding in cast.findings:
+        if finding.rule.severity is not Severity.INFO:
+            OUT.print(f"{finding.code}: {finding.message}", markup=False)
     return Exit.NO_VIOLATION

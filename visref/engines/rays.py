@@ -28,11 +28,17 @@ from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
 from visref.engines.ray_kernels import PENDING, Grid, Mesh
 from visref.errors import InputError
-from visref.exact.layers import mask_states
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.scene import Alpha, Float32, Float64, Int32, Scene, origin_of
 from visref.threads import available_threads
-from visref.visibility import BACKGROUND, BlendVisibility, Doubt, FrameTruth, VisibilityBuffer
+from visref.visibility import (
+    BACKGROUND,
+    BlendVisibility,
+    Doubt,
+    FrameTruth,
+    VisibilityBuffer,
+    mask_states,
+)
 
 T = TypeVar("T")
 # Hits of masked or blended triangles, a column an array.

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.exact.contests import Contest
-from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, SOLID
 from visref.picking import distinct
 from visref.scene import Float64, Int32, Int64, Scene
-from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties
+from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, mask_states
 
 
 class Arithmetic(Protocol):
@@ -82,19 +81,3 @@ def blended(exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt) -> B
     hits = hits.where(kept)
     depth = exact.depth_by_layer(camera, hits.sample, hits.triangle)
     return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth)
-
-
-def mask_states(scene: Scene, camera: Camera, sample: Int64, triangle: Int32) -> NDArray[np.uint8]:
-    """(h,) uint8, SOLID, HOLE or BETWEEN of hits of masked triangles; a triangle whose mask is
-    not known is in between."""
-    state = np.full(len(sample), BETWEEN, np.uint8)
-    if scene.masks is None or not len(sample):
-        return state
-    row = scene.masks.row[triangle]
-    known = np.flatnonzero(row >= 0)
-    y, x = np.divmod(sample[known], camera.width)
-    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
-    corners = scene.vertices[scene.triangles[triangle[known]]].astype(np.float64)
-    at = np.stack([camera.column_a[x], camera.row_b[y]], axis=1)
-    state[known] = states_at(scene.masks, row[known], axes, at, camera.is_perspective, corners)
-    return state

@@ -7,7 +7,6 @@ only if a culler left something visible out of it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -33,11 +32,15 @@ from visref.exact import ExactScene
 from visref.findings import Code, Finding
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, MissKind, judge
+from visref.judging.limits import LOOKED_AT, hidden_by_limits
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
+from visref.judging.winding import inside_out
+from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
+from visref.stopwatch import Stopwatch
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 from visref.wording import counted
 
@@ -104,7 +107,8 @@ class Referee:
 
     `engine` makes the truth engine on first use, so that a recorded truth with nothing to
     dispute never builds one. It must be the engine that cast a recorded truth: another may not
-    see what that truth says was missed.
+    see what that truth says was missed. `examine`: say too, where an engine is built, whether near,
+    far or the winding hide most of the scene; then the engine must cast any camera.
     """
 
     scene: Scene
@@ -112,6 +116,7 @@ class Referee:
     threads: int | None = None
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
+    examine: bool = False
 
     def __post_init__(self) -> None:
         self._engine: TruthEngine | None = None
@@ -130,6 +135,7 @@ class Referee:
         path = path.relative_to(self.scene.origin)
         names = unique_names([spec for spec, _ in cullers])
         cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
+        frames = list(frames)
         outcome = RunOutcome([])
         try:
             jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
@@ -137,6 +143,14 @@ class Referee:
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
+            if self.examine and self._engine is not None:
+                # Afterwards: nobody needs the engine's arrays any more.
+                picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]
+                kind = type(self._engine)
+                outcome.findings[:0] = [
+                    *hidden_by_limits(self._engine, self.scene, picked),
+                    *inside_out(kind, self.scene, picked, threads=self.threads),
+                ]
         finally:
             for spec, culler in cullers:
                 self._close(spec, culler, outcome)
@@ -261,30 +275,29 @@ class Referee:
     def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener]) -> Cast:
         if self._engine is None:
             self._engine = self.engine()
-        start = time.perf_counter()
-        truth = self._engine.frame(camera)
-        if truth.ties_complete != self._engine.exact:
-            # An engine that lists its ties and says so nowhere is taken at its class's word.
-            truth = replace(truth, ties_complete=self._engine.exact)
-        seen = objects_seen(truth, self.scene)
-        moved, triangle = greatest_move(self.scene, truth)
-        self._moved = max(self._moved, (moved, -frame, triangle))
-        ms = (time.perf_counter() - start) * 1e3
+        with Stopwatch() as watch:
+            truth = self._engine.frame(camera)
+            if truth.ties_complete != self._engine.exact:
+                # An engine that lists its ties and says so nowhere is taken at its class's word.
+                truth = replace(truth, ties_complete=self._engine.exact)
+            seen = objects_seen(truth, self.scene)
+            moved, triangle = greatest_move(self.scene, truth)
+            self._moved = max(self._moved, (moved, -frame, triangle))
         for listener in listeners:
-            listener.on_truth(frame, truth, seen, ms)
+            listener.on_truth(frame, truth, seen, watch.ms)
         return truth, seen
 
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
-        start = time.perf_counter()
-        if job.culler.joint:
-            drawn_set = job.culler.cull_joint((camera,))
-        else:
-            drawn_set = job.culler.cull(camera)
-        elapsed_ms = (time.perf_counter() - start) * 1e3
+        with Stopwatch() as watch:
+            if job.culler.joint:
+                drawn_set = job.culler.cull_joint((camera,))
+            else:
+                drawn_set = job.culler.cull(camera)
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
         asked_at = check_asked(drawn_set.asked_at, len(ids), culler=job.spec, frame=frame)
+        elapsed_ms = watch.ms if job.culler.timed else None
         stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
         return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
 

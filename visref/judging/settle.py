@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from visref.culler import Raster
 from visref.exact import ExactScene
 from visref.judging.disputes import Rulings, corrected, decide, find_disputes
@@ -16,7 +18,7 @@ from visref.judging.margins import with_margins
 from visref.judging.rounding import in_doubt
 from visref.judging.superfluous import confirm
 from visref.judging.walk import walk_samples
-from visref.scene import Int32, Scene, Units
+from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
 
@@ -42,8 +44,12 @@ def settle(
     samples = find_disputes(frame.walk)
     if len(samples):
         rulings = decide(exact(), truth, samples)
-        if rulings.exact is not None:
+        while rulings.exact is not None:
             frame = with_rulings(scene, truth, units, drawn_units, rulings)
+            more = np.union1d(samples, _may_be_tied(exact(), frame))
+            if len(more) == len(samples):
+                break
+            samples, rulings = more, decide(exact(), truth, more)
         rounded = in_doubt(exact(), frame.truth, frame.walk.lost_samples)
         if rounded is not frame.truth:
             frame = replace(
@@ -56,6 +62,17 @@ def settle(
     if only_visible and len(frame.superfluous):
         frame = replace(frame, confirmed=confirm(exact(), frame.truth, units, frame.superfluous))
     return frame
+
+
+def _may_be_tied(exact: ExactScene, frame: SettledFrame) -> Int64:
+    """The samples, ascending, that the drawn triangles of objects cover that are seen and yet show
+    nowhere. A ray engine lists no ties, so whether such an object shows by one is to be asked
+    there. None where units are objects, of which nothing is drawn then."""
+    silent = frame.seen.visible & ~frame.walk.shows
+    theirs = frame.drawn & silent[frame.scene.object_of_triangle]
+    if not theirs.any():
+        return np.zeros(0, np.int64)
+    return np.unique(exact.hits(frame.truth.camera, theirs).sample)
 
 
 def with_rulings(

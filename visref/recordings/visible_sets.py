@@ -66,6 +66,7 @@ class Replay(Culler):
 
     name = "replay"
     summary = "an engine's recorded visible sets"
+    timed = False
 
     def __init__(
         self,

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.exact.layers import mask_states
-from visref.judging.judge import Miss
+from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.scene import Alpha, Int32, Int64, Scene
+from visref.visibility import mask_states
 
-# A culler that draws nothing misses thousands of objects. Its worst misses, by samples lost,
-# get all the triangles along their rays; every miss has a row in objects.parquet.
+# A culler that draws nothing misses thousands of objects in every frame. Its worst misses, by
+# samples lost, get all the triangles along their rays, and beyond them the worst of every object
+# that it is convicted of; every miss has a row in objects.parquet.
 WITNESSES_PER_CULLER = 200
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -172,15 +173,21 @@ def write_witnesses(
     record: CullerRecord,
     drawn: Callable[[int, str], NDArray[np.bool_]],
 ) -> None:
-    """One JSON line for each of the culler's worst misses, by frame, view and object.
+    """One JSON line for each of the culler's worst misses, at least one of every object with a
+    confirmed one, by frame, view and object.
 
     `drawn` gives the drawn triangles of a frame's view, (t,) bool.
     """
     misses = [(row.frame, row.view, miss) for row in record.frames for miss in row.verdict.misses]
     misses.sort(key=lambda found: (-found[2].pixels, found[0], found[2].object))
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
-    for frame, view, miss in misses[:WITNESSES_PER_CULLER]:
-        by_view[frame, view].append(miss)
+    convicted: set[int] = set()
+    for place, (frame, view, miss) in enumerate(misses):
+        first = miss.kind is MissKind.CONFIRMED and miss.object not in convicted
+        if place < WITNESSES_PER_CULLER or first:
+            by_view[frame, view].append(miss)
+        if first:
+            convicted.add(miss.object)
     # Once for all frames: on a large scene these take longer than the rays.
     corners = scene.vertices[scene.triangles]
     balls = _balls(corners)
