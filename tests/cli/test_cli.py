@@ -132,6 +132,23 @@ def test_a_truth_file_gives_the_same_verdict_as_casting_again(inputs, tmp_path):
         assert all(count > 0 for count in owned)
 
 
+def test_a_far_that_hides_the_scene_is_said_by_truth_and_check(inputs, tmp_path, capsys):
+    scene, path = inputs
+    data = json.loads(Path(path).read_text())
+    # The boxes are nine units before the camera, and further.
+    Path(path).write_text(json.dumps({**data, "far": 1.0}))
+    said = "FAR_HIDES: far = 1 hides 100 % of what the cameras meet, in 2 frames"
+    truth = str(tmp_path / "truth.parquet")
+    assert main(["truth", scene, "--path", path, "--out", truth]) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
+    _, verdict = check(inputs, tmp_path, record(tmp_path, ["front"], []))
+    assert f"FAR_HIDES: {verdict['findings'][0]['message']}" == said
+    assert said in " ".join(capsys.readouterr().out.split())
+    Path(path).write_text(json.dumps({**data, "far": 100.0}))
+    assert main(["truth", scene, "--path", path, "--out", truth]) == 0
+    assert "FAR_HIDES" not in capsys.readouterr().out
+
+
 def test_a_generated_scenes_seed_is_recorded_though_nobody_gave_it():
     spec = "city:scale=0.01,frames=2"
     opened = open_inputs(spec, path=None, frames=None, engine="embree")

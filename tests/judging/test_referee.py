@@ -458,7 +458,7 @@ def test_recorded_truth_with_nothing_to_dispute_builds_no_engine(tmp_path):
 
     visible = recorded(tmp_path)
     diary = Diary()
-    referee = Referee(SCENE, no_engine, recorded=visible)
+    referee = Referee(SCENE, no_engine, recorded=visible, examine=True)
     outcome = referee.run(PATH, FRAMES, [("all", Draws())], [diary])
     assert outcome.exit is Exit.NO_VIOLATION
     assert [entry[0] for entry in diary.entries] == ["all", "done"] * len(FRAMES)

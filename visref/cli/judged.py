@@ -80,7 +80,7 @@ def print_outcome(outcome: RunOutcome) -> None:
         )
         # A plug-in's error may bring lines of its own.
         message = " ".join(finding.message.split())
-        OUT.print(f"{finding.code}: {where}: {message}", markup=False)
+        OUT.print(": ".join(filter(None, (finding.code, where, message))), markup=False)
     if len(shown) > FINDINGS_SHOWN:
         rest = len(shown) - FINDINGS_SHOWN
         OUT.print(f"… and {rest} more findings in verdict.json", markup=False)
