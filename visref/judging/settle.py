@@ -18,6 +18,7 @@ from visref.judging.margins import with_margins
 from visref.judging.rounding import in_doubt
 from visref.judging.superfluous import confirm
 from visref.judging.walk import walk_samples
+from visref.picking import distinct
 from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
@@ -72,7 +73,7 @@ def _may_be_tied(exact: ExactScene, frame: SettledFrame) -> Int64:
     theirs = frame.drawn & silent[frame.scene.object_of_triangle]
     if not theirs.any():
         return np.zeros(0, np.int64)
-    return np.unique(exact.hits(frame.truth.camera, theirs).sample)
+    return distinct(exact.hits(frame.truth.camera, theirs).sample)
 
 
 def with_rulings(

@@ -31,7 +31,7 @@ from visref.picking import evenly_picked
 from visref.scene import Int32, Int64, Scene
 from visref.wording import counted
 
-# Triangles of closed objects that are examined: about a second's work.
+# Triangles of closed objects that are examined: some two seconds' work.
 TRIANGLES = 1 << 20
 
 
