@@ -115,7 +115,8 @@ def least_bytes(
     """
     arrays = masks.arrays
     parts: list[NDArray[np.uint8]] = []
-    textures, levels = np.zeros((len(arrays.textures), 4), np.int64), []
+    textures = np.zeros((len(arrays.textures), 4), np.int64)
+    levels: list[tuple[int, int]] = []
     kept, end = np.zeros(len(arrays.textures), np.bool_), 0
     for number, of in enumerate(arrays.textures):
         own, size = [], 0
