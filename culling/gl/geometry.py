@@ -3,7 +3,10 @@
 Triangles fall into at most four classes, by whether they write depth (opaque ones do) and
 whether a back face covers nothing. A unit's triangles of a class lie together in that class's
 index buffer, so a list of units is a list of ranges. Triangles that do not occlude are drawn
-after those that do, with depth writes off.
+after those that do, with depth writes off. Of them, masked ones then write depth, and depth
+alone, where their masks are certainly solid (`visref_culling.gl.solid_masks`). On the generated
+scene `leaves` the baseline of single queries so draws 7,081 triangles instead of 12,722.
+`draw_commands`, whose list of units only the GPU has, and `SharedGeometry` do without.
 """
 
 from __future__ import annotations
@@ -62,6 +65,8 @@ class Geometry:
                 if chosen.any():
                     self.classes.append(self._upload(scene, chosen, writes_depth, one_sided))
         by_mask = with_known_mask(scene) & ~occludes
+        # (t,) bool, the triangles that write depth somewhere.
+        self.hides = occludes | by_mask
         self.solid_masks: SolidMasks | None = None
         if by_mask[units.triangles].any():
             self.solid_masks = SolidMasks(device, scene, units, by_mask)

@@ -53,7 +53,6 @@ class SolidMasks:
         self.indices = context.buffer(indices.astype(np.int32).tobytes() or bytes(12))
         self.vertex_array = context.vertex_array(self.program, [], index_buffer=self.indices)
         self.textures_at, self.levels_at = facts.size, facts.size + textures.size
-        self.uploaded_rows = len(triangles)
 
     def ready(self, view: View, state: State) -> int:
         """Everything but the draw; returns the state changes."""
@@ -85,10 +84,11 @@ class SolidMasks:
 
 
 def triangle_table(scene: Scene, masks: Masks, triangles: Int32) -> Int64:
-    """(k, 5): texture, both wrap modes, the least byte that is solid there, whether one-sided."""
+    """(k, 6): texture, both wrap modes, the least byte that is solid there, whether one-sided,
+    whether nearest."""
     of = masks.arrays.triangles[masks.row[triangles]]
     material = masks.arrays.materials[of["material"]]
-    result = np.zeros((len(triangles), 5), np.int64)
+    result = np.zeros((len(triangles), 6), np.int64)
     result[:, 0] = material["texture"]
     result[:, 1], result[:, 2] = material["wrap_s"], material["wrap_t"]
     # In the order and precision of the lookup, so that byte / 255 <= alpha / scale carries over.
@@ -101,6 +101,7 @@ def triangle_table(scene: Scene, masks: Masks, triangles: Int32) -> Int64:
     # A vertex alpha below zero turns the order round: never.
     passes &= (vertex_alpha >= 0.0)[:, None]
     result[:, 3] = np.where(passes.any(axis=1), passes.argmax(axis=1), NEVER)
+    result[:, 5] = material["nearest"]
     result[:, 4] = scene.one_sided[triangles]
     return result
 
@@ -115,8 +116,8 @@ def least_bytes(
     """
     arrays = masks.arrays
     parts: list[NDArray[np.uint8]] = []
-    textures = np.zeros((len(arrays.textures), 4), np.int64)
     levels: list[tuple[int, int]] = []
+    textures = np.zeros((len(arrays.textures), 4), np.int64)
     kept, end = np.zeros(len(arrays.textures), np.bool_), 0
     for number, of in enumerate(arrays.textures):
         own, size = [], 0

@@ -88,8 +88,10 @@ class NBufferCulling(GLCuller):
         units = super().prepare(scene)
         assert self.geometry is not None
         self.map = self.map_queries(self.squares)
-        opaque = np.concatenate([[0], np.cumsum(self.occluders(scene)[units.triangles])])
-        self.can_occlude: NDArray[np.bool_] = np.diff(opaque[units.offsets]) > 0
+        # Commands on the GPU draw no masked occluder.
+        hides = self.occluders(scene) if self.on_gpu else self.geometry.hides
+        hiding = np.concatenate([[0], np.cumsum(hides[units.triangles])])
+        self.can_occlude: NDArray[np.bool_] = np.diff(hiding[units.offsets]) > 0
         self.seen = np.zeros(units.count, np.bool_)
         if self.on_gpu:
             self.gpu = self.gpu_cull(

@@ -17,8 +17,8 @@ int wrapped(int i, int size, int way) {
         return clamp(i, 0, size - 1);
     }
     int period = way == 1 ? 2 * size : size;
-    int place = i % period;
-    place += place < 0 ? period : 0;
+    // GLSL leaves % of negative numbers undefined.
+    int place = i >= 0 ? i % period : period - 1 - (-1 - i) % period;
     return place < size ? place : period - 1 - place;
 }
 

@@ -12,7 +12,8 @@
 //    2^-20 / (16 u) <= 2^-29, as `least_below` sees to; there, the hit errs by at most
 //    2^17 u S^2 w / below, as the triangle is not thinner than 1 : 2^10. `error` is 2^-26 S^2 w,
 //    more than all these together; it is added once for the centre and once for the corners.
-// 2. The box is widened by half a texel as for a filtering sampler, also for a nearest one.
+// 2. The box is widened as there: by half a texel, but not for a nearest sampler; and for that one
+//    it shrinks to the point, but for `error`, only where this larger box is under a texel, too.
 // 3. What is looked up are the least alphas of whole blocks, rounded down to 8 bits, times the
 //    triangle's least vertex alpha: never more than the least alpha there.
 //
@@ -22,6 +23,8 @@ layout(std430, binding = 6) readonly buffer Tables { int table[]; };
 layout(std430, binding = 7) readonly buffer Least { uint bytes_of_word[]; };
 uniform dvec4 samples;  // a at the left column, its step; b at the bottom row, its step
 uniform int textures_at, levels_at;
+// Colour is not written; but where a shader that discards has none, llvmpipe (Mesa 22.3) spoils it.
+layout(location = 0) out float colour;
 flat in int row;
 flat in dvec3 u_form, v_form, below_form;
 flat in dvec2 first_uv, uv_reach;
@@ -42,8 +45,8 @@ ivec4 texels(int low, int high, int size, int wrap) {
     if (high - low + 1 >= period) {
         return ivec4(0, size - 1, 0, -1);
     }
-    int first = low % period;
-    first += first < 0 ? period : 0;
+    // GLSL leaves % of negative numbers undefined.
+    int first = low >= 0 ? low % period : period - 1 - (-1 - low) % period;
     int last = first + high - low;
     if (wrap == 0) {
         return last < size ? ivec4(first, last, 0, -1) : ivec4(first, size - 1, 0, last - size);
@@ -67,11 +70,11 @@ int blocks(ivec4 spans, int k) {
 }
 
 // The texels of a box along an axis; x > y where they cannot be named.
-ivec4 touched(double centre, double spread, int size, int wrap) {
+ivec4 touched(double centre, double spread, double reach, int size, int wrap) {
     // Rounding of these sums, and of those in float64 there, is 2^4 u of their terms at most.
     double slack = ((abs(centre) + spread) * double(size) + 1.0lf) / 1099511627776.0lf;
-    double low = floor((centre - spread) * double(size) - 0.5lf - slack);
-    double high = floor((centre + spread) * double(size) + 0.5lf + slack);
+    double low = floor((centre - spread) * double(size) - reach - slack);
+    double high = floor((centre + spread) * double(size) + reach + slack);
     if (!(low > -1e8lf && high < 1e8lf)) {
         return ivec4(1, 0, 0, -1);
     }
@@ -79,6 +82,7 @@ ivec4 touched(double centre, double spread, int size, int wrap) {
 }
 
 void main() {
+    colour = 1.0;
     double a = samples.x + samples.y * double(floor(gl_FragCoord.x));
     double b = samples.z + samples.w * double(floor(gl_FragCoord.y));
     dvec3 here = dvec3(1.0lf, a, b);
@@ -101,14 +105,23 @@ void main() {
         dvec2 moved = dvec2(dot(u_form, corner), dot(v_form, corner)) / there;
         half_box = max(half_box, abs(moved - shift));
     }
-    dvec2 spread = half_box + error * (1.0lf / nearest + 1.0lf / least) * uv_reach;
+    dvec2 rounding = error * (1.0lf / nearest + 1.0lf / least) * uv_reach;
+    dvec2 spread = half_box + rounding;
     dvec2 centre = first_uv + shift;
 
-    int texture_at = textures_at + 4 * table[5 * row];
-    int threshold = table[5 * row + 3];
-    bool shown = gl_FrontFacing || table[5 * row + 4] == 0;
-    ivec4 columns = touched(centre.x, spread.x, table[texture_at], table[5 * row + 1]);
-    ivec4 rows = touched(centre.y, spread.y, table[texture_at + 1], table[5 * row + 2]);
+    int texture_at = textures_at + 4 * table[6 * row];
+    ivec2 size = ivec2(table[texture_at], table[texture_at + 1]);
+    int threshold = table[6 * row + 3];
+    bool shown = gl_FrontFacing || table[6 * row + 4] == 0;
+    double reach = 0.5lf;
+    if (table[6 * row + 5] != 0) {
+        reach = 0.0lf;
+        if (all(lessThan(spread * dvec2(size), dvec2(0.999lf)))) {
+            spread = rounding;
+        }
+    }
+    ivec4 columns = touched(centre.x, spread.x, reach, size.x, table[6 * row + 1]);
+    ivec4 rows = touched(centre.y, spread.y, reach, size.y, table[6 * row + 2]);
     if (!shown || columns.x > columns.y || rows.x > rows.y) {
         discard;
     }
