@@ -86,6 +86,14 @@ class Code(StrEnum):
         "a hole over the pixel, and some of what may be seen there was drawn. Such samples "
         "neither clear nor convict.",
     )
+    MOSTLY_UNDECIDED = Rule(
+        "MOSTLY_UNDECIDED",
+        Severity.WARNING,
+        "Most of what the verdict hangs on cannot be decided",
+        "At so many samples the culler drew a part of what alpha masks may show there and left "
+        "out the rest that nothing can be said of it: it is inconclusive. Look at them in a "
+        "higher resolution, where a mask's edges cover fewer samples.",
+    )
     ENGINE_CORRECTED = Rule(
         "ENGINE_CORRECTED",
         Severity.INFO,
