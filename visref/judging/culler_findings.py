@@ -70,7 +70,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
 
 
 def _hidden_findings(record: CullerRecord) -> list[Finding]:
-    """One finding per hidden unit that was drawn against the promise, the most often drawn first."""
+    """One finding per hidden unit drawn against the promise, the most often drawn first."""
     frames_of: dict[int, list[int]] = {}
     for row in record.frames:
         for one in row.verdict.confirmed_superfluous:
