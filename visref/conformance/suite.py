@@ -26,10 +26,8 @@ from functools import lru_cache
 import numpy as np
 
 from visref.camera_path import CameraPath
-from visref.conformance.layers import LAYERS
-from visref.conformance.revealed import REVEALED
-from visref.conformance.scenes import SCENES as OBJECTS
-from visref.conformance.scenes import Case, SceneMaker
+from visref.conformance.building import Case, SceneMaker
+from visref.conformance.scenes import SCENES
 from visref.culler import Culler, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
@@ -42,8 +40,6 @@ from visref.visibility import FrameTruth
 from visref.wording import did_you_mean
 
 MakeCuller = Callable[[], Culler]
-
-SCENES = [*OBJECTS, *LAYERS, *REVEALED]
 
 # How many lines a failed check prints of the objects that it lost.
 LINES_PER_CHECK = 4
