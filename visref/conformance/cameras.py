@@ -62,6 +62,24 @@ def lens_shift_and_zoom(rng: np.random.Generator) -> Case:
     return case(city(rng), views)
 
 
+@_scene("what only the shift of the lens brings into view is drawn", "a symmetric frustum tested")
+def beside_the_unshifted_view(rng: np.random.Generator) -> Case:
+    shifts = ((40.0, 0.0), (-40.0, 0.0), (0.0, 30.0), (0.0, -30.0))
+    views = [camera(shift_x_px=x, shift_y_px=y) for x, y in shifts]
+    elsewhere = (0.0, 0.0, 500.0)
+    views += [camera(elsewhere, ymag=9.0, shift_x_px=x, shift_y_px=y) for x, y in shifts]
+    objects = [("straight on", panel((-1.0, 1.0), (-1.0, 1.0), -9.0))]
+    for number, view in enumerate(views):
+        # Close to the side to which the lens is shifted: half the shift does not reach there.
+        x = view.width / 2 - 0.5 + view.shift_x_px + 22.0 * np.sign(view.shift_x_px)
+        y = view.height / 2 - 0.5 + view.shift_y_px + 18.0 * np.sign(view.shift_y_px)
+        depth = 9.0 + number
+        objects.append(("aside", pixel_panel(view, (x - 3.0, x + 3.0), (y - 3.0, y + 3.0), depth)))
+        behind = pixel_panel(view, (x - 2.0, x + 2.0), (y - 2.0, y + 2.0), depth + 0.5)
+        objects.append(("hidden", behind))
+    return case(objects, views)
+
+
 @_scene("an orthographic view behind touching occluders misses nothing", "perspective assumed")
 def orthographic_camera(rng: np.random.Generator) -> Case:
     objects = city(rng)
@@ -190,3 +208,74 @@ def exactly_at_the_far_plane(rng: np.random.Generator) -> Case:
         ("beyond far", box((-3.0, -3.0, -90.0), (3.0, 3.0, -80.0))),
     ]
     return case(objects, [view])
+
+
+@_scene("of several hundred objects each is drawn", "numbers of one byte, lists with an end")
+def several_hundred_objects(rng: np.random.Generator) -> Case:
+    view = camera()
+    shown = []
+    for x in range(1, 63, 3):
+        for y in range(1, 47, 3):
+            low = np.array([x, y]) - rng.uniform(0.1, 0.4, 2)
+            high = np.array([x, y]) + rng.uniform(0.1, 0.4, 2)
+            dot = pixel_panel(view, (low[0], high[0]), (low[1], high[1]), 9.0)
+            shown.append(("dot", dot))
+    objects = [("wall", pixel_panel(view, (-1.0, 64.0), (-1.0, 48.0), 10.0))]
+    for x, y in rng.uniform((2.0, 2.0), (58.0, 42.0), (20, 2)):
+        objects.append(("hidden", pixel_panel(view, (x, x + 3.0), (y, y + 3.0), 12.0)))
+    return case([*objects, *shown], [view])
+
+
+@_scene(
+    "in a scene with an origin of its own, cameras and boxes are taken relative to it",
+    "world coordinates in float32, or an origin forgotten",
+)
+def about_an_origin_of_its_own(rng: np.random.Generator) -> Case:
+    """Earth-centred: float32 rounds such coordinates to half a unit."""
+    origin = np.array([4_208_411.0, 1_120_733.0, -4_645_519.0])
+    objects = [("screen", panel((-0.3, 0.3), (-0.2, 0.2), -1.0))]
+    near = []
+    for number in range(6):
+        eye = (0.25 * number + 0.125, 0.0, 0.0625 * number)
+        x = eye[0] + 0.02
+        objects.append(("post", box((x, -0.05, eye[2] - 0.2), (x + 0.01, 0.05, eye[2] - 0.15))))
+        near.append(camera(eye, near=0.125, far=30.0))
+    objects.append(("hidden", panel((-0.1, 0.1), (-0.1, 0.1), -1.1)))
+    for _ in range(4):
+        centre = rng.uniform((-3.0, -2.0, -12.0), (3.0, 2.0, -6.0))
+        objects.append(("box", box(centre - 0.5, centre + 0.5)))
+    built = case(objects, near)
+    views = []
+    for view in near:
+        pose = view.world_from_camera.copy()
+        pose[:3, 3] += origin
+        views.append(replace(view, world_from_camera=pose))
+    path = replace(built.path, frames=tuple(views))
+    return Case(replace(built.scene, origin=origin), path)
+
+
+@_scene(
+    "what lies exactly on the near plane is drawn, what lies before it hides nothing",
+    "open range, or occluders that are not clipped",
+)
+def exactly_at_the_near_plane(rng: np.random.Generator) -> Case:
+    # Its diagonal meets no pixel centre.
+    aside = rng.uniform(0.3, 0.7)
+    view = camera(near=0.5)
+    objects = [
+        ("before near", pixel_panel(view, (-9.0 - aside, 90.0), (-5.0, 60.0 + aside), 0.25)),
+        ("on near", panel((0.05, 0.15), (-0.15, 0.1), -0.5)),
+        ("post", box((-1.5, -1.0, -5.0), (-0.5, 1.0, -4.0))),
+        ("behind the post", box((-1.2, -0.5, -6.0), (-0.8, 0.5, -5.5))),
+    ]
+    return case(objects, [view, camera(near=0.5, ymag=3.0)])
+
+
+@_scene("what is close by at the side of an orthographic view is drawn", "perspective assumed")
+def close_by_in_an_orthographic_view(rng: np.random.Generator) -> Case:
+    objects = [("board", panel((-3.0, 3.0), (-3.0, 3.0), -6.0))]
+    for x, y in ((-11.0, 0.0), (11.0, 1.0), (0.0, 8.0), (2.0, -8.0)):
+        centre = np.array([x, y, -rng.uniform(1.0, 2.0)])
+        objects.append(("close by", box(centre - 0.7, centre + 0.7)))
+    objects.append(("hidden", box((-2.0, -2.0, -9.0), (2.0, 2.0, -8.0))))
+    return case(objects, [camera(ymag=9.0)])

@@ -202,3 +202,27 @@ def huge_grazing_triangle(rng: np.random.Generator) -> Case:
         objects.append(("buried", box((x, -2.0, z), (x + 0.5, -0.5, z + 0.5))))
     views = [camera((0.0, height, 0.0)) for height in (0.05, 1.0, 3.0)]
     return case(objects, views)
+
+
+@_scene(
+    "a wall that comes nearer towards the image's edge is drawn",
+    "the depth of the point that is nearest by distance",
+)
+def slanting_wall_before_a_screen(rng: np.random.Generator) -> Case:
+    """The wall's nearest point by distance is straight ahead of its plane, at depth 7.1; in the
+    image it reaches from depth 5.7 on, and a screen at 6.4 hides all but that end."""
+    objects, views = [], []
+    for side in (1.0, -1.0):
+        # Each view has a place of its own.
+        place = 500.0 * side
+        view = camera((place, 0.0, 0.0), (place + side, 0.0, -1.0), yfov=1.8)
+        left, right = sorted((place - 2.0 * side, place + 9.0 * side))
+        wall = box((left, -1.0, -10.5), (right, 1.0, -10.0))
+        # It hangs on a flag near the eye, so that it comes first from front to back.
+        screen = pixel_panel(view, (-1.0, 64.0), (-1.0, 48.0), 6.4)
+        flag = pixel_panel(view, (31.0, 31.2), (2.0, 2.2), 1.0)
+        x = 30.0 + rng.uniform(-8.0, 8.0)
+        hidden = pixel_panel(view, (x, x + 4.0), (20.0, 24.0), 30.0)
+        objects += [("wall", wall), ("screen", together(screen, flag)), ("hidden", hidden)]
+        views.append(view)
+    return case(objects, views)

@@ -179,7 +179,8 @@ def _built(made: SceneMaker, seed: int) -> Case:
 def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
     """The exact engine's truth of each frame of a case."""
     engine = ExactEngine(built.scene)
-    truths = tuple(engine.frame(camera).copy() for camera in built.path)
+    path = built.path.relative_to(built.scene.origin)
+    truths = tuple(engine.frame(camera).copy() for camera in path)
     engine.close()
     return truths
 
