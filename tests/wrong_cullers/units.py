@@ -166,7 +166,8 @@ class EmptyObjectBreaks(Frustum):
 
     def prepare(self, scene):
         units = super().prepare(scene)
-        self.sizes = 1.0 / np.array([1.0 if n else 1 // int(n) for n in units.sizes])
+        for first, count in zip(units.offsets[:-1], units.sizes, strict=True):
+            scene.vertices[scene.triangles[first : first + count]].min(axis=0)
         return units
 
 

@@ -205,6 +205,7 @@ def exactly_at_the_far_plane(rng: np.random.Generator) -> Case:
         ("before", pixel_panel(view, (4.0, 20.0), (4.0, 40.0), 32.0)),
         ("on far", panel((-4.0, 20.0), (-20.0, 20.0), -64.0)),
         ("across far", box((-30.0, -10.0, -70.0), (-20.0, 10.0, -60.0))),
+        ("beyond far, in the open", box((-18.0, -10.0, -90.0), (-8.0, 10.0, -80.0))),
         ("beyond far", box((-3.0, -3.0, -90.0), (3.0, 3.0, -80.0))),
     ]
     return case(objects, [view])
