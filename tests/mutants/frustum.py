@@ -10,7 +10,6 @@ import numpy as np
 
 from tests.mutants.common import common
 from tests.mutants.harness import Suite, Trace, mutant, not_here
-from visref.conformance.scenes import Case, camera, case, panel, pixel_panel
 from visref_culling.baselines import FrustumCulling
 from visref_culling.lazy_grid.nodes import corners_of
 
@@ -52,19 +51,6 @@ def what_lies_wholly_beyond_a_plane_is_not_drawn(trace: Trace) -> Iterator[str]:
             beyond += [*(places < low).T, *(places > high).T]
         if any(side.all() for side in beyond):
             yield f"unit {unit} lies outside the view and is drawn"
-
-
-@SUITE.scene("draws what only the shift of the lens brings into the view")
-def beside_the_unshifted_view(rng: np.random.Generator) -> Case:
-    shifts = ((40.0, 0.0), (-40.0, 0.0), (0.0, 30.0))
-    views = [camera(shift_x_px=x, shift_y_px=y) for x, y in shifts]
-    objects = [("straight on", panel((-1.0, 1.0), (-1.0, 1.0), -9.0))]
-    for view in views:
-        # The middle of the shifted image, in the pixels of the unshifted one.
-        x = view.width / 2 - 0.5 + view.shift_x_px
-        y = view.height / 2 - 0.5 + view.shift_y_px
-        objects.append(("aside", pixel_panel(view, (x - 4.0, x + 4.0), (y - 4.0, y + 4.0), 9.0)))
-    return case(objects, views)
 
 
 def in_planes(method, view, points, planes):

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from visref.conformance.scenes import (
+from visref.conformance.building import (
     Case,
     Mesh,
     SceneMaker,

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from visref.camera import Camera
-from visref.conformance.scenes import (
+from visref.conformance.building import (
     Case,
     Mesh,
     SceneMaker,

@@ -26,10 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from visref.camera_path import CameraPath
-from visref.conformance.layers import LAYERS
-from visref.conformance.revealed import REVEALED
-from visref.conformance.scenes import SCENES as OBJECTS
-from visref.conformance.scenes import Case, SceneMaker
+from visref.conformance.building import Case, SceneMaker
+from visref.conformance.scenes import SCENES
 from visref.culler import Culler, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
@@ -45,8 +43,6 @@ if TYPE_CHECKING:
     import pytest
 
 MakeCuller = Callable[[], Culler]
-
-SCENES = [*OBJECTS, *LAYERS, *REVEALED]
 
 # How many lines a failed check prints of the objects that it lost.
 LINES_PER_CHECK = 4
@@ -200,7 +196,8 @@ def _built(made: SceneMaker, seed: int) -> Case:
 def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
     """The exact engine's truth of each frame of a case."""
     engine = ExactEngine(built.scene)
-    truths = tuple(engine.frame(camera).copy() for camera in built.path)
+    path = built.path.relative_to(built.scene.origin)
+    truths = tuple(engine.frame(camera).copy() for camera in path)
     engine.close()
     return truths
 
