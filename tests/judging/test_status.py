@@ -100,12 +100,3 @@ def test_the_runs_word_is_measured_only_if_every_cullers_is(statuses, expected):
 )
 def test_over_several_cullers_bad_input_precedes_violation_precedes_nothing(statuses, expected):
     assert decide(statuses) is expected
-
-
-def test_the_three_words_of_a_verdict():
-    assert [e.status for e in Exit] == [
-        "no_violation_found",
-        "violation",
-        "inconclusive",
-        "inconclusive",
-    ]

@@ -72,6 +72,7 @@ def record(folder):
         ("violation", "Violation"),
         ("clean", "No violation found"),
         ("loose", "No violation found"),
+        ("measured", "Measured, not convicted"),
         ("inconclusive", "Inconclusive"),
     ],
 )
@@ -82,7 +83,7 @@ def test_headline_is_the_verdicts_status(runs, pages, name, headline):
     assert attrs["data-status"] == verdict["status"]
     assert attrs["data-exit-status"] == str(verdict["exit_status"])
     ((_, title),) = Reader(page).find("h1")
-    assert title.lstrip("✕✓?") == headline
+    assert title.lstrip("✕✓?~") == headline
     assert markdown.splitlines()[0].endswith(headline)
 
 
@@ -313,6 +314,15 @@ def test_a_culler_that_promised_nothing_gets_no_tick(pages):
     (loose,) = [text for _, text in reader.find("div", data_culler_name=LOOSE)]
     assert "Measured, not convicted" in loose
     assert "No violation found" not in loose
+    page, junit, markdown = pages["measured"]
+    for text in (page, markdown):
+        assert "✓" not in text
+        assert "It promises nothing" in text
+    suite = ET.fromstring(junit).find("testsuite")
+    assert (suite.get("skipped"), suite.get("failures"), suite.get("errors")) == ("1", "0", "0")
+    (skipped,) = suite.iter("skipped")
+    assert "3 were missed" not in skipped.get("message")
+    assert "15 were missed" in skipped.get("message")
 
 
 def test_junit_counts_violations_as_failures_and_doubt_as_errors(runs, pages):
@@ -336,7 +346,7 @@ def test_markdown_table_survives_any_name(runs, pages):
     lines = pages["violation"][2].splitlines()
     table = [line for line in lines if line.startswith("|")]
     assert len(table) == 2 + len(record(runs["violation"])["cullers"])
-    assert {len(re.findall(r"(?<!\\)\|", line)) for line in table} == {12}
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in table} == {14}
     assert len(lines) < 60
 
 

@@ -25,12 +25,13 @@ from visref.run_folder.layout import (
     COUNTERS,
     COUNTS,
     FRAMES_SCHEMA,
+    MISS_KINDS,
     OBJECTS_SCHEMA,
+    SINCE_VERSION_2,
     TIMINGS_SCHEMA,
-    ObjectKind,
 )
 from visref.run_folder.read import read_run
-from visref.run_folder.rows import FrameRow, Sums, TimingRow, Witness
+from visref.run_folder.rows import FrameRow, HiddenUnit, Sums, TimingRow, Witness
 
 VERSION_1 = Path(__file__).parent / "version_1"
 
@@ -60,7 +61,8 @@ def test_reading_loads_no_engine_no_compiler_and_no_pictures():
 def test_columns_are_those_of_the_referees_counts_and_the_cullers_counters():
     assert set(vars(Counts())) == set(COUNTS)
     assert {field.name for field in fields(QueryStats)} - {"ms"} == set(COUNTERS)
-    assert {kind.value for kind in MissKind} <= {kind.value for kind in ObjectKind}
+    assert {kind.value for kind in MissKind} == {kind.value for kind in MISS_KINDS}
+    assert set(SINCE_VERSION_2) <= {*COUNTS, *OBJECTS_SCHEMA.names}
 
 
 def test_a_row_has_the_columns_of_its_table():
@@ -70,7 +72,10 @@ def test_a_row_has_the_columns_of_its_table():
     assert names(Sums) == set(COUNTS)
     assert names(FrameRow) == set(FRAMES_SCHEMA.names)
     assert names(TimingRow) == set(TIMINGS_SCHEMA.names)
-    assert names(Witness) == set(OBJECTS_SCHEMA.names) - {"culler", "unit", "cause"}
+    of_hidden = {"samples", "occluder", "occluder_name"}
+    assert names(Witness) == set(OBJECTS_SCHEMA.names) - {"culler", "unit", "cause"} - of_hidden
+    assert names(HiddenUnit) - {"frames"} <= set(OBJECTS_SCHEMA.names)
+    assert of_hidden < names(HiddenUnit)
 
 
 def test_rows_are_the_tables(written):
@@ -140,10 +145,20 @@ def test_a_folder_of_version_1_is_read_shown_and_explained(tmp_path):
         2,
     )
     assert broken.worst == lost.worst
+    assert (lost.misses, lost.partly, lost.worst.partly) == (2, 0, False)
+    assert (broken.small, broken.late, broken.waived) == (0, 0, 0)
+    unknown = (broken.partly_missed, broken.owned_samples, broken.superfluous_confirmed)
+    assert unknown == (None, None, None)
+    assert {row.undecided_samples for row in run.frames} == {None}
+    assert run.manifest.cullers[BROKEN].raster is None
+    assert run.hidden_units(BROKEN) == []
     assert [unit for unit, _, _ in run.superfluous_units(BROKEN)] == [HIDDEN]
     assert run.superfluous_causes("none") == {"box_hidden": 2, "outside_view": 1}
     page = write_report([VERSION_1], tmp_path).read_text()
     assert "whether that is exact is not recorded" in page
+    # It did not look for what is lost in part, so nobody may say that all was drawn.
+    assert "was missed in full" in page
+    assert "was drawn wherever it is seen" not in page
     (explanation,) = explain(VERSION_1, 1, str(NASTY_ID))
     assert explanation.holds
 

@@ -32,6 +32,8 @@ SQUARES = [
 WALL, NASTY_ID, PILLAR, HIDDEN, ALSO_HIDDEN, OUTSIDE = range(6)
 VISIBLE = (WALL, NASTY_ID, PILLAR)
 EVERYTHING = tuple(range(6))
+# Of triangles as units: one of the pillar's two is left out.
+HALF = tuple(unit for unit in range(6) if unit != 2 * PILLAR)
 WIDTH, HEIGHT = 48, 32
 
 BROKEN = "module:Forgets"
@@ -185,6 +187,15 @@ def write_runs(root: Path) -> dict[str, Path]:
         ),
         "loose": write_run(
             root / "loose", [("loose", Scripted((WALL,), promise=Promise.AGGRESSIVE))]
+        ),
+        "measured": write_run(
+            root / "measured", [("says nothing", Scripted((), promise=Promise.APPROXIMATE))]
+        ),
+        "exact": write_run(
+            root / "exact", [("greedy", Scripted(EVERYTHING, VISIBLE, promise=Promise.EXACT))]
+        ),
+        "partly": write_run(
+            root / "partly", [("halves", Scripted(HALF, units=triangle_units()))], frames=1
         ),
         "inconclusive": write_run(root / "open", [("falls", Scripted(VISIBLE, fails_at=0))]),
     }

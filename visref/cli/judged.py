@@ -10,11 +10,14 @@ from rich.table import Table
 
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
+from visref.findings import Code
 from visref.inputs import Inputs
-from visref.judging.outcome import RunOutcome
-from visref.judging.status import Exit
+from visref.judging.judge import Counts
+from visref.judging.outcome import CullerRecord, RunOutcome
+from visref.judging.status import Exit, Status
 from visref.papers import contents as papers
 from visref.papers import tables_beside
+from visref.report import words
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import judge_to_folder
@@ -52,21 +55,36 @@ def print_outcome(outcome: RunOutcome) -> None:
     """A row for each culler, then the first findings."""
     table = Table(box=None, pad_edge=False)
     table.add_column("culler", overflow="fold")
-    for heading in ("frames", "visible", "drawn", "superfluous", "missed", "violations", "verdict"):
+    for heading in (
+        "frames", "visible", "drawn", "superfluous", "missed", "partly missed", "samples lost",
+        "undecided", "violations", "verdict",
+    ):  # fmt: skip
         table.add_column(heading, justify="right", no_wrap=True)
     for record in outcome.cullers:
         totals = record.totals
         table.add_row(
             escape(record.spec),
-            str(len(record.frames)),
+            str(_frames(record)),
             str(totals.visible),
             str(totals.drawn),
             str(totals.superfluous),
             str(totals.missed),
+            str(totals.partly_missed),
+            str(totals.missed_pixels),
+            _undecided(totals),
             str(totals.violations),
-            "FAILED" if record.failed else record.status.replace("_", " "),
+            f"{words.GLYPHS[record.status]} {record.status.replace('_', ' ')}",
         )
     OUT.print(table)
+    if any(len(record.frames) > 1 for record in outcome.cullers):
+        OUT.print("Counts are summed over frames; those of objects are object-frames.")
+    rounded = any(finding.code is Code.VERTICES_ROUNDED for finding in outcome.findings)
+    said = {record.spec: _beside_the_verdict(record, rounded) for record in outcome.cullers}
+    if len(said) > 1 and set(said.values()) == {words.ALL_DECIDED}:
+        OUT.print(words.ALL_DECIDED, markup=False)
+    else:
+        for spec, text in said.items():
+            OUT.print(f"{spec}: {text}", markup=False)
     shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]
     for finding in shown[:FINDINGS_SHOWN]:
         where = ", ".join(
@@ -86,6 +104,37 @@ def print_outcome(outcome: RunOutcome) -> None:
         OUT.print(f"… and {rest} more findings in verdict.json", markup=False)
 
 
+def _frames(record: CullerRecord) -> int:
+    return len({row.frame for row in record.frames})
+
+
+def _undecided(totals: Counts) -> str:
+    owned = totals.owned_samples
+    return words.percent(totals.undecided_samples / owned if owned else None)
+
+
+def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
+    """How much was decided, why a verdict says nothing, and what a tolerance excused. `rounded`:
+    rounding to float32 left samples open."""
+    totals = record.totals
+    owned, undecided = totals.owned_samples, totals.undecided_samples
+    parts = [words.decided(owned, undecided, rounded=rounded)]
+    if record.status is Status.INCONCLUSIVE:
+        parts.append(
+            words.why_inconclusive(
+                frames=_frames(record),
+                visible=totals.visible,
+                owned=owned,
+                undecided=undecided,
+                failed=record.failed,
+            )
+        )
+    if totals.within_raster_tolerance:
+        excused = words.count(totals.within_raster_tolerance)
+        parts.append(f"{excused} excused by {words.tolerance(record.raster)}.")
+    return " ".join(filter(None, parts))
+
+
 def _print_beside_published(name: str, of_paper: papers.Table) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in HEADINGS[:4]:
@@ -95,5 +144,5 @@ def _print_beside_published(name: str, of_paper: papers.Table) -> None:
     OUT.print(f"\n{of_paper.title} ({name}, {of_paper.source})", markup=False)
     OUT.print(table)
     for trend in of_paper.trends:
-        glyph, words = VERDICTS[trend.holds]
-        OUT.print(f"{glyph} {trend.claim}: {words}", markup=False)
+        glyph, said = VERDICTS[trend.holds]
+        OUT.print(f"{glyph} {trend.claim}: {said}", markup=False)

@@ -8,6 +8,9 @@ from pathlib import Path
 from visref.cli.terminal import OUT
 from visref.judging.status import Exit
 from visref.report import write_report
+from visref.report.bench_folder import is_bench
+from visref.report.words import overall
+from visref.run_folder.read import read_run
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,4 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> Exit:
     OUT.print(f"The report: {write_report(given.runs, given.out)}", markup=False)
-    return Exit.NO_VIOLATION
+    runs = [folder for folder in given.runs if not is_bench(folder)]
+    _, exit_ = overall([read_run(folder, objects=False) for folder in runs])
+    return exit_

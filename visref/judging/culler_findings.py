@@ -6,7 +6,8 @@ from visref.findings import Code, Finding
 from visref.judging.judge import MissKind
 from visref.judging.outcome import CullerRecord
 from visref.judging.status import MAX_UNDECIDED
-from visref.scene import Scene
+from visref.judging.superfluous import Superfluous
+from visref.scene import OBJECT, Scene
 from visref.wording import counted
 
 _CODES = {
@@ -29,7 +30,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
-    found += _hidden_findings(record)
+    found += _hidden_findings(record, scene)
     for kind, code in _CODES.items():
         first: dict[int, int] = {}
         for row in record.frames:
@@ -69,20 +70,27 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     return found
 
 
-def _hidden_findings(record: CullerRecord) -> list[Finding]:
-    """One finding per hidden unit drawn against the promise, the most often drawn first."""
-    frames_of: dict[int, list[int]] = {}
+def _hidden_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
+    """One finding for each hidden unit that was drawn against the promise, the most often drawn
+    first, with what was found where most of its samples were examined."""
+    found: dict[int, list[tuple[int, Superfluous]]] = {}
     for row in record.frames:
         for one in row.verdict.confirmed_superfluous:
-            frames_of.setdefault(one.unit, []).append(row.frame)
-    order = sorted(frames_of, key=lambda unit: (-len(frames_of[unit]), unit))
-    return [
-        Finding(
-            Code.DRAWN_HIDDEN,
-            f"{record.unit_kind} {unit}, drawn and hidden in "
-            f"{counted(len(frames_of[unit]), 'frame')}, first in frame {frames_of[unit][0]}",
-            record.spec,
-            frames_of[unit][0],
+            found.setdefault(one.unit, []).append((row.frame, one))
+    result = []
+    for unit in sorted(found, key=lambda unit: (-len(found[unit]), unit)):
+        frame, worst = max(found[unit], key=lambda pair: pair[1].samples)
+        where = "it covers no sample"
+        if worst.occluder >= 0:
+            occluder = scene.names[scene.object_of_triangle[worst.occluder]]
+            where = (
+                f"hidden at all {counted(worst.samples, 'sample')} that it covers, nearest by "
+                f"triangle {worst.occluder} of '{occluder}'"
+            )
+        text = (
+            f"{record.unit_kind} {unit}, drawn though hidden in "
+            f"{counted(len(found[unit]), 'frame')}; in frame {frame} {where}"
         )
-        for unit in order
-    ]
+        name = scene.names[unit] if record.unit_kind == OBJECT else ""
+        result.append(Finding(Code.DRAWN_HIDDEN, text, record.spec, frame, name))
+    return result

@@ -10,7 +10,7 @@ import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 
-from visref.culler import Promise, QueryStats
+from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
@@ -35,7 +35,8 @@ class FrameRecord:
 
 @dataclass
 class CullerRecord:
-    """One culler's run. `spec` is its name with options, unique within a run."""
+    """One culler's run. `spec` is its name with options, unique within a run; `raster` the
+    tolerance that its rasteriser declares, None without one."""
 
     spec: str
     promise: Promise
@@ -43,6 +44,7 @@ class CullerRecord:
     unit_count: int = 0
     frames: list[FrameRecord] = field(default_factory=list)
     failed: bool = False
+    raster: RasterTolerance | None = None
 
     @property
     def totals(self) -> Counts:
@@ -119,11 +121,14 @@ def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> d
         losses = record.losses()
         worst = witness_json(scene, widths[losses[0][1]], *losses[0][1:]) if losses else None
         cullers[record.spec] = {
+            "status": record.status.value,
             "promise": record.promise.value,
-            "frames": len(record.frames),
+            "frames": len({row.frame for row in record.frames}),
             "unit_kind": record.unit_kind,
             **vars(record.totals),
-            "status": record.status.value,
+            # Filled by what looks at the records afterwards.
+            "ages": {},
+            "causes": [],
             "worst": worst,
         }
     return {

@@ -143,6 +143,10 @@ class Referee:
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
+            for job in jobs:
+                # A rasteriser may declare more for each camera that it sees.
+                if job.culler.raster is not None:
+                    job.record.raster = job.culler.raster.tolerance
             if self.examine and self._engine is not None:
                 # Afterwards: nobody needs the engine's arrays any more.
                 picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]

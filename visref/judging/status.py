@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING
 
-from visref.culler import Promise
+from visref.promise import Promise
 
 if TYPE_CHECKING:
     from visref.judging.judge import Counts
@@ -24,12 +24,6 @@ class Exit(IntEnum):
     VIOLATION = 1
     BAD_INPUT = 2
     NOTHING_JUDGED = 3
-
-    @property
-    def status(self) -> str:
-        """The word for it where several runs are summed up."""
-        words = {Exit.NO_VIOLATION: "no_violation_found", Exit.VIOLATION: "violation"}
-        return words.get(self, "inconclusive")
 
 
 class Status(StrEnum):

@@ -8,10 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from visref.findings import Code
+from visref.judging.status import Status
 from visref.report.summary import CullerSummary, summarise
 from visref.report.words import (
+    COUNTING,
+    HEADLINES,
     counted,
     culler_sentence,
+    hidden_line,
+    hidden_name,
+    missed_in,
     not_claimed,
     rates_line,
     replay_command,
@@ -24,14 +30,15 @@ _MAX_LOST = 20
 
 
 def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
-    """A violation is a failure; an inconclusive verdict is an error, since a check that
-    checked nothing must not pass. `out` is the folder it will stand in: replay commands start
-    there."""
+    """A violation is a failure; an inconclusive verdict is an error, since a check that checked
+    nothing must not pass; what promises nothing is skipped, since it cannot pass. `out` is the
+    folder it will stand in: replay commands start there."""
     suites = ET.Element("testsuites", name="visref")
     for run in runs:
         rows = [summarise(run, culler) for culler in run.cullers]
-        failures = sum(row.status == "violation" for row in rows)
-        errors = sum(row.status == "inconclusive" for row in rows)
+        failures = sum(row.status is Status.VIOLATION for row in rows)
+        errors = sum(row.status is Status.INCONCLUSIVE for row in rows)
+        skipped = sum(row.status is Status.MEASURED for row in rows)
         suite = ET.SubElement(
             suites,
             "testsuite",
@@ -39,7 +46,7 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
             tests=str(len(rows)),
             failures=str(failures),
             errors=str(errors),
-            skipped="0",
+            skipped=str(skipped),
         )
         properties = ET.SubElement(suite, "properties")
         for name, value in (
@@ -65,12 +72,14 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
         time=f"{seconds:.3f}",
     )
     sentence = _clean(culler_sentence(row))
-    if row.status == "violation":
+    if row.status is Status.VIOLATION:
         failure = ET.SubElement(case, "failure", type="violation", message=sentence)
-        failure.text = _clean("\n".join(_losses(run, row, out)))
-    elif row.status == "inconclusive":
+        failure.text = _clean("\n".join([*_losses(run, row, out), *_hidden(row)]))
+    elif row.status is Status.INCONCLUSIVE:
         ET.SubElement(case, "error", type="inconclusive", message=sentence)
-    output = [sentence, rates_line(row), *not_claimed(run)]
+    elif row.status is Status.MEASURED:
+        ET.SubElement(case, "skipped", message=sentence)
+    output = [f"{HEADLINES[row.status]}: {sentence}", rates_line(row), COUNTING, *not_claimed(run)]
     output += [
         f"{finding.code}: {finding.message}"
         for finding in run.verdict.findings
@@ -81,7 +90,7 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
 
 def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [
-        f"{lost.worst.name}: {counted(lost.pixels, 'sample')} over "
+        f"{lost.worst.name}, {missed_in(lost)}: {counted(lost.pixels, 'sample')} over "
         f"{counted(lost.frames, 'frame')}; witness: frame "
         f"{lost.worst.frame}, pixel ({lost.worst.x}, {lost.worst.y}), depth "
         f"{lost.worst.depth:.9g}; {replay_command(run, lost.worst, out)}"
@@ -89,6 +98,13 @@ def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     ]
     if len(row.lost) > _MAX_LOST:
         lines.append(f"… and {len(row.lost) - _MAX_LOST} more in objects.parquet")
+    return lines
+
+
+def _hidden(row: CullerSummary) -> list[str]:
+    lines = [f"{hidden_name(row, one)}: {hidden_line(one)}" for one in row.hidden[:_MAX_LOST]]
+    if len(row.hidden) > _MAX_LOST:
+        lines.append(f"… and {len(row.hidden) - _MAX_LOST} more in objects.parquet")
     return lines
 
 

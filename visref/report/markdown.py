@@ -18,7 +18,7 @@ _MAX_LOST = 5
 def markdown_summary(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
     """The verdict, a table of the cullers, and the worst losses of each run. `out` is the folder
     it will stand in: replay commands start there."""
-    status = words.overall(runs).status
+    status, _ = words.overall(runs)
     lines = [f"# {words.GLYPHS[status]} {words.HEADLINES[status]}"]
     for run in runs:
         lines += ["", *_run_lines(run, out)]
@@ -32,8 +32,8 @@ def markdown_summary(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], 
 def _run_lines(run: RunFolder, out: Path) -> list[str]:
     rows = [summarise(run, culler) for culler in run.cullers]
     headings = [
-        "culler", "verdict", "missed / visible", "samples lost", "superfluous / drawn",
-        *(rate.name for rate in RATES), "triangles drawn", "ms a frame",
+        "culler", "verdict", "missed + partly / visible", "samples lost", "superfluous / drawn",
+        *(rate.name for rate in RATES), "undecided", "triangles drawn", "ms a frame",
     ]  # fmt: skip
     lines = [
         f"**{words.plain(run.scene_name)}**: {words.plain(words.run_sentence(run, rows))}",
@@ -45,11 +45,13 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
         counts = row.counts
         cells = [
             words.plain(row.culler),
-            f"{words.GLYPHS[words.label(row)]} {words.HEADLINES[words.label(row)].lower()}",
-            f"{words.count(counts.missed)} / {words.count(counts.visible)}",
+            f"{words.GLYPHS[row.status]} {words.HEADLINES[row.status].lower()}",
+            f"{words.count(counts.missed)} + {words.count(counts.partly_missed)} / "
+            f"{words.count(counts.visible)}",
             words.count(counts.missed_pixels),
             f"{words.count(counts.superfluous)} / {words.count(counts.drawn)}",
             *(words.percent(share) for _, share in row.rates.named()),
+            words.percent(row.undecided_share),
             words.percent(row.triangle_share),
             words.quantity(row.ms_median),
         ]
@@ -57,6 +59,14 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
     for row in rows:
         if row.lost:
             lines += ["", *_loss_lines(run, row, out)]
+        if row.hidden:
+            lines += ["", *_hidden_lines(row)]
+    if len(rows) > 1:
+        lines.append("")
+        lines += [
+            f"- {words.plain(row.culler)}: {words.plain(words.culler_sentence(row))}"
+            for row in rows
+        ]
     causes = [
         f"- {words.plain(row.culler)}: {words.plain(line)}"
         for row in rows
@@ -68,7 +78,7 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
         lines += ["", f"## Beside {words.plain(paper.title)}"]
         for table in tables:
             lines += ["", table_markdown(table).rstrip()]
-    lines += ["", " ".join(["Counts are summed over frames.", *words.not_claimed(run)])]
+    lines += ["", " ".join([words.COUNTING, *words.not_claimed(run)])]
     return lines
 
 
@@ -77,11 +87,23 @@ def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     for lost in row.lost[:_MAX_LOST]:
         worst = lost.worst
         lines.append(
-            f"- {words.plain(worst.name)}: {words.counted(lost.pixels, 'sample')} over "
+            f"- {words.plain(worst.name)}, {words.missed_in(lost)}: "
+            f"{words.counted(lost.pixels, 'sample')} over "
             f"{words.counted(lost.frames, 'frame')} (frame {worst.frame}, pixel "
             f"{worst.x}, {worst.y}, depth {worst.depth:.6g})"
         )
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")
     lines += ["", f"Replay the worst: `{words.replay_command(run, row.lost[0].worst, out)}`"]
+    return lines
+
+
+def _hidden_lines(row: CullerSummary) -> list[str]:
+    lines = [f"Drawn by {words.plain(row.culler)} against its promise ‘{row.promise}’:", ""]
+    lines += [
+        f"- {words.plain(words.hidden_name(row, one))}: {words.plain(words.hidden_line(one))}"
+        for one in row.hidden[:_MAX_LOST]
+    ]
+    if len(row.hidden) > _MAX_LOST:
+        lines.append(f"- … and {len(row.hidden) - _MAX_LOST} more {row.unit_kind}s")
     return lines

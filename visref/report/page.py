@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from visref.errors import InputError
 from visref.findings import Code, Rule, Severity, rule_of
+from visref.judging.status import Status
 from visref.papers import tables_beside
 from visref.picking import evenly_picked
 from visref.report import words
@@ -110,14 +111,26 @@ class FindingGroup:
         return len(self.findings) + self.left_out
 
 
+# Findings that have a section of their own: the end of its id, and its heading.
+_ELSEWHERE: dict[str, tuple[str, str]] = {
+    Code.MISSED_OBJECT: ("lost", "What was lost"),
+    Code.MISSED_DECLARED: ("lost", "What was lost"),
+    Code.DRAWN_HIDDEN: ("hidden", "Drawn against the promise"),
+}
 _COLUMNS = (
-    Column("visible", "visible", "objects that own a sample", "sums over frames"),
+    Column("visible", "visible", "object-frames that own a sample", "sums over frames"),
     Column("drawn", "drawn", "units in the final image's draw list", "sums over frames"),
     Column("superfluous", "superfluous", "drawn, and nothing of it visible", "sums over frames"),
-    Column("missed", "missed", "visible, and not drawn", "sums over frames"),
+    Column("missed", "missed", "visible, and shown nowhere", "sums over frames"),
+    Column("partly_missed", "partly missed", "shown somewhere, lost elsewhere",
+           "sums over frames"),
     Column("missed_pixels", "samples lost", "nothing at the nearest depth drawn",
            "sums over frames"),
-    *(Column(rate.key, rate.name, rate.meaning, "rates") for rate in RATES),
+    # What is partly missed has its share below it.
+    *(Column(rate.key, rate.name, rate.meaning, "rates") for rate in RATES
+      if rate.key != "partly"),
+    Column("undecided_share", "undecided", "share of the owned samples on which the verdict hangs "
+           "and which nobody can decide", "rates"),
     Column("queries", "queries", "mean, asked of the depth buffer", "per frame"),
     Column("batches", "batches", "mean, waits for answers (stalls)", "per frame"),
     Column("query_fragments", "query fragments", "mean, samples that query geometry covers",
@@ -125,6 +138,11 @@ _COLUMNS = (
     Column("triangle_share", "triangles drawn", "mean share of the scene", "per frame"),
     Column("ms_median", "ms", "median of the culler's call", "per frame"),
 )  # fmt: skip
+
+
+# The first column of each group.
+_STARTS = [next(c.name for c in _COLUMNS if c.group == group)
+           for group in dict.fromkeys(c.group for c in _COLUMNS)]  # fmt: skip
 
 
 def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
@@ -136,18 +154,20 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         "code": _code,
         "breakable": _breakable,
     }
-    exit_ = words.overall(runs)
+    status, exit_ = words.overall(runs)
     views = [_run_view(run, index, out) for index, run in enumerate(runs)]
     return environment.get_template("report.html.j2").render(
-        status=exit_.status,
+        status=status,
         exit_status=int(exit_),
         headlines=words.HEADLINES,
         glyphs=words.GLYPHS,
         runs=views,
-        columns=_COLUMNS,
+        starts=_STARTS,
         rates=RATES,
         no_fpr_px=NO_FPR_PX,
         causes=words.CAUSES,
+        words=words,
+        elsewhere=_ELSEWHERE,
         benches=[_bench_view(bench, out) for bench in benches],
         styles=STYLES,
     )
@@ -174,20 +194,20 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
     return {
         "id": f"run{index}",
         "run": run,
-        "status": run.exit.status,
+        "status": run.verdict.status,
         "sentence": words.run_sentence(run, rows),
         "not_claimed": words.not_claimed(run),
-        "rows": [
-            (number, row, words.label(row), words.culler_sentence(row))
-            for number, row in enumerate(rows)
-        ],
-        "cells": _cells(rows),
+        "rows": [(number, row, words.culler_sentence(row)) for number, row in enumerate(rows)],
+        "columns": (columns := _columns(rows)),
+        "cells": _cells(rows, columns),
         "lost": [
             (row, [_lost_view(run, row, lost, pictured, out) for lost in row.lost[:MAX_LOST]])
-            for row in sorted(rows, key=lambda row: row.status != "violation")
+            for row in sorted(rows, key=lambda row: row.status is not Status.VIOLATION)
             if row.lost
         ],
-        "misses": [row for row in rows if row.counts.missed or row.counts.undecided],
+        "hidden": [(row, row.hidden[:MAX_LOST]) for row in rows if row.hidden],
+        "misses": [row for row in rows if row.counts.losing or row.counts.undecided],
+        "accepted": any(row.counts.small + row.counts.late + row.counts.waived for row in rows),
         "causes": [row for row in rows if row.causes],
         "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
         "plots": _plots(run, rows),
@@ -211,7 +231,7 @@ def _start(rows: Sequence[CullerSummary], frames: Sequence[FrameView]) -> tuple[
     """Where the browser opens, (culler number, frame): at the worst pictured violation, else
     the worst miss, else the last culler's first frame."""
     candidates = [
-        (rows[number].status == "violation", line.missed_pixels, number, -view.frame)
+        (rows[number].status is Status.VIOLATION, line.missed_pixels, number, -view.frame)
         for view in frames
         for number, _, line, _ in view.cullers
     ]
@@ -221,7 +241,13 @@ def _start(rows: Sequence[CullerSummary], frames: Sequence[FrameView]) -> tuple[
     return number, -frame
 
 
-def _cells(rows: Sequence[CullerSummary]) -> dict[str, list[Cell]]:
+def _columns(rows: Sequence[CullerSummary]) -> list[Column]:
+    """Those of the table of cullers; where all was decided, the sentences say so."""
+    open_ = any(row.counts.undecided_samples for row in rows)
+    return [column for column in _COLUMNS if open_ or column.name != "undecided_share"]
+
+
+def _cells(rows: Sequence[CullerSummary], columns: Sequence[Column]) -> dict[str, list[Cell]]:
     """The cells of the table of cullers, by culler."""
     ranked: dict[str, tuple[Callable[[CullerSummary], float | None], bool]] = {
         "superfluous": (lambda row: row.counts.superfluous, True),
@@ -239,6 +265,7 @@ def _cells(rows: Sequence[CullerSummary]) -> dict[str, list[Cell]]:
         texts = {
             **{name: words.count(getattr(row.counts, name)) for name in COUNTS},
             **{rate.key: words.percent(share) for rate, share in row.rates.named()},
+            "undecided_share": words.percent(row.undecided_share),
             "queries": words.quantity(row.queries),
             "batches": words.quantity(row.batches),
             "query_fragments": words.large(row.query_fragments),
@@ -249,10 +276,17 @@ def _cells(rows: Sequence[CullerSummary]) -> dict[str, list[Cell]]:
             "drawn": "" if row.unit_kind == "object" else f"{row.unit_kind}s",
             "superfluous": words.percent(row.superfluous_share) if row.counts.drawn else "",
             "missed": _parts(row),
+            "partly_missed": words.percent(row.rates.partly) if row.counts.partly_missed else "",
         }
-        alarms = (
-            {"missed", "missed_pixels", "fnr", "fnr_px", "per"} if row.counts.confirmed else set()
-        )
+        alarms = set()
+        if row.counts.confirmed:
+            in_full = {"missed", "fnr"} if row.counts.missed else set()
+            in_part = {"partly_missed"} if row.counts.partly_missed else set()
+            alarms = {"missed_pixels", "fnr_px", "per", *in_full, *in_part}
+        if row.counts.superfluous_confirmed:
+            alarms.add("superfluous")
+        if row.status is Status.INCONCLUSIVE and row.counts.undecided_samples:
+            alarms.add("undecided_share")
         table[row.culler] = [
             Cell(
                 column.name,
@@ -261,18 +295,21 @@ def _cells(rows: Sequence[CullerSummary]) -> dict[str, list[Cell]]:
                 row.culler in winners.get(column.name, ()),
                 column.name in alarms,
             )
-            for column in _COLUMNS
+            for column in columns
         ]
     return table
 
 
 def _parts(row: CullerSummary) -> str:
-    """What `missed` is made of, one line per kind."""
+    """What `missed` and `partly missed` together are put down to, one line for each kind."""
     counts = row.counts
     parts = [
         (counts.confirmed, "confirmed"),
         (counts.ties, "tied"),
         (counts.within_raster_tolerance, "raster"),
+        (counts.small, "small"),
+        (counts.late, "late"),
+        (counts.waived, "waived"),
     ]
     return "\n".join(f"{words.count(number)} {name}" for number, name in parts if number)
 
@@ -319,9 +356,11 @@ def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
         title = "Drawn against visible" if kind == "object" else f"Drawn {kind}s"
         drawn, note = on_scale(series("drawn", cullers))
         plots.append(Plot(title, f"{kind}s", drawn, area, note))
-    missing = [row for row in rows if row.counts.missed]
+    missing = [row for row in rows if row.counts.losing]
     if missing:
         plots.append(Plot("Missed", "objects", series("missed", missing)))
+        if any(row.counts.partly_missed for row in missing):
+            plots.append(Plot("Partly missed", "objects", series("partly_missed", missing)))
         plots.append(Plot("Samples lost", "samples", series("missed_pixels", missing)))
     queries = [line for line in series("queries") if any(line.values.values())]
     if queries:
@@ -390,8 +429,8 @@ def _data_uri(file: Path) -> str:
 
 
 def _shown(code: str) -> int:
-    """How many findings of this code are listed: lost objects have a section of their own."""
-    return 0 if code in (Code.MISSED_OBJECT, Code.MISSED_DECLARED) else MAX_FINDINGS
+    """How many findings of this code are listed; some have a section of their own."""
+    return 0 if code in _ELSEWHERE else MAX_FINDINGS
 
 
 def _findings(run: RunFolder) -> list[FindingGroup]:

@@ -6,10 +6,11 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from visref.culler import Promise, RasterTolerance
+from visref.findings import Code
+from visref.judging.status import Status
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import LostObject, Sums
-
-SAFE = "no_violation_found"
+from visref.run_folder.rows import HiddenUnit, LostObject, Sums
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,12 @@ class Rate:
 
 
 RATES = (
-    Rate("fnr", "FNR", "false-negative rate by object, missed / visible"),
+    Rate(
+        "fnr",
+        "FNR",
+        "false-negative rate by object, missed / visible; what shows in part is not among it",
+    ),
+    Rate("partly", "partly", "rate of objects that lose a part, partly missed / visible"),
     Rate(
         "fpr",
         "FPR",
@@ -33,7 +39,7 @@ RATES = (
     Rate(
         "fnr_px",
         "FNR px",
-        "false-negative rate by pixel, samples lost / samples that anything owns",
+        "false-negative rate by pixel, samples lost / samples that anything owns or may own",
     ),
     Rate("per", "PER", "pixel error rate, samples lost / all samples"),
 )
@@ -55,6 +61,7 @@ class Rates:
     """One culler's shares of 1 by `RATES`; None stands for what cannot be said."""
 
     fnr: float | None
+    partly: float | None
     fpr: float | None
     fnr_px: float | None
     per: float | None
@@ -70,11 +77,13 @@ def rates(run: RunFolder, culler: str) -> Rates:
     hidden = None
     if verdict.unit_kind == "object":
         hidden = run.manifest.cullers[culler].units * len(rows) - verdict.visible
-    owned = [row.owned for row in rows if row.owned is not None]
+    # A truth on file may not say what is owned; then the sum is none.
+    owned = verdict.owned_samples if all(row.owned is not None for row in rows) else None
     return Rates(
         fnr=_ratio(verdict.missed, verdict.visible),
+        partly=_ratio(verdict.partly_missed, verdict.visible),
         fpr=_ratio(verdict.superfluous, hidden),
-        fnr_px=_ratio(verdict.missed_pixels, sum(owned) if len(owned) == len(rows) else None),
+        fnr_px=_ratio(verdict.missed_pixels, owned),
         per=_ratio(verdict.missed_pixels, sum(map(run.samples_of, rows))),
     )
 
@@ -82,16 +91,25 @@ def rates(run: RunFolder, culler: str) -> Rates:
 @dataclass(frozen=True)
 class CullerSummary:
     """One culler's row. `counts` are `verdict.json`'s sums over frames; means are over frames;
-    None stands for what was not measured."""
+    None stands for what was not measured. `failed`: it broke down, or never started. `cells`: how
+    many drawn sets were judged, one for each frame and view. `partly_confirmed`: how many of the
+    confirmed misses are of a part. `hidden`: what was drawn against its promise. `rounded`:
+    rounding to float32 left samples open."""
 
     culler: str
-    status: str
-    promise: str
+    status: Status
+    promise: Promise
+    raster: RasterTolerance | None
+    failed: bool
+    rounded: bool
     unit_kind: str
     units: int
     frames: int
+    cells: int
     counts: Sums
     lost: tuple[LostObject, ...]
+    partly_confirmed: int
+    hidden: tuple[HiddenUnit, ...]
     frames_with_miss: int
     rates: Rates
     superfluous_share: float | None
@@ -105,12 +123,18 @@ class CullerSummary:
     @property
     def convicts(self) -> bool:
         """Whether its misses are violations."""
-        return self.promise in ("exact", "conservative")
+        return self.promise.convicts
 
     @property
     def safe(self) -> bool:
-        """No violation, and nothing visible left out: such rows alone compete for the best."""
-        return self.status == SAFE and not self.counts.confirmed
+        """A promise that was kept, and nothing visible left out: such rows alone compete for the
+        best."""
+        return self.status is Status.NO_VIOLATION_FOUND and not self.counts.confirmed
+
+    @property
+    def undecided_share(self) -> float | None:
+        """How much of the owned samples the verdict hangs on and nobody can decide."""
+        return _ratio(self.counts.undecided_samples, self.counts.owned_samples)
 
 
 def summarise(run: RunFolder, culler: str) -> CullerSummary:
@@ -120,15 +144,24 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     triangles = run.manifest.scene.triangles
     drawn_triangles = _mean(row.triangles_drawn for row in rows)
     times = list(run.cull_ms.get(culler, {}).values())
+    lost = tuple(run.lost_objects(culler))
+    broke_down = (Code.CULLER_FAILED, Code.NO_GL)
+    facts = run.manifest.cullers[culler]
     return CullerSummary(
         culler=culler,
-        status=verdict.status,
-        promise=verdict.promise,
+        status=Status(verdict.status),
+        promise=Promise(verdict.promise),
+        raster=facts.raster,
+        failed=any(f.culler == culler and f.code in broke_down for f in run.verdict.findings),
         unit_kind=verdict.unit_kind,
-        units=run.manifest.cullers[culler].units,
+        rounded=any(f.code == Code.VERTICES_ROUNDED for f in run.verdict.findings),
+        units=facts.units,
         frames=verdict.frames,
+        cells=len(rows),
         counts=verdict,
-        lost=tuple(run.lost_objects(culler)),
+        lost=lost,
+        partly_confirmed=sum(one.partly for one in lost),
+        hidden=tuple(run.hidden_units(culler)),
         frames_with_miss=sum(1 for row in rows if row.confirmed),
         rates=rates(run, culler),
         superfluous_share=_ratio(verdict.superfluous, verdict.drawn),
@@ -143,8 +176,8 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     )
 
 
-def _ratio(part: int, whole: int | None) -> float | None:
-    return part / whole if whole else None
+def _ratio(part: int | None, whole: int | None) -> float | None:
+    return part / whole if whole and part is not None else None
 
 
 def _mean(values: Iterable[int | None]) -> float | None:

@@ -8,11 +8,12 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from visref.judging.status import Exit, decide
+from visref.culler import RasterTolerance
+from visref.judging.status import MAX_UNDECIDED, Exit, Status, decide, run_status
 from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import Witness
+from visref.run_folder.rows import HiddenUnit, LostObject, Witness
 from visref.wording import counted as counted
 
 HEADLINES = {
@@ -23,6 +24,13 @@ HEADLINES = {
 }
 GLYPHS = {"violation": "✕", "no_violation_found": "✓", "inconclusive": "?", "measured": "~"}
 
+ALL_DECIDED = "Every sample that the verdict hangs on was decided."
+# What a sum over frames of objects counts.
+COUNTING = (
+    "Counts are summed over frames: of objects they are object-frames, an object once for every "
+    "frame (and view) in which it is visible."
+)
+
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~])")
 
 
@@ -31,9 +39,9 @@ def plain(text: str) -> str:
     return _MARKDOWN.sub(r"\\\1", " ".join(text.split()))
 
 
-def count(number: int) -> str:
+def count(number: int | None) -> str:
     """An integer with its thousands set apart."""
-    return f"{number:,}"
+    return "–" if number is None else f"{number:,}"
 
 
 def percent(share: float | None) -> str:
@@ -127,75 +135,197 @@ def causes_line(row: CullerSummary) -> str:
     return f"{', '.join(parts)} (of {counted(explained, row.unit_kind)} explained)"
 
 
-def overall(runs: Sequence[RunFolder]) -> Exit:
-    """The status of several runs together."""
-    return decide(run.exit for run in runs)
+def overall(runs: Sequence[RunFolder]) -> tuple[Status, Exit]:
+    """The word and the exit status of several runs together, from their records."""
+    return (
+        run_status(Status(run.verdict.status) for run in runs),
+        decide(run.exit for run in runs),
+    )
 
 
-def label(row: CullerSummary) -> str:
-    """The key of a culler's headline: its status, or `measured` where it missed something that
-    it never promised to draw, which a tick would belie."""
-    return "measured" if row.status != "violation" and row.counts.confirmed else row.status
+def decided(owned: int | None, undecided: int | None, *, rounded: bool = False) -> str:
+    """How much of what a verdict hangs on was decided, in a sentence; empty where that was not
+    counted. `rounded`: rounding to float32 left samples open too."""
+    if not owned or undecided is None:
+        return ""
+    if not undecided:
+        return ALL_DECIDED
+    what = "alpha masks or rounded vertices" if rounded else "alpha masks"
+    return (
+        f"{percent(undecided / owned)} of the {counted(owned, 'owned sample')} hang on {what}: "
+        "undecided, they neither clear nor convict."
+    )
+
+
+def why_inconclusive(
+    *, frames: int, visible: int, owned: int | None, undecided: int | None, failed: bool
+) -> str:
+    """Why a verdict says nothing, in a sentence."""
+    if not frames:
+        return "It judged no frame; see the findings."
+    if failed:
+        return "Then it broke down; see the findings."
+    if owned and undecided and undecided >= owned:
+        return "Nothing is decided, so nothing was judged."
+    if not visible:
+        return (
+            f"No object is visible in any of its {counted(frames, 'frame')}, so nothing was judged."
+        )
+    return f"That is more than the {percent(MAX_UNDECIDED)} that may stay undecided."
 
 
 def culler_sentence(row: CullerSummary) -> str:
     """What was found of one culler, for an engineer who reads nothing else."""
     counts = row.counts
-    frames = counted(row.frames, "frame")
-    if not row.frames:
-        return "It judged no frame; see the findings."
-    if not counts.visible:
-        return f"No object is visible in any of its {frames}, so nothing was judged."
-    confirmed = counts.confirmed
-    if confirmed:
-        verb = "was" if confirmed == 1 else "were"
-        text = (
-            f"{count(confirmed)} of {count(counts.visible)} visible objects {verb} not drawn"
-            f" ({_distinct(row)}; {counted(counts.missed_pixels, 'sample')} lost)."
+    parts = []
+    if row.frames and counts.visible:
+        parts += [*_found(row), _cleared(row)]
+    if counts.undecided:
+        parts.append(f"{_objects(row, counts.undecided)} may be visible, and stay undecided.")
+    parts.append(decided(counts.owned_samples, counts.undecided_samples, rounded=row.rounded))
+    if row.status is Status.INCONCLUSIVE:
+        parts.append(
+            why_inconclusive(
+                frames=row.frames,
+                visible=counts.visible,
+                owned=counts.owned_samples,
+                undecided=counts.undecided_samples,
+                failed=row.failed,
+            )
         )
-        if not row.convicts:
-            text += f" It declares itself {row.promise}."
+    if row.status is Status.MEASURED:
+        parts.append("It promises nothing, so this is a measurement and no praise.")
+    return " ".join(filter(None, parts))
+
+
+def _found(row: CullerSummary) -> list[str]:
+    """What was lost, and what was drawn against the promise, in sentences."""
+    counts, frames = row.counts, counted(row.frames, "frame")
+    found = []
+    visible = _objects(row, counts.visible, "visible ")
+    if counts.superfluous_confirmed:
+        times = counted(counts.superfluous_confirmed, "time")
+        found.append(
+            f"{times} a hidden {row.unit_kind} was drawn ({count(len(row.hidden))} different), "
+            f"which the promise ‘{row.promise}’ forbids."
+        )
+    if counts.confirmed:
+        found.append(f"Of {visible}, {_lost(row)}.")
+    elif counts.losing:
+        found.append(f"No confirmed loss among {visible}, in {frames}.")
+    elif counts.partly_missed is None:
+        found.append(
+            f"None of {visible} was missed in full, in {frames}. Whether parts were lost is not in "
+            "this record, which is of version 1."
+        )
     else:
-        text = (
-            f"Each of {counted(counts.visible, 'visible object')} was drawn, in {frames}."
-            if not counts.missed
-            else f"No confirmed miss among {counted(counts.visible, 'visible object')} in {frames}."
+        whole = (
+            f"Each of {visible}" if counts.visible > 1 else f"The one {visible.split(' ', 1)[1]}"
         )
+        certain = " for certain" if counts.undecided_samples else ""
+        found.append(f"{whole} was drawn wherever it is seen{certain}, in {frames}.")
+    return found
+
+
+def _cleared(row: CullerSummary) -> str:
+    """What was missed and is no violation, and by what it is excused."""
+    counts = row.counts
+    excused = f"{count(counts.within_raster_tolerance)} within {tolerance(row.raster)}"
     cleared = [
         counted(counts.ties, "tie") if counts.ties else "",
-        f"{count(counts.within_raster_tolerance)} within the rasteriser's tolerance"
-        if counts.within_raster_tolerance
-        else "",
+        excused if counts.within_raster_tolerance else "",
+        *(
+            f"{count(number)} {word}"
+            for number, word in (
+                (counts.small, "small"),
+                (counts.late, "late"),
+                (counts.waived, "waived"),
+            )
+            if number
+        ),
     ]
-    if any(cleared):
-        text += f" Cleared: {' and '.join(filter(None, cleared))}."
-    if counts.undecided:
-        text += f" Undecided: {count(counts.undecided)}."
-    if row.status == "inconclusive":
-        text += " Then it broke down; see the findings."
-    return text
+    return f"Cleared: {', '.join(filter(None, cleared))}." if any(cleared) else ""
 
 
-def _distinct(row: CullerSummary) -> str:
+def tolerance(raster: RasterTolerance | None) -> str:
+    """The tolerance that a culler's rasteriser declares; None where it is not recorded."""
+    if raster is None:
+        return "the rasteriser's tolerance"
+    return f"the rasteriser's tolerance ({declared(raster)})"
+
+
+def declared(raster: RasterTolerance) -> str:
+    """A declared tolerance in words."""
+    depth = "float depth" if raster.depth_bits is None else f"{raster.depth_bits} bits of depth"
+    return f"snap {quantity(raster.snap_px)} px, {depth}"
+
+
+def _objects(row: CullerSummary, number: int, adjective: str = "") -> str:
+    """A count of objects, each once for every drawn set that was judged."""
+    return counted(number, f"{adjective}object" if row.cells == 1 else f"{adjective}object-frame")
+
+
+def missed_in(lost: LostObject) -> str:
+    """How an object was missed: in full, in part, or now so and now so."""
+    if not lost.partly:
+        return "missed"
+    if lost.partly == lost.misses:
+        return "partly missed"
+    return f"missed, in {lost.partly} of {lost.misses} cases partly"
+
+
+def hidden_name(row: CullerSummary, one: HiddenUnit) -> str:
+    return one.name or f"{row.unit_kind} {one.unit}"
+
+
+def hidden_line(one: HiddenUnit) -> str:
+    """What exact arithmetic found of a unit that was drawn against the promise."""
+    text = f"drawn though hidden in {counted(one.frames, 'frame')}; frame {one.frame}"
+    text += f", view {one.view}: " if one.view else ": "
+    if one.occluder is None:
+        return f"{text}it covers no sample"
     return (
-        f"{counted(len(row.lost), 'different object')} in {counted(row.frames_with_miss, 'frame')}"
-        f" of {count(row.frames)}"
+        f"{text}hidden at all {counted(one.samples, 'sample')} that it covers, nearest by triangle "
+        f"{one.occluder} of ‘{one.occluder_name}’, at pixel ({one.x}, {one.y})"
     )
+
+
+def _lost(row: CullerSummary) -> str:
+    """What of the visible objects was lost."""
+    counts = row.counts
+    in_full = counts.confirmed - row.partly_confirmed
+    said = []
+    for number, word in ((in_full, "missed"), (row.partly_confirmed, "partly missed")):
+        if number:
+            said.append(f"{count(number)} {'was' if number == 1 else 'were'} {word}")
+    where = ""
+    if row.cells > 1:
+        where = (
+            f"{counted(len(row.lost), 'different object')} in {count(row.frames_with_miss)} of "
+            f"{counted(row.frames, 'frame')}, "
+        )
+    # Where nothing of the visibility buffer is lost, glass is.
+    lost = (
+        counted(counts.missed_pixels, "sample")
+        if counts.missed_pixels
+        else f"{counted(sum(one.pixels for one in row.lost), 'sample')} of glass"
+    )
+    return f"{' and '.join(said)}: {where}{lost} lost"
 
 
 def run_sentence(run: RunFolder, rows: Sequence[CullerSummary]) -> str:
     """A run's verdict in one sentence."""
     frames = counted(len(run.frame_numbers), "frame")
-    guilty = [row for row in rows if row.status == "violation"]
-    open_ = [row for row in rows if row.status == "inconclusive"]
+    guilty = [row for row in rows if row.status is Status.VIOLATION]
+    open_ = [row for row in rows if row.status is Status.INCONCLUSIVE]
     if guilty:
         if len(rows) == 1:
             return culler_sentence(guilty[0])
         named = ", ".join(f"‘{row.culler}’" for row in guilty[:3])
         more = f" and {len(guilty) - 3} more" if len(guilty) > 3 else ""
         return (
-            f"{len(guilty)} of {counted(len(rows), 'culler')} left out visible objects that it "
-            f"promised to draw: {named}{more}."
+            f"{len(guilty)} of {counted(len(rows), 'culler')} broke "
+            f"{'its promise' if len(guilty) == 1 else 'their promises'}: {named}{more}."
         )
     if not rows:
         return "No culler was judged."
@@ -205,6 +335,8 @@ def run_sentence(run: RunFolder, rows: Sequence[CullerSummary]) -> str:
         return f"{len(open_)} of {len(rows)} cullers could not be judged, or not to the end."
     if len(rows) == 1:
         return culler_sentence(rows[0])
+    if all(row.status is Status.MEASURED for row in rows):
+        return f"{len(rows)} cullers that promise nothing were measured, in {frames}."
     return f"None of {len(rows)} cullers broke its promise, in {frames}."
 
 

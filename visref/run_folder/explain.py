@@ -142,9 +142,10 @@ def _masked(triangle: Mapping[str, Any]) -> list[str]:
 
 def _tell(witness: Mapping[str, Any], ray: Ray, hits: tuple[RayHit, ...]) -> Iterator[str]:
     triangles = witness["triangles"]
+    missed = "partly missed" if witness.get("partly") else "missed"
     yield (
         f"object {witness['object']} '{witness['object_name']}', frame {witness['frame']}, "
-        f"pixel ({witness['x']}, {witness['y']}), missed by {witness['culler']}"
+        f"pixel ({witness['x']}, {witness['y']}), {missed} by {witness['culler']}"
     )
     kind = witness["kind"].replace("_", " ")
     yield f"  {kind}: {witness['pixels']} of its {witness['owned']} samples lost"

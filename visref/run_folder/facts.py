@@ -6,19 +6,21 @@ Fields that nobody here knows are ignored.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
-from visref.culler import Promise
+from visref.culler import Promise, RasterTolerance
 from visref.findings import Severity
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import (
     COUNTS,
     FORMAT,
+    MISS_KINDS,
     READABLE,
+    SINCE_VERSION_2,
     UNNAMED_VIEW,
     VERSION,
-    ObjectKind,
 )
 from visref.run_folder.rows import (
     CullerFacts,
@@ -36,6 +38,8 @@ FIX = "give a folder that `visref run` or `visref check` wrote"
 
 STATUSES = ("no_violation_found", "violation", "inconclusive", "measured")
 EXIT_STATUSES = (0, 1, 2, 3)
+# A whole number without zeros before it, as JSON writes one as a key.
+_AGE = re.compile("0|[1-9][0-9]*")
 _HEX_NUMBERS = ("near", "far", "shift_x_px", "shift_y_px")
 _HEX_VECTORS = ("e", "F", "R", "U")
 
@@ -70,6 +74,7 @@ def read_manifest(value: object, source: str) -> Manifest:
                 culler.text("unit_kind"),
                 culler.whole("units"),
                 culler.text("slug"),
+                _raster(culler) if version >= 2 else None,
             )
             for name, culler in top.inner("cullers").items()
         },
@@ -86,6 +91,14 @@ def read_manifest(value: object, source: str) -> Manifest:
         top.inner("versions").texts(),
         _machine(top.inner("machine")),
     )
+
+
+def _raster(culler: Fields) -> RasterTolerance | None:
+    if culler.is_null("raster"):
+        return None
+    raster = culler.inner("raster")
+    depth_bits = None if raster.is_null("depth_bits") else raster.whole("depth_bits", least=1)
+    return RasterTolerance(raster.number("snap_px"), depth_bits)
 
 
 def _machine(machine: Fields) -> dict[str, Any]:
@@ -140,27 +153,45 @@ def read_verdict(value: object, source: str, version: int) -> RunVerdict:
 
 
 def _culler(culler: Fields, version: int) -> CullerVerdict:
+    counts: dict[str, Any] = {
+        name: SINCE_VERSION_2[name]
+        if version == 1 and name in SINCE_VERSION_2
+        else culler.whole(name)
+        for name in COUNTS
+    }
     return CullerVerdict(
         status=culler.text("status", among=STATUSES),
         promise=culler.text("promise", among=tuple(Promise)),
         frames=culler.whole("frames"),
         unit_kind=culler.text("unit_kind"),
+        ages=_ages(culler.inner("ages")) if version >= 2 else {},
+        causes=tuple(cause.plain() for cause in culler.each("causes")) if version >= 2 else (),
         worst=None if culler.is_null("worst") else _witness(culler.inner("worst"), version),
-        **{name: culler.whole(name) for name in COUNTS},
+        **counts,
     )
 
 
+def _ages(ages: Fields) -> dict[int, int]:
+    """How many misses are of each age, in frames."""
+    found = {}
+    for name in ages.plain():
+        if not _AGE.fullmatch(name):
+            raise ages.error("an age is a whole number of frames", name)
+        found[int(name)] = ages.whole(name)
+    return found
+
+
 def _witness(witness: Fields, version: int) -> Witness:
-    kinds = (ObjectKind.CONFIRMED, ObjectKind.TIE, ObjectKind.WITHIN_RASTER)
     wholes = ("frame", "object", "pixels", "owned", "x", "y", "triangle")
     return Witness(
         view=_view(witness, version),
         name=witness.text("object_name"),
-        kind=witness.text("kind", among=kinds),
+        kind=witness.text("kind", among=MISS_KINDS),
         depth=witness.number("depth"),
         **{name: witness.whole(name) for name in wholes},
         margin_px=_margin(witness, "margin_px"),
         margin_depth=_margin(witness, "margin_depth"),
+        partly=witness.flag("partly") if version >= 2 else False,
     )
 
 

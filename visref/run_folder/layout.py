@@ -5,15 +5,16 @@ verdict.json       statuses, sums, findings
 frames.parquet     one row per culler, frame and view: counts and costs
 timings.parquet    one row per culler, frame, view and phase: milliseconds (the one file that
                    differs between two runs of the same inputs)
-objects.parquet    one row per culler, frame, view and object that was missed, undecided or drawn
-                   for nothing; the last with its cause, in the frames that have pictures
+objects.parquet    one row per culler, frame, view and object that was missed, in full or in part,
+                   undecided, or drawn for nothing; the last with its cause, in the frames that have
+                   pictures, and with what hides it, where a promise forbids it
 truth.parquet      the truth, as `visref truth` writes it
 witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
                    as hexadecimal floats, so that it replays without the scene
 pictures/          PNGs of a few frames, listed in manifest.json
 
 What writer and reader share stands here: names, versions, kinds and the tables' columns. Version
-1 has no views, and says nothing of whether the engine is exact; it is still read.
+1 has no views and fewer counts, and says nothing of whether the engine is exact; it is still read.
 """
 
 from __future__ import annotations
@@ -55,16 +56,39 @@ class ObjectKind(StrEnum):
     CONFIRMED = "confirmed"
     TIE = "tie"
     WITHIN_RASTER = "within_raster_tolerance"
+    SMALL = "small"
+    LATE = "late"
+    WAIVED = "waived"
     UNDECIDED = "undecided"
     SUPERFLUOUS = "superfluous"
 
 
+# What a miss is put down to, each miss once: missed + partly_missed is their sum.
+MISS_KINDS = (
+    ObjectKind.CONFIRMED, ObjectKind.TIE, ObjectKind.WITHIN_RASTER, ObjectKind.SMALL,
+    ObjectKind.LATE, ObjectKind.WAIVED,
+)  # fmt: skip
+
 # The counts of `visref.judging.judge.Counts`, by frame in frames.parquet and summed over frames in
 # verdict.json.
 COUNTS = (
-    "visible", "missed", "confirmed", "ties", "within_raster_tolerance", "violations", "undecided",
-    "missed_pixels", "drawn", "superfluous",
+    "visible", "missed", "partly_missed", "confirmed", "ties", "within_raster_tolerance", "small",
+    "late", "waived", "violations", "undecided", "missed_pixels", "owned_samples",
+    "undecided_samples", "drawn", "superfluous", "superfluous_confirmed", "missed_units",
 )  # fmt: skip
+# What version 1 does not say, and what is read in its place. It had no policy and no misses in
+# part, so of those there are none; it did not look for what was lost in part, nor count samples,
+# lost units and confirmed superfluous ones, so of those nothing is known.
+SINCE_VERSION_2 = {
+    "view": UNNAMED_VIEW,
+    "partly": False,
+    **dict.fromkeys(("small", "late", "waived"), 0),
+    **dict.fromkeys(
+        ("partly_missed", "owned_samples", "undecided_samples", "superfluous_confirmed",
+         "missed_units"),
+        None,
+    ),
+}  # fmt: skip
 # The counters of `visref.culler.QueryStats`; null where a culler does not count.
 COUNTERS = (
     "queries", "queries_passed", "batches", "tests_skipped", "query_fragments",
@@ -108,12 +132,16 @@ OBJECTS_SCHEMA = pa.schema(
         ("depth", pa.float64()),
         ("margin_px", pa.float64()),
         ("margin_depth", pa.float64()),
+        ("partly", pa.bool_()),
         ("unit", pa.int32()),
         ("cause", pa.string()),
+        ("samples", pa.int64()),
+        ("occluder", pa.int32()),
+        ("occluder_name", pa.string()),
     ]
 )
 # Columns of few different texts, each of which a reader of the table keeps once.
-OBJECTS_REPEATED = ("culler", "view", "kind", "name")
+OBJECTS_REPEATED = ("culler", "view", "kind", "name", "occluder_name")
 
 
 def slug(spec: str) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
 from visref.judging.referee import Job, JudgedFrame
 from visref.run_folder.causes import superfluous_causes
 from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
-from visref.scene import OBJECT, Scene
+from visref.scene import OBJECT, Int32, Scene
 
 # Rows that are held before they are written: some 10 MB. A culler of small units over a long path
 # has tens of millions.
@@ -54,6 +56,7 @@ class ObjectsWriter:
 
         units = pa.array(verdict.superfluous_units, pa.int32())
         columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
+        columns |= self._hiders(record.width, verdict.superfluous_units, verdict)
         if job.units.kind == OBJECT:
             columns |= {"object": units, "name": self._names.take(units)}
         else:
@@ -76,6 +79,25 @@ class ObjectsWriter:
             self._writer = pq.ParquetWriter(self._file, OBJECTS_SCHEMA, compression="zstd")
         self._writer.write_table(pa.concat_tables([OBJECTS_SCHEMA.empty_table(), *self._pending]))
         self._pending = []
+
+    def _hiders(self, width: int, units: Int32, verdict: FrameVerdict) -> dict[str, pa.Array]:
+        """What exact arithmetic found of each superfluous unit that a promise forbids; null for
+        the others, and where a unit covers no sample."""
+        if not verdict.confirmed_superfluous:
+            return {}
+        scene = self._scene
+        rows: list[dict[str, Any]] = [{} for _ in units]
+        for one in verdict.confirmed_superfluous:
+            row = rows[int(np.searchsorted(units, one.unit))]
+            row["samples"] = one.samples
+            if one.occluder >= 0:
+                row["occluder"] = one.occluder
+                row["occluder_name"] = scene.names[scene.object_of_triangle[one.occluder]]
+                row["y"], row["x"] = divmod(one.sample, width)
+        return {
+            name: pa.array([row.get(name) for row in rows], OBJECTS_SCHEMA.field(name).type)
+            for name in ("samples", "occluder", "occluder_name", "x", "y")
+        }
 
     def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
         """Why each superfluous unit was drawn; null in frames that are not explained."""

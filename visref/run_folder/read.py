@@ -10,6 +10,7 @@ from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -25,6 +26,7 @@ from visref.run_folder.layout import (
     OBJECTS,
     OBJECTS_REPEATED,
     OBJECTS_SCHEMA,
+    SINCE_VERSION_2,
     TIMINGS,
     TIMINGS_SCHEMA,
     TRUTH_PHASE,
@@ -32,10 +34,19 @@ from visref.run_folder.layout import (
     VERDICT,
     ObjectKind,
 )
-from visref.run_folder.rows import FrameRow, LostObject, Manifest, RunVerdict, TimingRow, Witness
+from visref.run_folder.rows import (
+    FrameRow,
+    HiddenUnit,
+    LostObject,
+    Manifest,
+    RunVerdict,
+    TimingRow,
+    Witness,
+)
 
-# What a table of version 1 may lack.
-_SINCE_VERSION_2 = frozenset({"view"})
+# What a row that tells of a miss need not have.
+_NOT_OF_A_MISS = ("culler", "unit", "cause", "samples", "occluder", "occluder_name")
+_HIDDEN = ("unit", "name", "frame", "view", "samples", "occluder", "occluder_name", "x", "y")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +134,8 @@ class RunFolder:
             LostObject(
                 sum(witness.pixels for witness in of_object),
                 len({witness.frame for witness in of_object}),
+                len(of_object),
+                sum(witness.partly for witness in of_object),
                 max(of_object, key=lambda witness: (witness.pixels, -witness.frame)),
             )
             for of_object in found.values()
@@ -137,7 +150,7 @@ class RunFolder:
         mine = pc.and_(
             pc.equal(self.objects["culler"], culler), pc.equal(self.objects["kind"], kind.value)
         )
-        table = self.objects.filter(mine).drop_columns(["culler", "unit", "cause"])
+        table = self.objects.filter(mine).drop_columns(_NOT_OF_A_MISS)
         known = table.select([n for n in table.column_names if not n.startswith("margin_")])
         if any(column.null_count for column in known.columns):
             raise InputError(
@@ -147,6 +160,28 @@ class RunFolder:
             )
         for row in table.to_pylist():
             yield Witness(**row)
+
+    def hidden_units(self, culler: str) -> list[HiddenUnit]:
+        """Superfluous units that exact arithmetic confirmed against the culler's promise, the most
+        often drawn first."""
+        if not len(self.objects):
+            return []
+        mine = pc.and_(
+            pc.equal(self.objects["culler"], culler), pc.is_valid(self.objects["samples"])
+        )
+        table = self.objects.filter(mine).select(_HIDDEN)
+        # Of each unit the frame with most samples, and of those the first.
+        order = [("unit", "ascending"), ("samples", "descending"), ("frame", "ascending")]
+        table = table.sort_by(order)
+        _, first, frames = np.unique(
+            table["unit"].to_numpy(), return_index=True, return_counts=True
+        )
+        rows = table.take(first).to_pylist()
+        units = [
+            HiddenUnit(**{**row, "name": row["name"] or ""}, frames=int(count))
+            for row, count in zip(rows, frames, strict=True)
+        ]
+        return sorted(units, key=lambda one: (-one.frames, one.unit))
 
     def superfluous_causes(self, culler: str) -> dict[str, int]:
         """Superfluous units by cause (`visref.run_folder.causes`), summed over the frames that were
@@ -232,7 +267,7 @@ def _table(
         table = pq.read_table(file, columns=names, read_dictionary=read)
     except (OSError, pa.ArrowException) as error:
         raise spoilt("cannot read this table") from error
-    needed = required | _SINCE_VERSION_2 if version >= 2 else required
+    needed = required | {"view"} if version >= 2 else required.difference(SINCE_VERSION_2)
     if missing := sorted(needed.difference(names)):
         raise spoilt(f"it has no column '{missing[0]}'")
     for field in schema:
@@ -250,9 +285,7 @@ def _table(
 
 def _absent(field: pa.Field, count: int) -> pa.Array:
     """The values of a column that the file does not have."""
-    if field.name in _SINCE_VERSION_2:
-        return pa.repeat(pa.scalar(UNNAMED_VIEW), count)
-    return pa.nulls(count, field.type)
+    return pa.repeat(pa.scalar(SINCE_VERSION_2.get(field.name), field.type), count)
 
 
 def _without_default(row: type[FrameRow] | type[TimingRow]) -> frozenset[str]:

@@ -1,7 +1,7 @@
 """A run folder's content as values: the rows of its tables, its manifest and its verdict.
 
-Names are those of the files' columns and keys. What a version 1 folder does not say has a
-default: view "", None.
+Names are those of the files' columns and keys. What a folder of version 1 does not say is read as
+`layout.SINCE_VERSION_2` has it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from visref.culler import RasterTolerance
 from visref.run_folder.layout import UNNAMED_VIEW
 
 
@@ -17,26 +18,42 @@ from visref.run_folder.layout import UNNAMED_VIEW
 class Sums:
     """Counts of a frame, or summed over frames.
 
-    `visible`, `missed` and its parts, `violations` and `undecided` count objects; `drawn` and
-    `superfluous` count units; `missed_pixels` counts samples.
+    `visible`, `missed`, `partly_missed`, their kinds and `undecided` count objects; `drawn`,
+    `superfluous`, `superfluous_confirmed` and `missed_units` count units; `missed_pixels`,
+    `owned_samples` and `undecided_samples` count samples. None stands for what version 1 did not
+    count.
     """
 
     visible: int
     missed: int
+    partly_missed: int | None
     confirmed: int
     ties: int
     within_raster_tolerance: int
+    small: int
+    late: int
+    waived: int
     violations: int
     undecided: int
     missed_pixels: int
+    owned_samples: int | None
+    undecided_samples: int | None
     drawn: int
     superfluous: int
+    superfluous_confirmed: int | None
+    missed_units: int | None
+
+    @property
+    def losing(self) -> int:
+        """Objects that were missed in full or in part, as far as that was counted."""
+        return self.missed + (self.partly_missed or 0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FrameRow(Sums):
     """A row of frames.parquet. Counters are `visref.culler.QueryStats`'s, None where the culler
-    did not count. `owned`: samples that anything owns."""
+    did not count. `owned`: samples that something owns for certain, None where the truth on file
+    does not say."""
 
     culler: str
     frame: int
@@ -76,7 +93,7 @@ class TimingRow:
 class Witness:
     """A miss and the sample that proves it: `pixels` of the `owned` samples of the object are
     lost in this frame and view; (x, y) is the pixel, `depth` its view depth. Margins are None
-    where nothing limits them or they were not computed."""
+    where nothing limits them or they were not computed. `partly`: the object shows elsewhere."""
 
     frame: int
     view: str = UNNAMED_VIEW
@@ -91,16 +108,40 @@ class Witness:
     depth: float
     margin_px: float | None
     margin_depth: float | None
+    partly: bool
 
 
 @dataclass(frozen=True, slots=True)
 class LostObject:
-    """One object that a culler missed, over all frames: samples lost, in how many frames, and
-    the witness of the frame that lost most."""
+    """One object that a culler missed, in full or in part, over all frames: samples lost, in how
+    many frames, how many of its misses are of a part, and the witness of the frame that lost
+    most. `misses` counts frames and views."""
 
     pixels: int
     frames: int
+    misses: int
+    partly: int
     worst: Witness
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenUnit:
+    """A unit that was drawn against the promise: in how many `frames` exact arithmetic found it
+    hidden, and what it found in the one in which most samples were examined. It is hidden at all
+    `samples` that it covers, nearest by `occluder` (a triangle) of the object `occluder_name` at
+    the pixel (x, y); these are None where it covers no sample. `name` is empty unless units are
+    objects."""
+
+    unit: int
+    name: str
+    frames: int
+    frame: int
+    view: str
+    samples: int
+    occluder: int | None
+    occluder_name: str | None
+    x: int | None
+    y: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,12 +165,14 @@ class PathFacts:
 
 @dataclass(frozen=True, slots=True)
 class CullerFacts:
-    """What a culler declared, and its part of file names."""
+    """What a culler declared, and its part of file names. `raster`: its rasteriser's tolerance,
+    None if it declared none."""
 
     promise: str
     unit_kind: str
     units: int
     slug: str
+    raster: RasterTolerance | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,12 +223,15 @@ class FindingRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CullerVerdict(Sums):
-    """What verdict.json says of one culler; counts are sums over its judged `frames`."""
+    """What verdict.json says of one culler; counts are sums over its judged `frames`. `ages`:
+    misses by age in frames; `causes`: why things were missed."""
 
     status: str
     promise: str
     frames: int
     unit_kind: str
+    ages: dict[int, int]
+    causes: tuple[dict[str, Any], ...]
     worst: Witness | None
 
 

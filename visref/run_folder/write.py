@@ -190,6 +190,7 @@ class RunWriter:
                     "unit_kind": record.unit_kind,
                     "units": record.unit_count,
                     "slug": slug(record.spec),
+                    "raster": asdict(record.raster) if record.raster is not None else None,
                 }
                 for record in outcome.cullers
             },

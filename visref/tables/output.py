@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from visref.files import replacing_file
-from visref.judging.status import Exit, decide
+from visref.judging.status import Exit, Status, decide, run_status
 from visref.papers import Paper
 from visref.papers.contents import Table
 from visref.provenance import machine, versions
@@ -32,10 +32,14 @@ from visref.run_folder.read import RunFolder
 from visref.tables.runs import PaperRuns
 
 VERDICT_HEADINGS = (
-    "scene and size", "culler", "declares itself", "frames", "visible", "missed", "violations",
+    "scene and size", "culler", "declares itself", "frames", "visible", "missed", "partly missed",
+    "violations",
     *(rate.name for rate in RATES),
 )  # fmt: skip
-_DEFINED = f"{definitions()} Violations are misses of a culler that declares itself conservative."
+_DEFINED = (
+    f"{definitions()} Violations are what a promise forbids: of conservative and exact cullers "
+    "what is missed, in full or in part, of exact and aggressive ones what is drawn though hidden."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,7 @@ class PaperView:
                 words.count(row.frames),
                 words.count(row.counts.visible),
                 words.count(row.counts.missed),
+                words.count(row.counts.partly_missed),
                 words.count(row.counts.violations),
                 *(words.percent(share) for _, share in row.rates.named()),
             )
@@ -136,7 +141,10 @@ def _page(
     return environment.get_template("tables.html.j2").render(
         headline=headline(views),
         verdict=_verdict_line(runs),
-        status=status.status,
+        status=run_status(
+            [Status(run.verdict.status) for run in runs]
+            + [Status.INCONCLUSIVE for _ in done.failures]
+        ),
         exit_status=int(status),
         sampling=_sampling(done),
         views=[(view, [table_view(table) for table in view.tables]) for view in views],
