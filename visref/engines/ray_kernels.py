@@ -45,7 +45,7 @@ RECTANGLE_MARGIN_PX = 1.0
 OWN, MASK, BLEND = 0, 1, 2
 
 
-class Mesh(NamedTuple):
+class Triangles(NamedTuple):
     """What the loops read of a `Scene`, world space."""
 
     vertices: NDArray[np.float32]
@@ -54,7 +54,7 @@ class Mesh(NamedTuple):
     object_of_triangle: NDArray[np.int32]
 
 
-class Grid(NamedTuple):
+class SampleGrid(NamedTuple):
     """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
     with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth.
 
@@ -186,7 +186,7 @@ def fill_rays(
     rays: NDArray[Any],
     start: int,
     count: int,
-    grid: Grid,
+    grid: SampleGrid,
     origin: NDArray[Any],
     start_depth: float,
 ) -> None:
@@ -221,8 +221,8 @@ def resolve(
     primitives: NDArray[Any],
     start: int,
     count: int,
-    grid: Grid,
-    mesh: Mesh,
+    grid: SampleGrid,
+    mesh: Triangles,
     triangle_of_primitive: NDArray[Any],
     depth_slack: float,
     triangle: NDArray[Any],
@@ -339,8 +339,8 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
 def splat(
     mode: int,
     which: NDArray[Any],
-    mesh: Mesh,
-    grid: Grid,
+    mesh: Triangles,
+    grid: SampleGrid,
     window: tuple[int, int, int, int],
     layers: Layers,
 ) -> None:
@@ -433,8 +433,8 @@ def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def settle_points(
     which: NDArray[Any],
-    mesh: Mesh,
-    grid: Grid,
+    mesh: Triangles,
+    grid: SampleGrid,
     by_a: NDArray[Any],
     triangle: NDArray[Any],
     depth: NDArray[Any],

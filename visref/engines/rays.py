@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.ray_kernels import BLEND, MASK, OWN, PENDING, Grid, Layers, Mesh
+from visref.engines.ray_kernels import BLEND, MASK, OWN, PENDING, Layers, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.scene import Alpha, Float32, Float64, Int32, Scene
 from visref.threads import available_threads
@@ -66,7 +66,7 @@ class RayEngine(TruthEngine):
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
         self._masked = _of_alpha(scene, Alpha.MASK)
         self._blended = _of_alpha(scene, Alpha.BLEND)
-        self._mesh = Mesh(
+        self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
         self._reach = float(np.abs(local).max(initial=0.0))
@@ -163,7 +163,7 @@ class RayEngine(TruthEngine):
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _cast(self, grid: Grid, triangle: Int32, depth: Float64) -> int:
+    def _cast(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> int:
         """Fill the buffers tile by tile; returns how many samples are pending."""
         if not len(self._solid):
             triangle.fill(BACKGROUND)
@@ -201,7 +201,7 @@ class RayEngine(TruthEngine):
     def _casting_workers(self) -> int:
         return self._workers
 
-    def _start(self, grid: Grid) -> tuple[float, float]:
+    def _start(self, grid: SampleGrid) -> tuple[float, float]:
         """The view depth at which rays start, and how far off the library's depths may be.
 
         Rays start on the near plane or where the scene's box begins, whichever is further,
@@ -220,7 +220,7 @@ class RayEngine(TruthEngine):
         start = depth - slack
         return (max(start, 0.0) if grid.perspective else start), slack
 
-    def _settle(self, grid: Grid, triangle: Int32, depth: Float64) -> None:
+    def _settle(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> None:
         """Decide the pending samples in float64, against all opaque triangles."""
         mark = triangle == PENDING
         triangle[mark] = BACKGROUND
@@ -230,7 +230,7 @@ class RayEngine(TruthEngine):
         self._splat(OWN, self._solid, grid, window, lambda: layers)
 
     def _blend(
-        self, grid: Grid, triangle: Int32, depth: Float64, undecided: NDArray[np.bool_]
+        self, grid: SampleGrid, triangle: Int32, depth: Float64, undecided: NDArray[np.bool_]
     ) -> BlendVisibility:
         stamp = np.full(len(triangle), -1, np.int32)
         objects = self.scene.object_count
@@ -256,7 +256,7 @@ class RayEngine(TruthEngine):
         self,
         mode: int,
         which: Int32,
-        grid: Grid,
+        grid: SampleGrid,
         window: tuple[int, int, int, int],
         make_layers: Callable[[], Layers],
     ) -> list[Layers]:
@@ -303,11 +303,11 @@ def _is_exact(vertices: Float32, local: Float32, rebase: Float64) -> bool:
     return bool(same and np.array_equal(moved, vertices.astype(np.float64) - rebase))
 
 
-def sample_grid(camera: Camera) -> Grid:
+def sample_grid(camera: Camera) -> SampleGrid:
     """The camera's samples as the compiled loops read them."""
     basis = np.stack([camera.forward, camera.right_step, camera.up_step])
     axes = np.concatenate([camera.eye[None], basis, np.linalg.inv(basis.T)])
-    return Grid(
+    return SampleGrid(
         np.ascontiguousarray(axes),
         camera.is_perspective,
         float(camera.near),
@@ -317,7 +317,7 @@ def sample_grid(camera: Camera) -> Grid:
     )
 
 
-def _whole(grid: Grid) -> tuple[int, int, int, int]:
+def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:
     return 0, len(grid.column_a), 0, len(grid.row_b)
 
 
