@@ -40,7 +40,7 @@ OUTSIDE, UNMET, FRONT, PROJECTED, HIDDEN = range(5)
 NO_LIMIT = -1
 
 
-class Walk:
+class FrontTraversal:
     """One frame's traversal. `status`: (n,) int8 of each cell; `light`: (n,) float64 in 0...1;
     `pixels`: (n,) float64, of the cells' screen rectangles. `transmittance`: (n, 3) float64, the
     share of light that each cell lets through along each axis."""
