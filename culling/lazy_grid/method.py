@@ -19,7 +19,7 @@ Departures from the paper:
   of the pixels that the image has.
 - An eye in the box, or a box across the near plane, is visible without a test.
 - Fig. 3's `z_far = z_max` (see `lazy_grid.grid`) and section 5's query for hardware that
-  only counts samples (see `queries.areas`) are mended.
+  only counts samples (see `queries.areas`) are corrected.
 - A border query that finds a pixel so far away tells that much of the whole cell, as Fig. 2
   says of `partially free` and Fig. 3 does not.
 - Draws go out together when the next query, or the frame's end, needs them.

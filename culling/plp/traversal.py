@@ -81,24 +81,24 @@ class FrontTraversal:
         marks.begin()
 
     def seed(self, cells: Int64) -> None:
-        """Put cells in the front with nothing before them."""
+        """Put cells, (k,) ids, in the front with nothing before them."""
         cells = cells[self.status[cells] == UNMET]
         self.status[cells], self.light[cells] = FRONT, 1.0
 
     def front(self) -> Int64:
-        """The cells in the front, the next to be projected first."""
+        """(k,) int64: the cells in the front, the next to be projected first."""
         cells = np.flatnonzero(self.status == FRONT)
         shows = self.pixels[cells] * self.light[cells]
         return cells[np.argsort(-shows, kind="stable")]
 
     def hide(self, cells: Int64) -> None:
-        """Take cells out of the front for the rest of the frame."""
+        """Take cells, (k,) ids, out of the front for the rest of the frame."""
         self.status[cells] = HIDDEN
 
     def project(self, budget: int = NO_LIMIT, only: Int64 | None = None) -> Int64:
         """Project cells until the front is empty or `budget` triangles are reached (each
-        counted once a frame), or the cells of the front given in `only`. Returns them in order.
-        Neighbours join the front, but not `only`."""
+        counted once a frame), or the cells of the front given in `only`, (k,) ids. Returns them in
+        order, (n,) int64. Neighbours join the front, but not `only`."""
         candidate = np.ones(len(self.status), np.bool_)
         if only is not None:
             candidate[:] = False

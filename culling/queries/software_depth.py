@@ -3,7 +3,7 @@
 The buffer claims a sample only where a triangle certainly covers it, and never says nearer than
 the triangle certainly is. So it owes nothing to GL's snapping or depth steps: what it hides is
 hidden from the samples' own rays. With the occlusion-buffer variant of the lazy grid it holds
-a single mark a pixel instead of a depth.
+a single mark per pixel instead of a depth.
 
 A triangle is tested in homogeneous coordinates: with corners h_i = (p.R', p.U', p.F') of
 p = vertex - eye, in which the ray of a sample is (a, b, 1), a sample is inside where all three
@@ -78,11 +78,12 @@ class SoftwareBuffer(PixelQueries):
         self.depth.fill(np.inf)
 
     def depth_of(self, nearest: Float64) -> Float64:
-        """View depth itself: the boxes are larger than their geometry by far more than float64
-        errs."""
+        """(k,) float64: view depth itself. The boxes are larger than their geometry by far
+        more than float64 errs."""
         return nearest
 
     def drawn(self, units: Int64) -> None:
+        """Rasterise units, (k,) ids, that were drawn."""
         triangles = self.units.gather(units.astype(np.int32))
         camera = self.view.camera
         mesh = _Mesh(self.scene.vertices, self.scene.triangles, self.occludes, self.scene.one_sided)
@@ -98,6 +99,7 @@ class SoftwareBuffer(PixelQueries):
         _rasterise(mesh, rays, triangles, self.marks_only, self.depth)
 
     def pixels(self, area: Area) -> Float32:
+        """(rows, columns) float32: the area's depths."""
         x0, y0, x1, y1 = area
         return self.depth[y0:y1, x0:x1]
 

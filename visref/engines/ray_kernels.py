@@ -29,7 +29,7 @@ from visref.visibility import BACKGROUND
 PENDING = -2
 
 # Rounding of numerator and denominator, as a multiple of the sums of absolute products that
-# make them up, u = 2^-53. Edges and p are one rounding a component; a
+# make them up, u = 2^-53. Edges and p are one rounding per component; a
 # component of n is two products of two edges and a difference: 2 + 1 + 1 = 4 u. Numerator:
 # p (1; orthographic: a R, its sum with b U, the difference: 4), the product 1, two sums 2:
 # 4 + 4 + 3 = 11 u. Denominator: d (a R, the sum, F's sum: 3), likewise 4 + 3 + 3 = 10 u.

@@ -84,7 +84,8 @@ def with_doubtful_range(view: View, exact_scene: ExactScene, depth: DepthBuffer)
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def key_error(p: NDArray[Any], view: View, depth: DepthBuffer) -> float:
-    """How far off a float32 rasteriser's key of a triangle may be at any of its points."""
+    """How far off a float32 rasteriser's key of a triangle, (9,) float32 corners, may be at any of
+    its points."""
     worst = 0.0
     for i in range(3):
         z, w, t = depth.z_sizes[3], depth.w_sizes[3], 0.0

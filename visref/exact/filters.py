@@ -18,7 +18,7 @@ Rounding. u = 2^-53 bounds the relative error of one operation, wherever a sum o
 product errs by at most 2^-1075 besides. (A fused multiply-add would only round less.) Writing
 g for the difference of two vertices, m for the max-norm of w and h for that of g, as computed:
 
-* w, g: one rounding a component. Cross products w x g: 2 (operands) + 1 (product) + 1
+* w, g: one rounding per component. Cross products w x g: 2 (operands) + 1 (product) + 1
   (difference) = 4 roundings on two products of size <= m h. A dot product of that with an exact
   vector: 1 + 2 more = 7. Evaluated at (a, b) as (c + b cb) + a ca: at most 3 more = 10. So
       |error E| <= ((1+u)^10 - 1) 2 m h (|F|_1 + |a| |R|_1 + |b| |U|_1) = 20.0..1 u m h reach
@@ -86,7 +86,10 @@ SET_UP_SIZE = 18
 
 
 class Samples(Protocol):
-    """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters."""
+    """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters.
+
+    Vectors are (3,) float64, `column_a` (width,) and `row_b` (height,) float64.
+    """
 
     @property
     def is_perspective(self) -> bool: ...

@@ -71,8 +71,8 @@ def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int,
 
 
 def count_wanted(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many wanted samples lie in the blocks above and left of each block corner:
-    (block rows + 1, block columns + 1) int64."""
+    """How many samples of `wanted`, (height, width) bool, lie in the blocks above and left of each
+    block corner: (block rows + 1, block columns + 1) int64."""
     height, width = wanted.shape
     rows, columns = -(-height // BLOCK), -(-width // BLOCK)
     blocks = np.zeros((rows * BLOCK, columns * BLOCK), np.int64)

@@ -67,7 +67,7 @@ def superfluous_causes(
     drawn: DrawnSet,
     superfluous_units: Int32,
 ) -> dict[int, Cause]:
-    """The cause by unit, for `MAX_UNITS` of a frame's superfluous units at most."""
+    """The cause by unit, for at most `MAX_UNITS` of a frame's superfluous units, (k,) int32."""
     ids = np.unique(superfluous_units).astype(np.int64)
     ids = ids[evenly_picked(len(ids), MAX_UNITS)]
     boxes = scene.bounds_of(units)[ids]
