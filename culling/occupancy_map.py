@@ -18,8 +18,9 @@ Departures from the paper:
 - A shape whose rectangle meets no pixel is left out, as outside the view.
 - The paper says that the first map stores where geometry was rendered, not how it learns that.
   Here a drawn shape marks the tiles under each of its parts: its triangles by the cells of a
-  grid over its box, `parts` a side, a box each. With `parts=1` it marks under its whole box;
-  two a side are what gives the saving of the paper on its vessels (`visref tables` has both).
+  grid over its box, `parts` per side, each cell with a box of its own. With `parts=1` it marks
+  under its whole box; two per side are what gives the saving of the paper on its vessels
+  (`visref tables` has both).
 - What a list's queries found visible is marked in the first map too, so that it always holds
   everything drawn.
 - Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer
@@ -274,7 +275,7 @@ class Tiles:
 
 def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
     """Cut each unit into boxes of its triangles, by the cell of a grid over the unit's box that
-    a triangle's middle lies in, `cells` a side. Returns bounds (m, 2, 3) float64 and offsets
+    a triangle's middle lies in, `cells` per side. Returns bounds (m, 2, 3) float64 and offsets
     (u + 1,) int64; together a unit's boxes hold all of it."""
     corners = scene.vertices[scene.triangles[units.triangles]].astype(np.float64)
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -301,7 +302,7 @@ def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
-    """Whether every tile of columns c0...c1 and rows r0...r1 is set in a map."""
+    """Whether every tile of columns c0...c1 and rows r0...r1 is set in a map, (WORDS,) uint32."""
     first, last = c0 >> 5, c1 >> 5
     for row in range(r0, r1 + 1):
         for word in range(first, last + 1):
@@ -317,7 +318,7 @@ def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
-    """Set every tile of columns c0...c1 and rows r0...r1 in a map."""
+    """Set every tile of columns c0...c1 and rows r0...r1 in a map, (WORDS,) uint32."""
     first, last = c0 >> 5, c1 >> 5
     for row in range(r0, r1 + 1):
         for word in range(first, last + 1):
@@ -333,7 +334,10 @@ def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
 def mark_shapes(
     words: NDArray[Any], parts: NDArray[Any], first_part: NDArray[Any], places: NDArray[Any]
 ) -> None:
-    """Set the tiles of every part of some shapes in a map."""
+    """Set the tiles of every part of the shapes at `places`, (k,), in a map, (WORDS,) uint32.
+
+    `parts`, `first_part`: as of `Tiles`.
+    """
     for place in places:
         for p in range(first_part[place], first_part[place + 1]):
             mark(words, parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])

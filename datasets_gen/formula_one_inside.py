@@ -92,7 +92,7 @@ def _driver(made: Assembly) -> None:
 
 
 def _engine(made: Assembly) -> None:
-    """A V10 behind the tank: five cylinders a bank, its trumpets in the airbox."""
+    """A V10 behind the tank: five cylinders per bank, its trumpets in the airbox."""
     fine = made.fine
     tank = rounded_box((-0.27, 0.1, -0.62), (0.27, 0.6, -0.37), 0.06, 4 * fine)
     made.add("fuel-tank", tank, DARK)

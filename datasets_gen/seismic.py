@@ -225,7 +225,7 @@ def _rectangle(corner: Way, along: Way, up: Way) -> Float64:
 def _grid_node(
     name: str, points: Float64, material: Material, open_here: NDArray[np.bool_] | None = None
 ) -> Node:
-    """A node of two triangles a cell of (n, m, 3) points, none where a corner is open."""
+    """A node of two triangles for each cell of (n, m, 3) points, none where a corner is open."""
     n, m = points.shape[:2]
     corner = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).reshape(-1)
     if open_here is not None:

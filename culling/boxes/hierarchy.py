@@ -34,7 +34,7 @@ class BoxTree:
             self.levels.append(np.stack([low, high], axis=1))
 
     def in_frustum(self, view: View) -> Int64:
-        """The units whose inflated boxes meet the view, ascending."""
+        """(k,) int64: the units whose inflated boxes meet the view, ascending."""
         nodes = np.arange(len(self.levels[-1]))
         for depth in range(len(self.levels) - 1, -1, -1):
             boxes = self.levels[depth]
@@ -46,7 +46,8 @@ class BoxTree:
 
 
 def front_to_back(ids: Int64, nearest_depth: Float64) -> Int64:
-    """Indices into `ids` by the view depth of the nearest corner; equals by id."""
+    """Indices into `ids`, (k,) int64, by the view depth of the nearest corner, (k,) float64;
+    equals by id."""
     return np.lexsort((ids, nearest_depth))
 
 

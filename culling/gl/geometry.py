@@ -85,7 +85,7 @@ class Geometry:
         )
 
     def draw(self, view: View, target: Target, unit_ids: Int64, stats: QueryStats) -> None:
-        """Draw units into the target's image and depth, and count what that took."""
+        """Draw units, (k,) ids, into the target's image and depth, and count what that took."""
         self._draw(view, State(target.framebuffer, self.program), unit_ids, stats)
 
     def draw_commands(
@@ -101,14 +101,14 @@ class Geometry:
             stats.draw_calls = (stats.draw_calls or 0) + 1
 
     def tally(self, unit_ids: Int64, stats: QueryStats) -> None:
-        """Count units that commands on the GPU drew."""
+        """Count units, (k,) ids, that commands on the GPU drew."""
         triangles = sum(int(part.count[unit_ids].sum()) for part in self.classes) // 3
         stats.triangles_drawn = (stats.triangles_drawn or 0) + triangles
         stats.units_drawn = (stats.units_drawn or 0) + len(unit_ids)
 
     def draw_depth(self, view: View, target: Target, unit_ids: Int64, stats: QueryStats) -> None:
-        """Draw what the units hide others with into the target's depth alone. It is no part of
-        the final image, so only calls and state changes are counted."""
+        """Draw what the units, (k,) ids, hide others with into the target's depth alone. It is no
+        part of the final image, so only calls and state changes are counted."""
         state = State(target.framebuffer, self.program, colour_write=False)
         drawn = QueryStats()
         self._draw(view, state, unit_ids, drawn, depth_only=True)
@@ -116,8 +116,8 @@ class Geometry:
         stats.state_changes = (stats.state_changes or 0) + (drawn.state_changes or 0)
 
     def fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
-        """How many fragments these units have in the view, hidden ones included. It draws
-        with no depth test: for counting, beside a frame and not in it."""
+        """How many fragments these units, (k,) ids, have in the view, hidden ones included. It
+        draws with no depth test: for counting, beside a frame and not in it."""
         return self._fragments(view, target, unit_ids, depth_only=False)
 
     def depth_fragments(self, view: View, target: Target, unit_ids: Int64) -> int:

@@ -32,7 +32,8 @@ class Marks:
         self.frame += 1
 
     def fresh(self, units: Units, ids: Int64) -> Int32:
-        """The triangles of units `ids` that this frame has not counted, int32, now counted."""
+        """The triangles of units `ids`, (k,), that this frame has not counted: (n,) int32, now
+        counted."""
         result = np.empty(int(units.sizes[ids].sum()), np.int32)
         count = _fresh(
             units.offsets, units.triangles, ids, self.frame_of_triangle, self.frame, result
@@ -61,17 +62,18 @@ class SharedGeometry(Geometry):
         self.marks.begin()
 
     def fresh(self, unit_ids: Int64) -> Int32:
-        """The units' triangles that this frame has not drawn; they count as drawn now."""
+        """(n,) int32: the triangles of units, (k,) ids, that this frame has not drawn; they count
+        as drawn now."""
         return self.marks.fresh(self.units, unit_ids)
 
     def draw(self, view: View, target: Target, unit_ids: Int64, stats: QueryStats) -> None:
-        """Draw what the units add to the frame, and count what that took."""
+        """Draw what the units, (k,) ids, add to the frame, and count what that took."""
         state = State(target.framebuffer, self.program)
         self.draw_triangles(view, state, self.fresh(unit_ids), stats)
         stats.units_drawn = (stats.units_drawn or 0) + len(unit_ids)
 
     def draw_triangles(self, view: View, base: State, triangles: Int32, stats: QueryStats) -> None:
-        """Draw triangles, whatever was drawn before."""
+        """Draw triangles, (n,) ids, whatever was drawn before."""
         view_uniforms(self.program, view)
         calls = changes = 0
         class_of = self.class_of_triangle[triangles]

@@ -19,7 +19,7 @@ Departures from the paper:
   of the pixels that the image has.
 - An eye in the box, or a box across the near plane, is visible without a test.
 - Fig. 3's `z_far = z_max` (see `lazy_grid.grid`) and section 5's query for hardware that
-  only counts samples (see `queries.areas`) are mended.
+  only counts samples (see `queries.areas`) are corrected.
 - A border query that finds a pixel so far away tells that much of the whole cell, as Fig. 2
   says of `partially free` and Fig. 3 does not.
 - Draws go out together when the next query, or the frame's end, needs them.
@@ -67,7 +67,7 @@ Cell = tuple[int, int]  # column, row
 
 
 @dataclass(eq=False)
-class Walk:
+class GridTraversal:
     """One frame's grid and nodes. `area`, `near`, `far`, `depth`, `sure`: of each node its
     pixels, least and greatest view depth, least depth as the buffer holds it, and whether it
     is visible without a test. `waiting`: units to draw before the next query."""
@@ -189,10 +189,10 @@ class LazyGridCulling(GLCuller):
         """(k,) least view depth."""
         return nearest_depth(view, boxes)
 
-    def test_key(self, walk: Walk, node: int) -> float:
+    def test_key(self, walk: GridTraversal, node: int) -> float:
         return walk.near[node]
 
-    def draw_key(self, walk: Walk, node: int) -> float:
+    def draw_key(self, walk: GridTraversal, node: int) -> float:
         return walk.far[node]
 
     def draws_first(self, draw_key: float, test_key: float) -> bool:
@@ -200,14 +200,14 @@ class LazyGridCulling(GLCuller):
         what lies at one depth may be seen beside or in one another."""
         return draw_key < test_key
 
-    def scan(self, walk: Walk, node: int) -> tuple[bool, list[Cell], list[Cell]]:
+    def scan(self, walk: GridTraversal, node: int) -> tuple[bool, list[Cell], list[Cell]]:
         """What the cells' states decide, and the internal and border cells to ask."""
         area = walk.area[node]
         spans = walk.grid.spans(area, 0 < self.large <= _pixels(area))
         free, internal, border = walk.grid.scan(spans, walk.depth[node])
         return free, _cells(internal), _cells(border)
 
-    def ask_internal(self, walk: Walk, cell: Cell, depth: float) -> bool:
+    def ask_internal(self, walk: GridTraversal, cell: Cell, depth: float) -> bool:
         """Bring a cell up to date; whether it shows a box at `depth`."""
         area = walk.grid.area(cell)
         if isinstance(walk.grid, OcclusionGrid):
@@ -219,7 +219,7 @@ class LazyGridCulling(GLCuller):
         walk.grid.learn(cell, reached, farthest)
         return depth <= reached
 
-    def ask_border(self, walk: Walk, cell: Cell, node: int) -> bool:
+    def ask_border(self, walk: GridTraversal, cell: Cell, node: int) -> bool:
         """Whether a cell shows a box in the part that they share."""
         area, depth = self.shared(walk.grid.area(cell), walk.area[node]), walk.depth[node]
         whole = walk.grid.area(cell)
@@ -244,7 +244,7 @@ class LazyGridCulling(GLCuller):
             min(cell[3], box[3]),
         )
 
-    def mark(self, walk: Walk, node: int) -> None:
+    def mark(self, walk: GridTraversal, node: int) -> None:
         """The node's unit is drawn: its cells are outdated."""
         walk.grid.mark(walk.area[node])
 
@@ -268,7 +268,7 @@ class LazyGridCulling(GLCuller):
                 self.test_and_draw(walk)
         self.flush(walk)
 
-    def walk(self, frame: Frame) -> Walk:
+    def walk(self, frame: Frame) -> GridTraversal:
         """Find the nodes in the view, and all that is asked about them."""
         assert self.areas is not None
         view, camera = frame.view, frame.view.camera
@@ -283,7 +283,7 @@ class LazyGridCulling(GLCuller):
         area[cut] = self.rectangles(view, clipped_corners(view, nodes.boxes[cut]))
         depth = np.zeros(len(sure))
         depth[~sure] = self.areas.depth_of(near[~sure])
-        return Walk(
+        return GridTraversal(
             frame,
             nodes,
             self.new_grid(camera.width, camera.height),
@@ -295,7 +295,7 @@ class LazyGridCulling(GLCuller):
             nodes.unit.tolist(),
         )
 
-    def test_and_draw(self, walk: Walk) -> None:
+    def test_and_draw(self, walk: GridTraversal) -> None:
         """Fig. 4, for the z-buffer variant."""
         tests = [(self.test_key(walk, 0), 0)]
         while tests:
@@ -307,7 +307,7 @@ class LazyGridCulling(GLCuller):
             if walk.unit[node] != INNER:
                 self.draw_leaf(walk, node)
 
-    def test_then_draw(self, walk: Walk) -> None:
+    def test_then_draw(self, walk: GridTraversal) -> None:
         """Fig. 6, for the occlusion-buffer variant."""
         tests = [(self.test_key(walk, 0), 0)]
         draws: list[tuple[float, int]] = []
@@ -323,11 +323,11 @@ class LazyGridCulling(GLCuller):
             if walk.unit[node] != INNER:
                 heappush(draws, (self.draw_key(walk, node), node))
 
-    def children(self, walk: Walk, node: int) -> range:
+    def children(self, walk: GridTraversal, node: int) -> range:
         first = int(walk.nodes.first_child[node])
         return range(first, first + int(walk.nodes.children[node]))
 
-    def is_occluded(self, walk: Walk, node: int) -> bool:
+    def is_occluded(self, walk: GridTraversal, node: int) -> bool:
         """Figs. 2 and 3."""
         area = walk.area[node]
         self.observe("test", node=node, area=area, depth=walk.depth[node], sure=walk.sure[node])
@@ -349,7 +349,7 @@ class LazyGridCulling(GLCuller):
         self.observe("tested", node=node, hidden=hidden)
         return hidden
 
-    def draw_leaf(self, walk: Walk, node: int) -> None:
+    def draw_leaf(self, walk: GridTraversal, node: int) -> None:
         unit = walk.unit[node]
         walk.waiting.append(unit)
         self.mark(walk, node)
@@ -359,7 +359,7 @@ class LazyGridCulling(GLCuller):
         if self.updates == "busy":
             self.update_all(walk, node)
 
-    def update_all(self, walk: Walk, node: int) -> None:
+    def update_all(self, walk: GridTraversal, node: int) -> None:
         """Busy: ask every cell where a leaf was drawn. A query that only compares is asked
         about the leaf's farthest depth."""
         assert self.areas is not None
@@ -371,7 +371,7 @@ class LazyGridCulling(GLCuller):
                 if not walk.grid.is_current((column, row)):
                     self.ask_internal(walk, (column, row), depth)
 
-    def any_free(self, walk: Walk, cell: Cell, area: Area, kind: str) -> bool:
+    def any_free(self, walk: GridTraversal, cell: Cell, area: Area, kind: str) -> bool:
         assert self.areas is not None
         self.flush(walk)
         with phase(walk.frame.stats, "query"):
@@ -380,7 +380,7 @@ class LazyGridCulling(GLCuller):
         return free
 
     def reach(
-        self, walk: Walk, cell: Cell, area: Area, depth: float, kind: str
+        self, walk: GridTraversal, cell: Cell, area: Area, depth: float, kind: str
     ) -> tuple[float, float]:
         assert self.areas is not None
         self.flush(walk)
@@ -389,7 +389,7 @@ class LazyGridCulling(GLCuller):
         self.observe("query", kind=kind, cell=cell, area=area, reached=reached, farthest=farthest)
         return reached, farthest
 
-    def flush(self, walk: Walk) -> None:
+    def flush(self, walk: GridTraversal) -> None:
         """Draw what waits."""
         assert self.areas is not None
         if walk.waiting:

@@ -63,6 +63,6 @@ def four_squares(rectangles: Int32) -> Cover:
 
 
 def ceil_log2(numbers: Int64) -> Int64:
-    """The smallest i with 2**i >= n, of positive integers below 2**31."""
+    """The smallest i with 2**i >= n, of positive integers below 2**31: int64 of any shape."""
     # frexp is exact: n - 1 = m * 2**e with m in [1/2, 1), so 2**e is the least power above n - 1.
     return np.frexp((numbers - 1).astype(np.float64))[1].astype(np.int64)

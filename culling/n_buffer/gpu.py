@@ -1,4 +1,4 @@
-"""N-buffers on the GPU: a pass a level, and the levels for shaders to look up."""
+"""N-buffers on the GPU: one pass per level, and the levels for shaders to look up."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GROUP = 16  # work items on a side of a group, as in the shaders
 
 
 class NBufferTexture:
-    """An N-buffer of one image size: a float32 texture array, a layer a level.
+    """An N-buffer of one image size: a float32 texture array, one layer per level.
 
     Window depth goes in as GL samples it: a 24-bit depth comes as the float32 nearest to it.
     Levels only copy and compare, so they add no rounding. `farthest` False keeps the nearest.

@@ -15,7 +15,7 @@ share exactly the same coordinate at their common face.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -41,8 +41,7 @@ BOX_PAD = 2.0**-45
 CHILD = np.array([[c & 1, c >> 1 & 1, c >> 2] for c in range(8)], np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class Links:
+class Links(NamedTuple):
     """Pairs of leaves that share part of a face, each both ways, grouped by the first.
 
     `offsets`: (n + 1,) int64; `to`: (m,) int32 leaves; `axis`: (m,) int8, the axis of the face's

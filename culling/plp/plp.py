@@ -36,7 +36,7 @@ from visref_culling.gl.shared_geometry import Marks, SharedGeometry
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from visref_culling.plp.octree import Links, Octree, build
 from visref_culling.plp.solidity import solidity
-from visref_culling.plp.traversal import Walk, near_corners
+from visref_culling.plp.traversal import FrontTraversal, near_corners
 
 # The paper's fastest budget for a million triangles (section 4), and its leaves.
 PLP_OPTIONS: dict[str, Option] = {
@@ -125,7 +125,7 @@ class PLPCulling(GLCuller):
 
     def begin_walk(self, frame: Frame) -> None:
         with phase(frame.stats, "traverse"):
-            self.walk = Walk(
+            self.walk = FrontTraversal(
                 self.octree, self.links, self.transmittance, self.marks, frame.view, frame.ids
             )
             self.walk.seed(self.seeds(frame))

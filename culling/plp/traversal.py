@@ -23,13 +23,13 @@ angle, 88 % and 1.3 %; ordered by light alone, 77 % and 5.7 %.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float64, Int64
+from visref.scene import Float64, Int32, Int64
 from visref_culling.gl.shared_geometry import Marks
 from visref_culling.gl.view import View
 from visref_culling.plp.octree import CHILD, Links, Octree
@@ -40,7 +40,24 @@ OUTSIDE, UNMET, FRONT, PROJECTED, HIDDEN = range(5)
 NO_LIMIT = -1
 
 
-class Walk:
+class _Cells(NamedTuple):
+    """What a cell's projection reads and writes, arrays over the cells unless said otherwise.
+
+    `offsets`, `triangles`: each cell's triangles (CSR); `transmittance`, `status`, `light`,
+    `pixels`: as of a `FrontTraversal`; `frame_of_triangle`: (t,) int32, the last frame that
+    counted each triangle.
+    """
+
+    offsets: Int64
+    triangles: Int32
+    transmittance: Float64
+    pixels: Float64
+    status: NDArray[np.int8]
+    light: Float64
+    frame_of_triangle: Int32
+
+
+class FrontTraversal:
     """One frame's traversal. `status`: (n,) int8 of each cell; `light`: (n,) float64 in 0...1;
     `pixels`: (n,) float64, of the cells' screen rectangles. `transmittance`: (n, 3) float64, the
     share of light that each cell lets through along each axis."""
@@ -64,47 +81,40 @@ class Walk:
         marks.begin()
 
     def seed(self, cells: Int64) -> None:
-        """Put cells in the front with nothing before them."""
+        """Put cells, (k,) ids, in the front with nothing before them."""
         cells = cells[self.status[cells] == UNMET]
         self.status[cells], self.light[cells] = FRONT, 1.0
 
     def front(self) -> Int64:
-        """The cells in the front, the next to be projected first."""
+        """(k,) int64: the cells in the front, the next to be projected first."""
         cells = np.flatnonzero(self.status == FRONT)
         shows = self.pixels[cells] * self.light[cells]
         return cells[np.argsort(-shows, kind="stable")]
 
     def hide(self, cells: Int64) -> None:
-        """Take cells out of the front for the rest of the frame."""
+        """Take cells, (k,) ids, out of the front for the rest of the frame."""
         self.status[cells] = HIDDEN
 
     def project(self, budget: int = NO_LIMIT, only: Int64 | None = None) -> Int64:
         """Project cells until the front is empty or `budget` triangles are reached (each
-        counted once a frame), or the cells of the front given in `only`. Returns them in order.
-        Neighbours join the front, but not `only`."""
+        counted once a frame), or the cells of the front given in `only`, (k,) ids. Returns them in
+        order, (n,) int64. Neighbours join the front, but not `only`."""
         candidate = np.ones(len(self.status), np.bool_)
         if only is not None:
             candidate[:] = False
             candidate[only] = True
         order = np.empty(len(self.status), np.int64)
         units, links, marks = self.octree.units, self.links, self.marks
-        count = _project(
+        cells = _Cells(
             units.offsets,
             units.triangles,
-            links.offsets,
-            links.to,
-            links.axis,
             self.transmittance,
             self.pixels,
-            marks.frame_of_triangle,
-            marks.frame,
             self.status,
             self.light,
-            candidate,
-            only is None,
-            budget,
-            order,
+            marks.frame_of_triangle,
         )
+        count = _project(cells, links, marks.frame, candidate, only is None, budget, order)
         return order[:count]
 
 
@@ -139,22 +149,17 @@ def near_corners(view: View) -> Float64:
 
 @numba.njit(cache=True, nogil=True)
 def _project(
-    offsets: NDArray[Any],
-    triangles: NDArray[Any],
-    link_offsets: NDArray[Any],
-    link_to: NDArray[Any],
-    link_axis: NDArray[Any],
-    transmittance: NDArray[Any],
-    pixels: NDArray[Any],
-    frame_of_triangle: NDArray[Any],
+    cells: _Cells,
+    links: Links,
     frame: int,
-    status: NDArray[Any],
-    light: NDArray[Any],
     candidate: NDArray[Any],
     follow: bool,
     budget: int,
     order: NDArray[Any],
 ) -> int:
+    """Project cells of the front, those of `candidate`, into `order`; returns how many."""
+    offsets, triangles, transmittance, pixels, status, light, frame_of_triangle = cells
+    link_offsets, link_to, link_axis = links
     front = np.empty(len(status), np.int64)
     length = 0
     for cell in range(len(status)):

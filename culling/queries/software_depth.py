@@ -3,7 +3,7 @@
 The buffer claims a sample only where a triangle certainly covers it, and never says nearer than
 the triangle certainly is. So it owes nothing to GL's snapping or depth steps: what it hides is
 hidden from the samples' own rays. With the occlusion-buffer variant of the lazy grid it holds
-a single mark a pixel instead of a depth.
+a single mark per pixel instead of a depth.
 
 A triangle is tested in homogeneous coordinates: with corners h_i = (p.R', p.U', p.F') of
 p = vertex - eye, in which the ray of a sample is (a, b, 1), a sample is inside where all three
@@ -12,14 +12,14 @@ p = vertex - eye, in which the ray of a sample is (a, b, 1), a sample is inside 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import QueryStats
-from visref.scene import Float32, Float64, Int64, Scene, Units
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 from visref_culling.gl.device import Target
 from visref_culling.gl.view import View
 from visref_culling.queries.areas import Area, PixelQueries
@@ -34,6 +34,27 @@ VOLUME_UNITS = 2.0**-47
 
 # A quotient or a weighted mean of depths rounds a few times more; all of it is below 2**-49.
 DEPTH_UNITS = 2.0**-49
+
+
+class _Mesh(NamedTuple):
+    """All triangles of a scene: `occludes` (t,) bool, those that hide what lies behind them."""
+
+    vertices: Float32
+    triangles: Int32
+    occludes: NDArray[np.bool_]
+    one_sided: NDArray[np.bool_]
+
+
+class _Rays(NamedTuple):
+    """The samples: h of a vector from the `eye` is `rows` (3, 3) times it; see the module."""
+
+    eye: Float64
+    rows: Float64
+    perspective: bool
+    near: float
+    far: float
+    column_a: Float64
+    row_b: Float64
 
 
 class SoftwareBuffer(PixelQueries):
@@ -57,19 +78,16 @@ class SoftwareBuffer(PixelQueries):
         self.depth.fill(np.inf)
 
     def depth_of(self, nearest: Float64) -> Float64:
-        """View depth itself: the boxes are larger than their geometry by far more than float64
-        errs."""
+        """(k,) float64: view depth itself. The boxes are larger than their geometry by far
+        more than float64 errs."""
         return nearest
 
     def drawn(self, units: Int64) -> None:
+        """Rasterise units, (k,) ids, that were drawn."""
         triangles = self.units.gather(units.astype(np.int32))
         camera = self.view.camera
-        _rasterise(
-            self.scene.vertices,
-            self.scene.triangles,
-            triangles,
-            self.occludes,
-            self.scene.one_sided,
+        mesh = _Mesh(self.scene.vertices, self.scene.triangles, self.occludes, self.scene.one_sided)
+        rays = _Rays(
             camera.eye,
             homogeneous_from_relative(self.view),
             camera.is_perspective,
@@ -77,11 +95,11 @@ class SoftwareBuffer(PixelQueries):
             self.view.far,
             camera.column_a,
             camera.row_b,
-            self.marks_only,
-            self.depth,
         )
+        _rasterise(mesh, rays, triangles, self.marks_only, self.depth)
 
     def pixels(self, area: Area) -> Float32:
+        """(rows, columns) float32: the area's depths."""
         x0, y0, x1, y1 = area
         return self.depth[y0:y1, x0:x1]
 
@@ -102,21 +120,14 @@ def _column(view: View, axis: int) -> Float64:
 
 @numba.njit(cache=True, nogil=True)
 def _rasterise(
-    vertices: NDArray[Any],
-    triangles: NDArray[Any],
+    mesh: _Mesh,
+    rays: _Rays,
     chosen: NDArray[Any],
-    occludes: NDArray[Any],
-    one_sided: NDArray[Any],
-    eye: NDArray[Any],
-    rows: NDArray[Any],
-    perspective: bool,
-    near: float,
-    far: float,
-    column_a: NDArray[Any],
-    row_b: NDArray[Any],
     marks_only: bool,
     depth: NDArray[Any],
 ) -> None:
+    vertices, triangles, occludes, one_sided = mesh
+    eye, rows, perspective, near, far, column_a, row_b = rays
     height, width = depth.shape
     scale = np.abs(rows[:2]).max()
     h = np.empty((3, 3))

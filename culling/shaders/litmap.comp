@@ -19,7 +19,7 @@ uniform vec3 doubt;         // in all, for each unit of depth, for its square
 // Of a position relative to the eye: x and y in lexels (of a spot light: times the distance along
 // the light), the distance along the light, and in fourth place its divisor.
 uniform mat4 light_from_relative;
-uniform vec2 lexels_a_unit; // of length: at any distance, or of a spot light at distance 1
+uniform vec2 lexels_per_unit; // of length: at any distance, or of a spot light at distance 1
 uniform float light_near;
 uniform ivec2 lexels;
 
@@ -37,15 +37,15 @@ void main() {
     vec3 relative = depth * (forward + ab.x * right_step + ab.y * up_step);
     float apart = doubt.x + (doubt.y + doubt.z * depth) * depth;
     vec4 light = light_from_relative * vec4(relative, 1.0);
-    float divisor = light.w - (lexels_a_unit.y > 0.0 ? apart : 0.0);
+    float divisor = light.w - (lexels_per_unit.y > 0.0 ? apart : 0.0);
     if (light.z - apart < light_near || divisor <= 0.0) {
         return;  // beside the light
     }
     vec2 lexel = light.xy / light.w;
     // Moving by `apart` moves a lexel by so many, and of a spot light changes the divisor.
-    vec2 footprint = vec2(apart * lexels_a_unit.x);
-    if (lexels_a_unit.y > 0.0) {
-        footprint = apart * (lexels_a_unit.y + abs(lexel)) / divisor;
+    vec2 footprint = vec2(apart * lexels_per_unit.x);
+    if (lexels_per_unit.y > 0.0) {
+        footprint = apart * (lexels_per_unit.y + abs(lexel)) / divisor;
     }
     ivec2 first = ivec2(floor(clamp(lexel - footprint, vec2(0.0), vec2(lexels))));
     ivec2 last = ivec2(floor(clamp(lexel + footprint, vec2(-1.0), vec2(lexels) - 0.5)));

@@ -97,7 +97,7 @@ class Litmaps:
             ("up_step", camera.up_step),
             ("shift_px", np.array([camera.shift_x_px, camera.shift_y_px])),
             ("doubt", np.array(self.doubt(view, reach))),
-            ("lexels_a_unit", lexels_a_unit(self.light)),
+            ("lexels_per_unit", lexels_per_unit(self.light)),
             ("light_from_relative", light_from_relative(self.light, camera.eye).T),
         ):
             set_uniform(shader, name, vector.astype(np.float32).tobytes())
@@ -136,7 +136,7 @@ def light_from_relative(light: Light, eye: Float64) -> Float64:
     return np.stack([x, y, distance, divisor])
 
 
-def lexels_a_unit(light: Light) -> Float64:
+def lexels_per_unit(light: Light) -> Float64:
     """Lexels that a unit of length has: (at any distance, or of a spot light at distance 1)."""
     lexels = 0.5 / float(np.linalg.norm(light.camera.right_step))
     return np.array([lexels, 0.0] if light.directional else [0.0, lexels])

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.truth_scenes import Part, build, quad, random_soup
-from visref.between.aiming import draw_points, projected_areas, view_coordinates
+from visref.between.aiming import Aim, SeenMesh, draw_points, projected_areas
 from visref.between.search import (
     FrameGeometry,
     GeometricSearch,
@@ -281,8 +281,8 @@ def test_projected_area_is_that_of_the_part_inside_the_view() -> None:
     )
     camera = replace(camera, far=math.inf)
     every = np.arange(scene.triangle_count, dtype=np.int32)
-    local = view_coordinates(camera, scene.vertices)
-    areas = projected_areas(every, scene.triangles, local, True, image_limits(camera))
+    mesh = SeenMesh.of(camera, scene.vertices, scene.triangles, image_limits(camera))
+    areas = projected_areas(every, mesh)
     sums = np.add.reduceat(areas, scene.object_offsets[:-1])
     # At near = 0.5 the floor is half the half view's height below: 6 of 12 rows.
     np.testing.assert_allclose(sums, [15 * 14, 2 * 1, 0, 32 * 6], rtol=1e-4)
@@ -291,13 +291,10 @@ def test_projected_area_is_that_of_the_part_inside_the_view() -> None:
 def test_points_are_drawn_inside_the_projection_and_in_proportion_to_area() -> None:
     camera = perspective()
     scene = build(quad(camera, (5, 3, 8, 6), 4.0), quad(camera, (10, 3, 11, 6), 2.0))
-    local, limits = view_coordinates(camera, scene.vertices), image_limits(camera)
+    mesh = SeenMesh.of(camera, scene.vertices, scene.triangles, image_limits(camera))
     which = np.arange(4, dtype=np.int32)
-    areas = projected_areas(which, scene.triangles, local, True, limits)
-    target, a, b = draw_points(
-        7, np.array([3], np.int32), 0, 20_000, 0.25, np.array([0, 4]), which, areas,
-        scene.triangles, local, True, limits,
-    )  # fmt: skip
+    aim = Aim(np.array([3], np.int32), np.array([0, 4]), which, projected_areas(which, mesh))
+    target, a, b = draw_points(aim, mesh, 7, 0, 20_000, 0.25)
     x, y = (a + 32) / 2, (24 - b) / 2
     near = target >= 2
     assert (((x > 5) & (x < 8) & (y > 3) & (y < 6)) | near).all()

@@ -6,21 +6,74 @@ In the coordinates of `visref.camera` a point p has p - e = z F + A R + B U, and
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.scene import Float32, Float64, Int32, Int64
+from visref.scene import Float32, Float64, Int32, Int64, Scene
 
 # A triangle has 3 corners and each of 6 planes cuts off one more at most.
 _CORNERS = 9
 
 
+class SeenMesh(NamedTuple):
+    """Triangles in the coordinates of a camera. `triangles`: (t, 3) int32 vertex indices;
+    `local`: (v, 3) float64, of `view_coordinates`; `limits`: (6,) float64, the least and greatest
+    a, b and z in view, infinite for none."""
+
+    triangles: Int32
+    local: Float64
+    perspective: bool
+    limits: Float64
+
+    @classmethod
+    def of(cls, camera: Camera, vertices: Float32, triangles: Int32, limits: Float64) -> SeenMesh:
+        """(v, 3) float32 world vertices and (t, 3) triangles, seen within `limits`."""
+        return cls(triangles, view_coordinates(camera, vertices), camera.is_perspective, limits)
+
+
+class Aim(NamedTuple):
+    """Objects to aim at, and their triangles: those of object i, k of all, are
+    `which[offsets[i]:offsets[i + 1]]`.
+
+    `objects`: (k,) int32 ids; `offsets`: (k + 1,) int64; `which`: (n,) int32 triangle ids;
+    `areas`: (n,) float64, what each projects to in pixels.
+    """
+
+    objects: Int32
+    offsets: Int64
+    which: Int32
+    areas: Float64
+
+    @classmethod
+    def at(cls, scene: Scene, objects: Int32, mesh: SeenMesh) -> Aim:
+        """Aim at some objects, (k,) int32 ids, all of whose triangles are in `mesh`."""
+        units = scene.object_units()
+        which = units.gather(objects)
+        offsets = np.concatenate([[0], np.cumsum(units.sizes[objects])]).astype(np.int64)
+        return cls(objects, offsets, which, projected_areas(which, mesh))
+
+    @property
+    def extent(self) -> Float64:
+        """(k,) float64: the sum of each object's areas."""
+        if not len(self.objects):
+            return np.zeros(0)
+        extent: Float64 = np.add.reduceat(self.areas, self.offsets[:-1])
+        return extent
+
+    def only(self, chosen: NDArray[np.bool_]) -> Aim:
+        """The same for some of the objects, (k,) bool."""
+        sizes = np.diff(self.offsets)
+        kept = np.repeat(chosen, sizes)
+        offsets = np.concatenate([[0], np.cumsum(sizes[chosen])]).astype(np.int64)
+        return Aim(self.objects[chosen], offsets, self.which[kept], self.areas[kept])
+
+
 def view_coordinates(camera: Camera, vertices: Float32) -> Float64:
-    """(v, 3) float64: A, B and z of each vertex."""
+    """(v, 3) float64: A, B and z of each of (v, 3) float32 world vertices."""
     basis = np.stack([camera.right_step, camera.up_step, camera.forward])
     result: Float64 = (vertices - camera.eye) @ np.linalg.inv(basis)
     return result
@@ -87,10 +140,10 @@ def _fan(p, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def projected_areas(
-    which: Int32, triangles: Int32, local: Float64, perspective: bool, limits: Float64
-) -> Float64:
-    """(k,) float64: the area that each triangle's part in the view projects to, in pixels."""
+def projected_areas(which: Int32, mesh: SeenMesh) -> Float64:
+    """(k,) float64: the area that the part in view of each triangle of `which`, (k,) int32 ids,
+    projects to, in pixels."""
+    triangles, local, perspective, limits = mesh
     polygon, other = np.empty((_CORNERS + 1, 3)), np.empty((_CORNERS + 1, 3))
     areas = np.empty(len(which))
     for i in range(len(which)):
@@ -123,25 +176,17 @@ def uniform(seed: int, stream: int, index: int) -> float:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def draw_points(
-    seed: int,
-    streams: Int32,
-    start: int,
-    count: int,
-    even_share: float,
-    offsets: Int64,
-    which: Int32,
-    areas: Float64,
-    triangles: Int32,
-    local: Float64,
-    perspective: bool,
-    limits: Float64,
+    aim: Aim, mesh: SeenMesh, seed: int, start: int, count: int, even_share: float
 ) -> tuple[Int32, Float64, Float64]:
-    """`count` image points for each group of triangles: (triangle ids, a, b), group by group.
+    """`count` image points for each of k objects, object by object: (k * count,) int32 triangle
+    ids and float64 a and b, in half pixels.
 
-    Group g is `which[offsets[g]:offsets[g + 1]]`, its numbers are those of stream `streams[g]`
-    from `start` on. A point is uniform on the projection of a triangle drawn by area, or (a
-    share `even_share` of them) drawn evenly among those with any area. Every group has some.
+    Object i's numbers are those of the stream `objects[i]` of `seed`, from the `start`-th point
+    on. A point is uniform on the projection of a triangle drawn by area, or (a share
+    `even_share` of them) drawn evenly among those with any area. Every object has some.
     """
+    streams, offsets, which, areas = aim
+    triangles, local, perspective, limits = mesh
     total = len(streams) * count
     target = np.empty(total, np.int32)
     a, b = np.empty(total), np.empty(total)
@@ -151,7 +196,7 @@ def draw_points(
         sums = np.cumsum(areas[first:last])
         some = np.flatnonzero(areas[first:last] > 0.0)
         for i in range(count):
-            # Five numbers a point.
+            # Five numbers per point.
             at = 5 * (start + i)
             pick = uniform(seed, streams[g], at)
             if uniform(seed, streams[g], at + 1) < even_share:

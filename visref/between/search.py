@@ -27,14 +27,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from visref.between.aiming import draw_points, projected_areas, view_coordinates
+from visref.between.aiming import Aim, SeenMesh, draw_points
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.engines.rays import RayEngine
 from visref.exact import ExactScene
 from visref.exact.outside import certainly_outside, degenerate, image_limits, pixel_at
 from visref.recordings.truth_file import path_digest
-from visref.scene import Alpha, Float64, Int32, Int64, Scene
+from visref.scene import Alpha, Float64, Int32, Scene
 from visref.visibility import BACKGROUND, ObjectVisibility
 
 FIRST_ROUND = 16
@@ -114,8 +114,8 @@ class GeometricSearch:
         outside[~empty] = certainly_outside(camera, _box_corners(boxes[~empty]))
         found.status[unseen[outside]] = Status.HIDDEN
         unseen = unseen[~outside]
-        limits, local = image_limits(camera), view_coordinates(camera, scene.vertices)
-        aim = _Aim.at(scene, unseen, local, camera, limits)
+        mesh = SeenMesh.of(camera, scene.vertices, scene.triangles, image_limits(camera))
+        aim = Aim.at(scene, unseen, mesh)
         for group in np.flatnonzero(aim.extent == 0.0):
             which = aim.which[aim.offsets[group] : aim.offsets[group + 1]]
             if self._nothing_shows(camera, which):
@@ -127,10 +127,7 @@ class GeometricSearch:
             next_rays = count * len(aim.objects)
             if not next_rays or (turn >= ROUNDS and rays + next_rays > camera.samples):
                 break
-            target, a, b = draw_points(
-                number, aim.objects, start, count, EVEN_SHARE, aim.offsets, aim.which, aim.areas,
-                scene.triangles, local, camera.is_perspective, limits,
-            )  # fmt: skip
+            target, a, b = draw_points(aim, mesh, number, start, count, EVEN_SHARE)
             rays += len(a)
             self._look(camera, target, a, b, found)
             start, count = start + count, 2 * count
@@ -204,41 +201,6 @@ class _Found:
             np.where(seen.visible, values, np.nan) for values in (column, row, seen.depth)
         )
         return cls(np.full(len(x), Status.VISIBLE, np.uint8), x, y, depth)
-
-
-@dataclass(frozen=True, eq=False)
-class _Aim:
-    """Objects to aim at: ids, their triangles (CSR), and what each projects to in pixels."""
-
-    objects: Int32
-    offsets: Int64
-    which: Int32
-    areas: Float64
-
-    @classmethod
-    def at(
-        cls, scene: Scene, objects: Int32, local: Float64, camera: Camera, limits: Float64
-    ) -> _Aim:
-        units = scene.object_units()
-        which = units.gather(objects)
-        offsets = np.concatenate([[0], np.cumsum(units.sizes[objects])]).astype(np.int64)
-        areas = projected_areas(which, scene.triangles, local, camera.is_perspective, limits)
-        return cls(objects, offsets, which, areas)
-
-    @property
-    def extent(self) -> Float64:
-        """(k,) float64: the sum of each object's areas."""
-        if not len(self.objects):
-            return np.zeros(0)
-        extent: Float64 = np.add.reduceat(self.areas, self.offsets[:-1])
-        return extent
-
-    def only(self, chosen: NDArray[np.bool_]) -> _Aim:
-        """The same for some of the objects."""
-        sizes = np.diff(self.offsets)
-        kept = np.repeat(chosen, sizes)
-        offsets = np.concatenate([[0], np.cumsum(sizes[chosen])]).astype(np.int64)
-        return _Aim(self.objects[chosen], offsets, self.which[kept], self.areas[kept])
 
 
 def _box_corners(boxes: Float64) -> Float64:

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.conformance.suite import SCENES, built_case
+from visref.conformance.scenes import SCENES
+from visref.conformance.suite import built_case
 from visref.culler import RasterTolerance
 from visref.engines.base import TruthEngine
 from visref.exact import ExactScene, surviving

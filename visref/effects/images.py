@@ -103,7 +103,11 @@ def judge(
     bounds: Bounds,
     domain: NDArray[np.bool_] | None = None,
 ) -> ImageVerdict:
-    """Compare an effect's image; `bounds` are those of the `disputed` samples, in order."""
+    """Compare an effect's image; `bounds` are those of the `disputed` samples, in order.
+
+    `image`, `reference`, `truth`: (height, width) int32. `domain`: (height, width) bool, the
+    samples that count; None for all.
+    """
     if not image.shape == reference.shape == truth.shape:
         raise ValueError(f"images of {image.shape}, {reference.shape} and {truth.shape}")
     if not np.array_equal(bounds.samples, disputed(image, reference, truth, domain)):

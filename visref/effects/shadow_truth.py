@@ -70,7 +70,9 @@ class ShadowTruth:
         self, truth: FrameTruth, image: Int32, reference: Int32, tolerance: RasterTolerance
     ) -> ImageVerdict:
         """Hold a frame's shadows, and the unclamped ones, against rays: the protocol of
-        `visref.effects.images`, on the visible samples that the light holds."""
+        `visref.effects.images`, on the visible samples that the light holds.
+
+        `image`, `reference`: (height, width) int32."""
         cast, domain = self.image(truth), self.lit_domain(truth, tolerance)
         samples = disputed(image, reference, cast, domain)
         bounds = self.bounds(truth.camera, samples, tolerance)
@@ -94,8 +96,8 @@ class ShadowTruth:
         return result.reshape(truth.buffer.triangle.shape)
 
     def bounds(self, camera: Camera, samples: Int64, tolerance: RasterTolerance) -> Bounds:
-        """Between what the shadow at some samples lies, whatever surface the rasteriser sees
-        there."""
+        """Between what the shadow at some samples, (k,) flat indices, lies, whatever surface the
+        rasteriser sees there."""
         if not len(samples):
             return NO_BOUNDS
         surfaces = surfaces_at(self._exact, camera, samples, tolerance)

@@ -77,13 +77,13 @@ class SpriteTruth:
         self, camera: Camera, image: Int32, reference: Int32, tolerance: RasterTolerance
     ) -> ImageVerdict:
         """Hold a frame's layers, and those with no sprite culled, against rays: the protocol of
-        `visref.effects.images`."""
+        `visref.effects.images`. `image`, `reference`: (height, width) int32."""
         shown = layers(self.sprites, self.engine.frame(camera))
         samples = disputed(image, reference, shown)
         return judge(image, reference, shown, self.bounds(camera, samples, tolerance))
 
     def bounds(self, camera: Camera, samples: Int64, tolerance: RasterTolerance) -> Bounds:
-        """Between what the layers at some samples lie."""
+        """Between what the layers at some samples, (k,) flat indices, lie."""
         if not len(samples):
             return NO_BOUNDS
         exact, sprites = self._exact, self.sprites

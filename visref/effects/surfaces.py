@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -26,15 +26,17 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.exact import ExactScene, screen
+from visref.exact import ExactScene
+from visref.exact.depth_buffer import DepthBuffer, depth_buffer, with_doubtful_range
 from visref.exact.filters import View, view_of
-from visref.exact.margins import depth_rows, with_doubtful_range
+from visref.exact.nearby import Nearby, near_samples
 from visref.exact.polygons import (
     distance_to_polygon,
     distance_to_segment,
     key_range,
     screen_polygon,
 )
+from visref.exact.screen import X0, X1, Y0, Y1
 from visref.scene import Float32, Float64, Int32, Int64
 
 # A transform relative to the eye errs by this part of the distance: per component two
@@ -72,35 +74,46 @@ class Surfaces:
         return result
 
 
+class _Reach(NamedTuple):
+    """How far a rasteriser errs: `radius` in pixels, `steps` in the key; and its range of view
+    depths."""
+
+    radius: float
+    steps: float
+    first: float
+    last: float
+
+
+class _Gathered(NamedTuple):
+    """What `_gather` writes: of sample i, from `starts[i]` on, `counts[i]` triangles' places in
+    cluster order, least and greatest depths, and whether they are certain to be in the way."""
+
+    starts: Int64
+    counts: Int64
+    place: Int32
+    near: Float64
+    far: Float64
+    certain: NDArray[np.bool_]
+
+
 def surfaces_at(
     exact: ExactScene, camera: Camera, samples: Int64, tolerance: RasterTolerance
 ) -> Surfaces:
     """What a rasteriser of this tolerance may see at some samples, (k,) flat indices."""
-    rows = depth_rows(camera, exact, tolerance)
-    view = with_doubtful_range(view_of(camera), exact, rows)
+    depth = depth_buffer(camera, exact, tolerance)
+    view = with_doubtful_range(view_of(camera), exact, depth)
     samples = np.asarray(samples, np.int64)
-    wanted = np.zeros((camera.height, camera.width), np.bool_)
-    wanted.reshape(-1)[samples] = True
-    # Half a pixel more than the radius holds every box's rounding.
-    found, boxes, _ = exact.project(
-        view, np.ones(len(exact.corners), np.bool_), wanted, tolerance.snap_px + 0.5
-    )
-    columns, tiles_down = -(-camera.width // screen.TILE), -(-camera.height // screen.TILE)
-    y, x = samples // camera.width, samples % camera.width
-    tile = y // screen.TILE * columns + x // screen.TILE
-    tiles = np.zeros(tiles_down * columns, np.bool_)
-    tiles[tile] = True
-    offsets, entries = screen.bin_boxes(boxes, tiles, columns)
+    usable = np.ones(len(exact.corners), np.bool_)
+    nearby = near_samples(exact, camera, view, usable, samples, tolerance.snap_px)
+    reach = _Reach(tolerance.snap_px, _steps(depth), camera.near, camera.far)
     counts = np.zeros(len(samples), np.int64)
     for keep in (False, True):  # count, then fill
         starts = np.concatenate([[0], np.cumsum(counts)])
         room = int(starts[-1]) if keep else 0
         place, certain = np.empty(room, np.int32), np.empty(room, np.bool_)
         near, far = np.empty(room), np.empty(room)
-        _gather(
-            x, y, tile, view, exact.corners, found, boxes, offsets, entries, tolerance.snap_px,
-            _steps(rows), camera.near, camera.far, keep, starts, counts, place, near, far, certain,
-        )  # fmt: skip
+        gathered = _Gathered(starts, counts, place, near, far, certain)
+        _gather(nearby, exact.corners, view, reach, keep, gathered)
     owner = np.repeat(np.arange(len(samples)), counts)
     limit = np.full(len(samples), np.inf)
     np.minimum.at(limit, owner[certain], far[certain])
@@ -119,7 +132,7 @@ def depth_doubt(
 ) -> tuple[Float64, Float64]:
     """Between which view depths a rasteriser may place points that are not moved on the screen:
     (n, 3) float32 -> two (n,) float64."""
-    steps = _steps(depth_rows(camera, exact, tolerance))
+    steps = _steps(depth_buffer(camera, exact, tolerance))
     relative = points.astype(np.float64) - camera.eye
     depth = relative @ view_of(camera).z_dual
     moved = TRANSFORM * np.linalg.norm(relative, axis=1)
@@ -131,42 +144,32 @@ def depth_doubt(
         return 1.0 / (key + steps) - moved, far + moved
 
 
-def _steps(rows: Float64) -> float:
-    """The depth buffer's error in the key, from `depth_rows`."""
-    step, scale = rows[2, :2]
-    return float((DEPTH_STEPS * 2.0**-24 + step) * scale)
+def _steps(depth: DepthBuffer) -> float:
+    """The depth buffer's error in the key."""
+    return (DEPTH_STEPS * 2.0**-24 + depth.step) * depth.scale
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _gather(
-    xs: NDArray[Any],
-    ys: NDArray[Any],
-    tiles: NDArray[Any],
-    view: View,
+    nearby: Nearby,
     corners: NDArray[Any],
-    found: NDArray[Any],
-    boxes: NDArray[Any],
-    bin_offsets: NDArray[Any],
-    bin_entries: NDArray[Any],
-    radius: float,
-    steps: float,
-    first: float,
-    last: float,
+    view: View,
+    reach: _Reach,
     keep: bool,
-    starts: NDArray[Any],
-    counts: NDArray[Any],
-    place: NDArray[Any],
-    near: NDArray[Any],
-    far: NDArray[Any],
-    certain: NDArray[Any],
+    gathered: _Gathered,
 ) -> None:
+    """Count the triangles that a rasteriser may show at each sample; with `keep` note them."""
+    xs, ys, tiles, binned = nearby
+    found, boxes, _, bin_offsets, bin_entries, _ = binned
+    radius, steps, first, last = reach
+    starts, counts, place, near, far, certain = gathered
     polygon, tags = np.empty((4, 3)), np.empty(4, np.int8)
     for index in range(len(xs)):
         x, y = np.float64(xs[index]), np.float64(ys[index])
         at = starts[index]
         for entry in range(bin_offsets[tiles[index]], bin_offsets[tiles[index] + 1]):
             k = bin_entries[entry]
-            if x < boxes[k, 0] or x > boxes[k, 1] or y < boxes[k, 2] or y > boxes[k, 3]:
+            if x < boxes[k, X0] or x > boxes[k, X1] or y < boxes[k, Y0] or y > boxes[k, Y1]:
                 continue
             corner = corners[found[k]]
             count, slop = screen_polygon(corner, view, polygon, tags)

@@ -34,7 +34,7 @@ LANES = 8
 
 # RTCRayHit8 in 32-bit words: eight lanes each of origin, tnear, direction, time, tfar, mask,
 # id, flags, then the normal, u, v, the primitive's, the geometry's and the instance's ids
-# (one or two words a level). 2 KiB hold it, the valid mask and the alignment to spare.
+# (one or two words per level). 2 KiB hold it, the valid mask and the alignment to spare.
 _TNEAR, _DIRECTION, _TIME, _TFAR = 3 * LANES, 4 * LANES, 7 * LANES, 8 * LANES
 _MASK, _ID, _FLAGS = 9 * LANES, 10 * LANES, 11 * LANES
 _PRIMITIVE, _GEOMETRY = 17 * LANES, 18 * LANES

@@ -29,7 +29,7 @@ from visref.visibility import BACKGROUND
 PENDING = -2
 
 # Rounding of numerator and denominator, as a multiple of the sums of absolute products that
-# make them up, u = 2^-53. Edges and p are one rounding a component; a
+# make them up, u = 2^-53. Edges and p are one rounding per component; a
 # component of n is two products of two edges and a difference: 2 + 1 + 1 = 4 u. Numerator:
 # p (1; orthographic: a R, its sum with b U, the difference: 4), the product 1, two sums 2:
 # 4 + 4 + 3 = 11 u. Denominator: d (a R, the sum, F's sum: 3), likewise 4 + 3 + 3 = 10 u.
@@ -42,7 +42,7 @@ PLANE_ROUNDING = 16.0 * 2.0**-53
 RECTANGLE_MARGIN_PX = 1.0
 
 
-class Mesh(NamedTuple):
+class Triangles(NamedTuple):
     """What the loops read of a `Scene`, world space."""
 
     vertices: NDArray[np.float32]
@@ -51,7 +51,7 @@ class Mesh(NamedTuple):
     object_of_triangle: NDArray[np.int32]
 
 
-class Grid(NamedTuple):
+class SampleGrid(NamedTuple):
     """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
     with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth.
 
@@ -168,7 +168,7 @@ def fill_rays(
     rays: NDArray[Any],
     start: int,
     count: int,
-    grid: Grid,
+    grid: SampleGrid,
     origin: NDArray[Any],
     start_depth: float,
 ) -> None:
@@ -203,8 +203,8 @@ def resolve(
     primitives: NDArray[Any],
     start: int,
     count: int,
-    grid: Grid,
-    mesh: Mesh,
+    grid: SampleGrid,
+    mesh: Triangles,
     triangle_of_primitive: NDArray[Any],
     depth_slack: float,
     triangle: NDArray[Any],
@@ -340,8 +340,8 @@ def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def splat(
     which: NDArray[Any],
-    mesh: Mesh,
-    grid: Grid,
+    mesh: Triangles,
+    grid: SampleGrid,
     window: tuple[int, int, int, int],
     mark: NDArray[Any],
     triangle: NDArray[Any],
@@ -378,8 +378,8 @@ def splat(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def layers(
     which: NDArray[Any],
-    mesh: Mesh,
-    grid: Grid,
+    mesh: Triangles,
+    grid: SampleGrid,
     window: tuple[int, int, int, int],
     owner: NDArray[Any],
     doubtful: bool,
@@ -451,8 +451,8 @@ def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def settle_points(
     which: NDArray[Any],
-    mesh: Mesh,
-    grid: Grid,
+    mesh: Triangles,
+    grid: SampleGrid,
     by_a: NDArray[Any],
     triangle: NDArray[Any],
     depth: NDArray[Any],

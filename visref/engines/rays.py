@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.ray_kernels import PENDING, Grid, Mesh
+from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.scene import Alpha, Float32, Float64, Int32, Scene, origin_of
@@ -72,7 +72,7 @@ class RayEngine(TruthEngine):
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
         self._masked = _of_alpha(scene, Alpha.MASK)
         self._blended = _of_alpha(scene, Alpha.BLEND)
-        self._mesh = Mesh(
+        self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
         self._reach = float(np.abs(local).max(initial=0.0))
@@ -161,7 +161,7 @@ class RayEngine(TruthEngine):
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _cast(self, grid: Grid, triangle: Int32, depth: Float64) -> int:
+    def _cast(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> int:
         """Fill the buffers tile by tile; returns how many samples are pending."""
         if not len(self._solid):
             triangle.fill(BACKGROUND)
@@ -199,7 +199,7 @@ class RayEngine(TruthEngine):
     def _casting_workers(self) -> int:
         return self._workers
 
-    def _start(self, grid: Grid) -> tuple[float, float]:
+    def _start(self, grid: SampleGrid) -> tuple[float, float]:
         """The view depth at which rays start, and how far off the library's depths may be.
 
         Rays start on the near plane or where the scene's box begins, whichever is further,
@@ -218,7 +218,7 @@ class RayEngine(TruthEngine):
         start = depth - slack
         return (max(start, 0.0) if grid.perspective else start), slack
 
-    def _settle(self, grid: Grid, triangle: Int32, depth: Float64) -> None:
+    def _settle(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> None:
         """Decide the pending samples in float64, against all opaque triangles."""
         mark = triangle == PENDING
         triangle[mark] = BACKGROUND
@@ -231,7 +231,7 @@ class RayEngine(TruthEngine):
         self._in_bands(window, work)
 
     def _mask(
-        self, camera: Camera, grid: Grid, triangle: Int32, depth: Float64
+        self, camera: Camera, grid: SampleGrid, triangle: Int32, depth: Float64
     ) -> tuple[Doubt, Float64]:
         """Let masked triangles own the samples where they are solid, in place, and return the
         samples that they leave open, with the least depth of what may be seen at each."""
@@ -259,7 +259,9 @@ class RayEngine(TruthEngine):
         least = np.minimum.reduceat((z - error)[open_], doubt.offsets[:-1]) if len(doubt) else z[:0]
         return doubt, least
 
-    def _blend(self, grid: Grid, triangle: Int32, open_: tuple[Doubt, Float64]) -> BlendVisibility:
+    def _blend(
+        self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]
+    ) -> BlendVisibility:
         """Blended triangles that lie before the owners, and before all that a mask leaves open."""
         if not len(self._blended):
             return BlendVisibility()
@@ -300,11 +302,11 @@ def _is_exact(vertices: Float32, local: Float32, rebase: Float64) -> bool:
     return bool(same and np.array_equal(moved, vertices.astype(np.float64) - rebase))
 
 
-def sample_grid(camera: Camera) -> Grid:
+def sample_grid(camera: Camera) -> SampleGrid:
     """The camera's samples as the compiled loops read them."""
     basis = np.stack([camera.forward, camera.right_step, camera.up_step])
     axes = np.concatenate([camera.eye[None], basis, np.linalg.inv(basis.T)])
-    return Grid(
+    return SampleGrid(
         np.ascontiguousarray(axes),
         camera.is_perspective,
         float(camera.near),
@@ -314,7 +316,7 @@ def sample_grid(camera: Camera) -> Grid:
     )
 
 
-def _whole(grid: Grid) -> tuple[int, int, int, int]:
+def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:
     return 0, len(grid.column_a), 0, len(grid.row_b)
 
 

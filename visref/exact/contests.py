@@ -20,6 +20,7 @@ class Contest(NamedTuple):
     state: NDArray[np.uint8]
 
     def where(self, kept: NDArray[Any]) -> Contest:
+        """The pairs that `kept`, (k,) bool or indices, picks."""
         return Contest(self.sample[kept], self.triangle[kept], self.state[kept])
 
 
@@ -31,7 +32,12 @@ def group(
     owner: NDArray[Any],
     owner_state: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
-    """A contest sorted by sample, then triangle, each sample's `owner` (-1 for none) among them."""
+    """A contest sorted by sample, then triangle, each sample's owner among them.
+
+    `sample`, `triangle`, `state`: (k,), as of a `Contest`, in any order. `owner`: (samples,)
+    int32 triangle ids, -1 for none; owners come with `owner_state`. Returns the same three, one
+    entry more for each sample that has an owner.
+    """
     ends = np.zeros(len(owner) + 1, np.int64)
     for s in sample:
         if ends[s + 1] == 0 and owner[s] >= 0:
@@ -67,8 +73,8 @@ def group(
 def level_groups(
     sample: NDArray[Any], triangle: NDArray[Any], plane: NDArray[Any]
 ) -> NDArray[np.bool_]:
-    """Of a grouped contest of covering triangles, which pairs belong to samples where all lie in
-    one plane: they tie."""
+    """Of a grouped contest of covering triangles, (k,), which pairs belong to samples where all
+    lie in one plane: they tie. (k,) bool. `plane`: (t,) int64, each triangle's plane."""
     result = np.zeros(len(sample), np.bool_)
     start = 0
     while start < len(sample):
@@ -86,7 +92,11 @@ def crown(
     sample: NDArray[Any], triangle: NDArray[Any], level: NDArray[Any], owner: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Of a grouped contest's `level` pairs, the nearest ones, write the least triangle of each
-    sample to `owner` (-1 where none is level), and return the others."""
+    sample to `owner` (-1 where none is level), and return the others.
+
+    `sample`, `triangle`, `level`: (k,) int64, int32 and bool; `owner`: (samples,) int32. The
+    others: two (n,) arrays, samples and triangles.
+    """
     further_sample = np.empty(len(sample), np.int64)
     further_triangle = np.empty(len(sample), np.int32)
     count = 0

@@ -29,6 +29,11 @@ SLACK = 40.0 * U * U
 QUOTIENT = 16.0 * U * U
 # Hits come tile by tile, and a tile shows a few hundred triangles: their terms are kept.
 CACHE = 512
+# The layout of a triangle's terms: where the double words begin that are the constant one of N
+# and D, and the affine one's c, ca and cb; then the bounds of the errors of the two.
+CONSTANT, AFFINE, AFFINE_A, AFFINE_B = 0, 2, 4, 6
+CONSTANT_ERROR, AFFINE_ERROR = 8, 9
+TERMS_SIZE = 10
 
 Pair = tuple[float, float]
 
@@ -104,10 +109,20 @@ def _along(x: Pair, y: Pair, z: Pair, d: NDArray[Any]) -> Pair:
     return product
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _store(x: Pair, out: NDArray[Any], at: int) -> None:
+    out[at], out[at + 1] = x
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pair(c: NDArray[Any], at: int) -> Pair:
+    return c[at], c[at + 1]
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArray[Any]) -> None:
-    """A triangle's depth: out[0:2] the constant one of N and D, [2:8] the affine one's
-    (c, ca, cb), all double words, and [8:10] the bounds of their errors."""
+    """A triangle's depth into `out`, (TERMS_SIZE,) float64: see the layout above. `corners`: (3,)
+    vertex indices."""
     e = view.e
     v = vertices[corners[0]]
     x, y, z = np.float64(v[0]), np.float64(v[1]), np.float64(v[2])
@@ -132,17 +147,19 @@ def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArr
     size *= max(abs(hx[0]), abs(hy[0]), abs(hz[0]))
     far = 3.0 * max(abs(wx[0]), abs(wy[0]), abs(wz[0]))
     if view.perspective:
-        out[0], out[1] = height
-        out[2], out[3] = slope
-        out[4], out[5] = right
-        out[6], out[7] = up
-        out[8], out[9] = size * far + view.tiny, size * view.reach + view.tiny
+        _store(height, out, CONSTANT)
+        _store(slope, out, AFFINE)
+        _store(right, out, AFFINE_A)
+        _store(up, out, AFFINE_B)
+        out[CONSTANT_ERROR] = size * far + view.tiny
+        out[AFFINE_ERROR] = size * view.reach + view.tiny
     else:
-        out[0], out[1] = slope
-        out[2], out[3] = height
-        out[4], out[5] = -right[0], -right[1]
-        out[6], out[7] = -up[0], -up[1]
-        out[8], out[9] = size * view.f_norm + view.tiny, size * (far + view.reach) + view.tiny
+        _store(slope, out, CONSTANT)
+        _store(height, out, AFFINE)
+        _store((-right[0], -right[1]), out, AFFINE_A)
+        _store((-up[0], -up[1]), out, AFFINE_B)
+        out[CONSTANT_ERROR] = size * view.f_norm + view.tiny
+        out[AFFINE_ERROR] = size * (far + view.reach) + view.tiny
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -158,11 +175,13 @@ def depths(
 ) -> NDArray[np.int64]:
     """The view depth of some samples' owners into `depth`, rounded to nearest, inf for none.
 
-    `samples`: flat indices; `owner`, `depth`: all samples of the frame, flat.
-    Returns the samples at which the double words cannot tell the rounding.
+    `samples`: (k,) int64 flat indices; `owner`: (height * width,) int32 triangle ids, -1 for
+    none, and `depth`, float64, of all samples of the frame; `vertices`: (v, 3) float32,
+    `triangles`: (t, 3) int32; `column_a`, `row_b`: as the camera's.
+    Returns the samples at which the double words cannot tell the rounding, int64.
     """
     tags = np.full(CACHE, -1, np.int64)
-    cache = np.empty((CACHE, 10))
+    cache = np.empty((CACHE, TERMS_SIZE))
     torn = np.empty(16, np.int64)
     count = 0
     last_t, last_y = -1, -1
@@ -180,14 +199,14 @@ def depths(
             if tags[t % CACHE] != t:
                 tags[t % CACHE] = t
                 _terms(vertices, triangles[t], view, c)
-            row = _add((c[2], c[3]), _scale((c[6], c[7]), row_b[y]))
+            row = _add(_pair(c, AFFINE), _scale(_pair(c, AFFINE_B), row_b[y]))
             last_t, last_y = t, y
-        value = _add(row, _scale((c[4], c[5]), column_a[x]))
-        constant = (c[0], c[1])
+        value = _add(row, _scale(_pair(c, AFFINE_A), column_a[x]))
+        constant = _pair(c, CONSTANT)
         if view.perspective:
-            n, n_error, d, d_error = constant, c[8], value, c[9]
+            n, n_error, d, d_error = constant, c[CONSTANT_ERROR], value, c[AFFINE_ERROR]
         else:
-            n, n_error, d, d_error = value, c[9], constant, c[8]
+            n, n_error, d, d_error = value, c[AFFINE_ERROR], constant, c[CONSTANT_ERROR]
         high = n[0] / d[0]
         r = _scale(d, high)
         low = ((n[0] - r[0]) + (n[1] - r[1])) / d[0]

@@ -18,7 +18,7 @@ Rounding. u = 2^-53 bounds the relative error of one operation, wherever a sum o
 product errs by at most 2^-1075 besides. (A fused multiply-add would only round less.) Writing
 g for the difference of two vertices, m for the max-norm of w and h for that of g, as computed:
 
-* w, g: one rounding a component. Cross products w x g: 2 (operands) + 1 (product) + 1
+* w, g: one rounding per component. Cross products w x g: 2 (operands) + 1 (product) + 1
   (difference) = 4 roundings on two products of size <= m h. A dot product of that with an exact
   vector: 1 + 2 more = 7. Evaluated at (a, b) as (c + b cb) + a ca: at most 3 more = 10. So
       |error E| <= ((1+u)^10 - 1) 2 m h (|F|_1 + |a| |R|_1 + |b| |U|_1) = 20.0..1 u m h reach
@@ -77,14 +77,19 @@ GREATEST_STEP = 2.0**300
 # What `set_up` says of a triangle.
 NOTHING, CERTAIN, DOUBTFUL = 0, 1, 2
 
-# The layout of what `set_up` computes: 0-8 three edges of (c, ca, cb), 9-11 the key's (c, ca, cb),
-# 12-14 the edges' bounds, then as named. A doubtful triangle's "key" is D itself (perspective).
-KEY_BOUND, SIGN, SIGN_BOUND = 15, 16, 17
+# The layout of what `set_up` computes: where the (c, ca, cb) of three edges and of the key begin,
+# where the edges' three bounds do, and the rest. A doubtful triangle's "key" is D itself
+# (perspective).
+EDGE_0, EDGE_1, EDGE_2, KEY_PLANE = 0, 3, 6, 9
+BOUND_0, BOUND_1, BOUND_2, KEY_BOUND, SIGN, SIGN_BOUND = range(12, 18)
 SET_UP_SIZE = 18
 
 
 class Samples(Protocol):
-    """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters."""
+    """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters.
+
+    Vectors are (3,) float64, `column_a` (width,) and `row_b` (height,) float64.
+    """
 
     @property
     def is_perspective(self) -> bool: ...
@@ -292,21 +297,21 @@ def set_up(
     sign = -1.0 if certain and denominator < 0.0 else 1.0
     if perspective:
         x, y, z = by * bcz - bz * bcy, bz * bcx - bx * bcz, bx * bcy - by * bcx
-        out[0] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_0] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[EDGE_0 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_0 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = cy * caz - cz * cay, cz * cax - cx * caz, cx * cay - cy * cax
-        out[3] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[4] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[5] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_1] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[EDGE_1 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_1 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = ay * abz - az * aby, az * abx - ax * abz, ax * aby - ay * abx
-        out[6] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_2] = sign * (f[0] * x + f[1] * y + f[2] * z)
+        out[EDGE_2 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_2 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         reach = EDGE * view_reach
-        out[12] = reach * m_b * h_bc + tiny
-        out[13] = reach * m_c * h_ca + tiny
-        out[14] = reach * m_a * h_ab + tiny
+        out[BOUND_0] = reach * m_b * h_bc + tiny
+        out[BOUND_1] = reach * m_c * h_ca + tiny
+        out[BOUND_2] = reach * m_a * h_ab + tiny
         q, qa, qb = (
             f[0] * nx + f[1] * ny + f[2] * nz,
             r[0] * nx + r[1] * ny + r[2] * nz,
@@ -316,21 +321,21 @@ def set_up(
     else:
         # (v_j - v_k) x F = F x (v_k - v_j).
         x, y, z = f[1] * bcz - f[2] * bcy, f[2] * bcx - f[0] * bcz, f[0] * bcy - f[1] * bcx
-        out[0] = -sign * (x * cx + y * cy + z * cz)
-        out[1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_0] = -sign * (x * cx + y * cy + z * cz)
+        out[EDGE_0 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_0 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = f[1] * caz - f[2] * cay, f[2] * cax - f[0] * caz, f[0] * cay - f[1] * cax
-        out[3] = -sign * (x * ax + y * ay + z * az)
-        out[4] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[5] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_1] = -sign * (x * ax + y * ay + z * az)
+        out[EDGE_1 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_1 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = f[1] * abz - f[2] * aby, f[2] * abx - f[0] * abz, f[0] * aby - f[1] * abx
-        out[6] = -sign * (x * bx + y * by + z * bz)
-        out[7] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[8] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        out[EDGE_2] = -sign * (x * bx + y * by + z * bz)
+        out[EDGE_2 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
+        out[EDGE_2 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
         scale = EDGE * f_norm
-        out[12] = scale * h_bc * (3.0 * m_c + view_reach) + tiny
-        out[13] = scale * h_ca * (3.0 * m_a + view_reach) + tiny
-        out[14] = scale * h_ab * (3.0 * m_b + view_reach) + tiny
+        out[BOUND_0] = scale * h_bc * (3.0 * m_c + view_reach) + tiny
+        out[BOUND_1] = scale * h_ca * (3.0 * m_a + view_reach) + tiny
+        out[BOUND_2] = scale * h_ab * (3.0 * m_b + view_reach) + tiny
         q, qa, qb = (
             -(ax * nx + ay * ny + az * nz),
             r[0] * nx + r[1] * ny + r[2] * nz,
@@ -338,11 +343,11 @@ def set_up(
         )
         size = h2 * (3.0 * m_a + view_reach)
     if not certain:
-        out[9], out[10], out[11] = q, qa, qb
+        out[KEY_PLANE], out[KEY_PLANE + 1], out[KEY_PLANE + 2] = q, qa, qb
         out[KEY_BOUND] = EDGE * size + tiny
         return DOUBTFUL
     inverse = 1.0 / denominator
-    out[9], out[10], out[11] = q * inverse, qa * inverse, qb * inverse
+    out[KEY_PLANE], out[KEY_PLANE + 1], out[KEY_PLANE + 2] = q * inverse, qa * inverse, qb * inverse
     inverse = abs(inverse)
     out[KEY_BOUND] = 2.5 * size * inverse * (KEY + 2.0 * bound * inverse) + tiny * inverse + tiny
     return CERTAIN

@@ -20,8 +20,7 @@ nothing: the object must be absent from the rasteriser's own unculled picture be
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -29,8 +28,15 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.exact import screen
+from visref.exact.depth_buffer import (
+    NO_DEPTH_BUFFER,
+    DepthBuffer,
+    depth_buffer,
+    key_error,
+    with_doubtful_range,
+)
 from visref.exact.filters import NOTHING, SET_UP_SIZE, View, set_up, view_of
+from visref.exact.nearby import Nearby, near_samples
 from visref.exact.polygons import (
     CLIPPED,
     MOST_CORNERS,
@@ -42,15 +48,34 @@ from visref.exact.polygons import (
     screen_polygon,
 )
 from visref.exact.scene import ExactScene
+from visref.exact.screen import X0, X1, Y0, Y1
 from visref.scene import Alpha, Float64, Int64
 
 # Margins are looked for this far; a witness that holds a whole pixel around it is firm.
 REACH_PX = 1.0
-# float32's rounding unit. A window depth is a product of a float32 matrix (each entry rounded)
-# with a float32 vertex: rounding of the entry, product, three sums, then the division, the
-# viewport's scale and offset: 8 in all, on the sum of the terms' sizes.
-FLOAT32 = 2.0**-24
-DEPTH_ROUNDINGS = 8.0
+
+
+class _Triangles(NamedTuple):
+    """All triangles in cluster order: `corners` (t, 9) float32, `one_sided` (t,) bool,
+    `object_of` (t,) int32."""
+
+    corners: NDArray[np.float32]
+    one_sided: NDArray[np.bool_]
+    object_of: NDArray[np.int32]
+
+
+class _Findings(NamedTuple):
+    """What `_examine` finds at each witness, (k,) arrays: float64 pixels to the rim of its patch
+    (`cover`) and to where another object comes before the patch (`hide`), the relative depth to
+    the next object (`gap`); bool whether another depth may win within the radius (`lost`)."""
+
+    cover: Float64
+    hide: Float64
+    gap: Float64
+    lost: NDArray[np.bool_]
+
+    def part(self, some: slice) -> _Findings:
+        return _Findings(self.cover[some], self.hide[some], self.gap[some], self.lost[some])
 
 
 def witness_margins(
@@ -64,8 +89,8 @@ def witness_margins(
     and `margin_depth`: (k,) float64, the least relative distance along the ray to another
     object behind, |t_next - t| / |t|, inf where there is none.
     """
-    cover, hide, gap, _ = _examine(exact_scene, camera, samples, objects, REACH_PX, None)
-    return np.minimum(np.minimum(cover, hide), REACH_PX), gap
+    found = _find(exact_scene, camera, samples, objects, REACH_PX, None)
+    return np.minimum(np.minimum(found.cover, found.hide), REACH_PX), found.gap
 
 
 def surviving(
@@ -81,113 +106,48 @@ def surviving(
     there; see the module's text for which way doubt falls.
     """
     radius = tolerance.snap_px
-    cover, _, _, lost = _examine(exact_scene, camera, samples, objects, radius, tolerance)
-    return (cover > radius) & ~lost
+    found = _find(exact_scene, camera, samples, objects, radius, tolerance)
+    return (found.cover > radius) & ~found.lost
 
 
-def _examine(
+def _find(
     exact_scene: ExactScene,
     camera: Camera,
     samples: Int64,
     objects: Int64,
     radius: float,
     tolerance: RasterTolerance | None,
-) -> tuple[Float64, Float64, Float64, NDArray[np.bool_]]:
+) -> _Findings:
+    """`_examine` for samples (k,) and objects (k,), in parallel."""
     scene = exact_scene.scene
     view = view_of(camera)
-    depth = np.zeros((3, 4))
+    depth = NO_DEPTH_BUFFER
     if tolerance is not None:
-        depth = depth_rows(camera, exact_scene, tolerance)
+        depth = depth_buffer(camera, exact_scene, tolerance)
         view = with_doubtful_range(view, exact_scene, depth)
     samples = np.asarray(samples, np.int64)
-    y, x = samples // camera.width, samples % camera.width
-    columns = -(-camera.width // screen.TILE)
-    rows = -(-camera.height // screen.TILE)
-    tile = y // screen.TILE * columns + x // screen.TILE
-    tiles = np.zeros(rows * columns, np.bool_)
-    tiles[tile] = True
-    wanted = np.zeros((camera.height, camera.width), np.bool_)
-    wanted[y, x] = True
-    opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
-    # Half a pixel more than the radius holds every box's rounding.
-    found, boxes, _ = exact_scene.project(view, opaque, wanted, radius + 0.5)
-    offsets, entries = screen.bin_boxes(boxes, tiles, columns)
-    cover, hide = np.zeros(len(samples)), np.full(len(samples), np.inf)
-    gap = np.full(len(samples), np.inf)
-    lost = np.ones(len(samples), np.bool_)
-    owner_of = scene.object_of_triangle[exact_scene.order]
     objects = np.asarray(objects, np.int64)
+    opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
+    near = near_samples(exact_scene, camera, view, opaque, samples, radius)
+    triangles = _Triangles(
+        exact_scene.corners, exact_scene.one_sided, scene.object_of_triangle[exact_scene.order]
+    )
+    found = _Findings(
+        np.zeros(len(samples)),
+        np.full(len(samples), np.inf),
+        np.full(len(samples), np.inf),
+        np.ones(len(samples), np.bool_),
+    )
 
     def part_of(part: Int64) -> None:
         some = slice(int(part[0]), int(part[-1]) + 1)
-        examine(
-            x[some], y[some], tile[some], objects[some], view, exact_scene.corners,
-            exact_scene.one_sided, owner_of, found, boxes, offsets, entries, radius,
-            tolerance is not None, depth, cover[some], hide[some], gap[some], lost[some],
+        _examine(
+            near.part(some), objects[some], triangles, view, radius, tolerance is not None, depth,
+            found.part(some),
         )  # fmt: skip
 
     exact_scene.in_parallel(part_of, np.arange(len(samples)))
-    return cover, hide, gap, lost
-
-
-def depth_rows(camera: Camera, exact_scene: ExactScene, tolerance: RasterTolerance) -> Float64:
-    """(3, 4) float64: the sizes of the clip matrix's rows z and w, and (step, scale, first,
-    last).
-
-    `step` is one step of the depth buffer, in window depth; `scale` turns window depth into
-    the key, which is affine in it; `first` and `last` are the keys of near and far.
-    """
-    far = camera.far
-    if math.isinf(far) and not camera.is_perspective:
-        # Closed behind the last object, as such a depth buffer must be.
-        corners = exact_scene.scene.vertices.astype(np.float64)
-        far = float(((corners - camera.eye) @ camera.forward).max(initial=camera.near + 1.0))
-    clip = np.abs(camera.clip_from_world(far))
-    if not camera.is_perspective:
-        scale = far - camera.near
-    elif math.isinf(far):
-        scale = 1.0 / camera.near
-    else:
-        scale = (far - camera.near) / (far * camera.near)
-    bits = 24 if tolerance.depth_bits is None else tolerance.depth_bits
-    if camera.is_perspective:
-        first, last = 1.0 / camera.near, 1.0 / camera.far
-    else:
-        first, last = -camera.near, -camera.far
-    return np.array([clip[2], clip[3], [2.0**-bits, scale, first, last]])
-
-
-def with_doubtful_range(view: View, exact_scene: ExactScene, depth: Float64) -> View:
-    """The view with near and far moved outward to where rounding may still let a triangle in.
-
-    By the scene's greatest coordinates; `examine` then asks each triangle for its own.
-    """
-    size = np.abs(exact_scene.scene.bounds).max(axis=0)
-    worst = 0.5 * float((depth[0] + depth[1]) @ np.append(size, 1.0))
-    if view.perspective:
-        worst *= depth[2, 2]
-    doubt = (DEPTH_ROUNDINGS * FLOAT32 * (worst + 1.0) + depth[2, 0]) * depth[2, 1]
-    first, last = depth[2, 2] + doubt, depth[2, 3] - doubt
-    if not view.perspective:
-        return view._replace(near=-first, far=-last)
-    return view._replace(near=1.0 / first, far=1.0 / last if last > 0.0 else math.inf)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _key_error(p: NDArray[Any], view: View, depth: NDArray[Any]) -> float:
-    """How far off a float32 rasteriser's key of a triangle may be at any of its points."""
-    worst = 0.0
-    for i in range(3):
-        z, w, t = depth[0, 3], depth[1, 3], 0.0
-        for k in range(3):
-            size = abs(np.float64(p[3 * i + k]))
-            z += depth[0, k] * size
-            w += depth[1, k] * size
-            t += view.z_dual[k] * (np.float64(p[3 * i + k]) - view.e[k])
-        divisor = max(t, 1.0 / depth[2, 2]) if view.perspective else 1.0
-        worst = max(worst, 0.5 * (z + w) / divisor)
-    error: float = DEPTH_ROUNDINGS * FLOAT32 * (worst + 1.0) * depth[2, 1]
-    return error
+    return found
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -241,30 +201,22 @@ def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def examine(
-    xs: NDArray[Any],
-    ys: NDArray[Any],
-    tiles: NDArray[Any],
+def _examine(
+    nearby: Nearby,
     objects: NDArray[Any],
+    triangles: _Triangles,
     view: View,
-    corners: NDArray[Any],
-    one_sided: NDArray[Any],
-    object_of: NDArray[Any],
-    found: NDArray[Any],
-    boxes: NDArray[Any],
-    bin_offsets: NDArray[Any],
-    bin_entries: NDArray[Any],
     radius: float,
     with_depth: bool,
-    depth: NDArray[Any],
-    cover: NDArray[Any],
-    hide: NDArray[Any],
-    gap: NDArray[Any],
-    lost: NDArray[Any],
+    depth: DepthBuffer,
+    findings: _Findings,
 ) -> None:
-    """For each witness: pixels to the rim of its patch (`cover`), to where another object comes
-    before the patch (`hide`), the relative depth to the next object (`gap`), and, given the
-    depth buffer's properties, whether another depth may win within the radius (`lost`)."""
+    """Examine each witness: an object of `objects` at a sample of `nearby`. With `with_depth`,
+    whether another depth may win is asked of the depth buffer; else of nothing."""
+    xs, ys, tiles, binned = nearby
+    found, boxes, _, bin_offsets, bin_entries, _ = binned
+    corners, one_sided, object_of = triangles
+    cover, hide, gap, lost = findings
     most = 1
     for index in range(len(xs)):
         most = max(most, bin_offsets[tiles[index] + 1] - bin_offsets[tiles[index]])
@@ -286,7 +238,7 @@ def examine(
         root, root_key = -1, -np.inf
         for entry in range(bin_offsets[tiles[index]], bin_offsets[tiles[index] + 1]):
             k = bin_entries[entry]
-            if x < boxes[k, 0] or x > boxes[k, 1] or y < boxes[k, 2] or y > boxes[k, 3]:
+            if x < boxes[k, X0] or x > boxes[k, X1] or y < boxes[k, Y0] or y > boxes[k, Y1]:
                 continue
             t = found[k]
             count, slop = screen_polygon(corners[t], view, polygons[near], tags[near])
@@ -313,9 +265,9 @@ def examine(
                 if thick:
                     continue
             if with_depth:
-                doubt = depth[2, 0] * depth[2, 1] + _key_error(corners[t], view, depth)
+                doubt = depth.step * depth.scale + key_error(corners[t], view, depth)
                 low, high = key_range(x, y, radius + slop, polygons[near], count)
-                if low - doubt > depth[2, 2] or high + doubt < depth[2, 3]:
+                if low - doubt > depth.first or high + doubt < depth.last:
                     continue
             places[near], counts[near], slops[near] = t, count, slop
             reached[near] = False
@@ -341,7 +293,7 @@ def examine(
             low, high = key_range(x, y, radius + slops[k], polygons[k], counts[k])
             least, greatest = min(least, low), max(greatest, high)
             if with_depth:
-                error = max(error, _key_error(corners[places[k]], view, depth))
+                error = max(error, key_error(corners[places[k]], view, depth))
             for i in range(counts[k]):
                 j = i + 1 if i + 1 < counts[k] else 0
                 distance = distance_to_segment(
@@ -369,9 +321,9 @@ def examine(
         # What else is here, and where it comes before the patch.
         step = 0.0
         if with_depth:
-            step = depth[2, 0] * depth[2, 1]
+            step = depth.step * depth.scale
             lost[index] = (
-                greatest + error + step >= depth[2, 2] or least - error - step <= depth[2, 3]
+                greatest + error + step >= depth.first or least - error - step <= depth.last
             )
         next_key = -np.inf
         for other in range(near):
@@ -380,7 +332,7 @@ def examine(
             count = counts[other]
             low, high = key_range(x, y, radius + slops[other], polygons[other], count)
             if with_depth:
-                doubt = step + error + _key_error(corners[places[other]], view, depth)
+                doubt = step + error + key_error(corners[places[other]], view, depth)
                 if high + doubt >= least:
                     lost[index] = True
                 continue

@@ -1,7 +1,8 @@
 """A triangle on the screen, and distances in pixels to it: geometry for the margins.
 
-A polygon is an (n, 3) float64 array of corners (x, y, q): pixel coordinates, in which a sample
-stands at integers, and the key of `visref.exact.filters`, which is affine on the screen.
+A polygon is the first `count` rows of an (n, 3) float64 array of corners (x, y, q): pixel
+coordinates, in which a sample stands at integers, and the key of `visref.exact.filters`, which is
+affine on the screen.
 `tags` say which edge of the triangle starts at each corner: 0 for a -> b, 1 for b -> c, 2 for
 c -> a, `CLIPPED` for the near clip's own edge.
 """
@@ -30,8 +31,9 @@ def screen_polygon(
 ) -> tuple[int, float]:
     """Project (9,) float32 corners: (how many corners, how far in pixels each may be off).
 
-    Zero corners where nothing lies behind the near clip. A triangle so far out that its
-    projection is not bounded gets an infinite error.
+    Written: `polygon`, (4, 3) float64, and `tags`, (4,) int8. Zero corners where nothing lies
+    behind the near clip. A triangle so far out that its projection is not bounded gets an infinite
+    error.
     """
     x, y, z = np.empty(3), np.empty(3), np.empty(3)
     size = 0.0
@@ -97,7 +99,8 @@ def distance_to_segment(x: float, y: float, x0: float, y0: float, x1: float, y1:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -> float:
-    """Zero inside a convex polygon (either winding), else the distance to its rim; inf for none."""
+    """Zero inside a convex polygon, (n, 3), of either winding, else the pixels to its rim; inf
+    for none."""
     if count == 0:
         return np.inf
     left = right = False
@@ -116,7 +119,8 @@ def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -
 def clip_polygon(
     polygon: NDArray[Any], count: int, a: float, b: float, c: float, out: NDArray[Any]
 ) -> int:
-    """The part of a convex polygon where a x + b y + c >= 0, into `out`; how many corners."""
+    """The part of a convex polygon, (n, 3), where a x + b y + c >= 0, into `out`, which has room
+    for one corner more: (n + 1, 3). Returns how many corners."""
     kept = 0
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
@@ -136,7 +140,8 @@ def clip_polygon(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, float]:
-    """(whether it has area, q = c + gx x + gy y): the key's plane over the screen."""
+    """The key's plane over the screen, q = c + gx x + gy y, of a polygon (n, 3): (whether it has
+    area, c, gx, gy)."""
     # The corner triple with the greatest area, which conditions the gradient best.
     best, bi = 0.0, 1
     for i in range(1, count - 1):
@@ -158,8 +163,8 @@ def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, fl
 def key_range(
     x: float, y: float, radius: float, polygon: NDArray[Any], count: int
 ) -> tuple[float, float]:
-    """Bounds of the key over the part of a polygon within `radius` of a point: the plane's over
-    the disc, cut to the corners' (a sliver's plane may rise without limit)."""
+    """Bounds of the key over the part of a polygon, (n, 3), within `radius` pixels of a point: the
+    plane's over the disc, cut to the corners' (a sliver's plane may rise without limit)."""
     least, greatest = np.inf, -np.inf
     for i in range(count):
         least, greatest = min(least, polygon[i, 2]), max(greatest, polygon[i, 2])
@@ -180,7 +185,10 @@ def distance_to_hiding(
     far_count: int,
     scratch: NDArray[Any],
 ) -> float:
-    """Pixels from a point to where the first polygon lies over the second and no farther."""
+    """Pixels from a point to where the first polygon lies over the second and no farther.
+
+    `near_one`, `far_one`: (n, 3); `scratch`: (2, MOST_CORNERS, 3) float64, overwritten.
+    """
     a, b = scratch[0], scratch[1]
     for i in range(near_count):
         for k in range(3):

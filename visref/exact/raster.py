@@ -19,8 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.exact.filters import (
+    BOUND_0,
+    BOUND_1,
+    BOUND_2,
     CERTAIN,
+    EDGE_0,
+    EDGE_1,
+    EDGE_2,
     KEY_BOUND,
+    KEY_PLANE,
     NOTHING,
     SET_UP_SIZE,
     SIGN,
@@ -29,7 +36,18 @@ from visref.exact.filters import (
     View,
     set_up,
 )
-from visref.exact.screen import BLOCK, BLOCK_SHIFT, TILE, TILE_SHIFT
+from visref.exact.screen import (
+    BLOCK,
+    BLOCK_SHIFT,
+    CHECK,
+    GREATEST,
+    TILE,
+    TILE_SHIFT,
+    X0,
+    X1,
+    Y0,
+    Y1,
+)
 
 # Testing a rectangle's corners costs as much as this many samples.
 CORNER_TESTS_PAY = 8
@@ -38,6 +56,9 @@ NOT_WANTED = -2
 
 # What is known of a contender.
 POSSIBLE, COVERING, NEARER = 0, 1, 2
+
+# The columns of the contenders: see `rasterise`.
+SAMPLE, TRIANGLE, KNOWN, KEY_AT_MOST = range(4)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -79,19 +100,22 @@ def _doubt(
     c: NDArray[Any],
     t: int,
     view: View,
-    column_a: NDArray[Any],
-    row_b: NDArray[Any],
+    rays: tuple[NDArray[Any], NDArray[Any]],
     rectangle: tuple[int, int, int, int],
-    left: int,
-    top: int,
-    own: NDArray[Any],
+    tile: tuple[int, int, NDArray[Any]],
     out: NDArray[Any],
     count: int,
 ) -> tuple[NDArray[Any], int]:
     """Note a triangle of doubtful orientation at every sample that it is not certain to miss:
-    where two edges certainly differ in sign it misses, and where it is certainly too near."""
+    where two edges certainly differ in sign it misses, and where it is certainly too near.
+
+    `rays`: column_a and row_b. `rectangle`: pixels x0, x1, y0, y1, inclusive. `tile`: its first
+    column and row, and the owners of its samples.
+    """
+    column_a, row_b = rays
     x0, x1, y0, y1 = rectangle
-    bound0, bound1, bound2 = c[12], c[13], c[14]
+    left, top, own = tile
+    bound0, bound1, bound2 = c[BOUND_0], c[BOUND_1], c[BOUND_2]
     for y in range(y0, y1 + 1):
         out = _with_room(out, count, x1 - x0 + 1)
         b = row_b[y]
@@ -99,20 +123,21 @@ def _doubt(
             if own[((y - top) << TILE_SHIFT) + x - left] == NOT_WANTED:
                 continue
             a = column_a[x]
-            e0 = (c[0] + b * c[2]) + a * c[1]
-            e1 = (c[3] + b * c[5]) + a * c[4]
-            e2 = (c[6] + b * c[8]) + a * c[7]
+            e0 = (c[EDGE_0] + b * c[EDGE_0 + 2]) + a * c[EDGE_0 + 1]
+            e1 = (c[EDGE_1] + b * c[EDGE_1 + 2]) + a * c[EDGE_1 + 1]
+            e2 = (c[EDGE_2] + b * c[EDGE_2 + 2]) + a * c[EDGE_2 + 1]
             if (e0 > bound0 or e1 > bound1 or e2 > bound2) and (
                 e0 < -bound0 or e1 < -bound1 or e2 < -bound2
             ):
                 continue
             if view.perspective:
                 # t = |N| / |D|; 4 u for the roundings.
-                least = abs((c[9] + b * c[11]) + a * c[10]) - c[KEY_BOUND]
+                least = abs((c[KEY_PLANE] + b * c[KEY_PLANE + 2]) + a * c[KEY_PLANE + 1])
+                least -= c[KEY_BOUND]
                 if abs(c[SIGN]) + c[SIGN_BOUND] < view.near * least * (1.0 - 4.0 * U):
                     continue
-            out[count, 0], out[count, 1] = y * view.width + x, t
-            out[count, 2], out[count, 3] = POSSIBLE, np.inf
+            out[count, SAMPLE], out[count, TRIANGLE] = y * view.width + x, t
+            out[count, KNOWN], out[count, KEY_AT_MOST] = POSSIBLE, np.inf
             count += 1
     return out, count
 
@@ -145,9 +170,9 @@ def rasterise(
     bounds of that owner's key (-inf for none), written unless their shape is (0, 0). With
     `collect` they are read instead, nothing is drawn, and every triangle that may reach the
     floor comes back. `wanted`: (height, width) bool, or (0, 0) for all samples.
-    Returns contenders, (k, 4) float64: flat sample, triangle id, what is known (POSSIBLE,
-    COVERING or, only with `collect`, NEARER: covering and above the ceiling), and the greatest
-    key that it may have.
+    Returns contenders, (k, 4) float64: flat SAMPLE, TRIANGLE id, what is KNOWN (POSSIBLE,
+    COVERING or, only with `collect`, NEARER: covering and above the ceiling), and KEY_AT_MOST,
+    the greatest key that it may have.
     """
     width, height = view.width, view.height
     low = np.empty(TILE * TILE)
@@ -174,11 +199,11 @@ def rasterise(
                     block_low[j, i] = min(block_low[j, i], low[place])
         for entry in range(bin_offsets[tile], bin_offsets[tile + 1]):
             k = bin_entries[entry]
-            x0, x1 = max(boxes[k, 0], left), min(boxes[k, 1], right - 1)
-            y0, y1 = max(boxes[k, 2], top), min(boxes[k, 3], bottom - 1)
+            x0, x1 = max(boxes[k, X0], left), min(boxes[k, X1], right - 1)
+            y0, y1 = max(boxes[k, Y0], top), min(boxes[k, Y1], bottom - 1)
             j0, j1 = (y0 - top) >> BLOCK_SHIFT, (y1 - top) >> BLOCK_SHIFT
             i0, i1 = (x0 - left) >> BLOCK_SHIFT, (x1 - left) >> BLOCK_SHIFT
-            greatest = keys[k, 0]
+            greatest = keys[k, GREATEST]
             hidden = True
             for j in range(j0, j1 + 1):
                 for i in range(i0, i1 + 1):
@@ -193,16 +218,17 @@ def rasterise(
             if state != CERTAIN:
                 rectangle = (x0, x1, y0, y1)
                 out, count = _doubt(
-                    c, t, view, column_a, row_b, rectangle, left, top, own, out, count
+                    c, t, view, (column_a, row_b), rectangle, (left, top, own), out, count
                 )
                 continue
-            check = keys[k, 1] != 0.0
+            check = keys[k, CHECK] != 0.0
             c0, ca0, cb0, c1, ca1, cb1, c2, ca2, cb2 = (
-                c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8],
+                c[EDGE_0], c[EDGE_0 + 1], c[EDGE_0 + 2],
+                c[EDGE_1], c[EDGE_1 + 1], c[EDGE_1 + 2],
+                c[EDGE_2], c[EDGE_2 + 1], c[EDGE_2 + 2],
             )  # fmt: skip
-            q0, qa, qb, bound0, bound1, bound2, error = (
-                c[9], c[10], c[11], c[12], c[13], c[14], c[KEY_BOUND],
-            )  # fmt: skip
+            q0, qa, qb = c[KEY_PLANE], c[KEY_PLANE + 1], c[KEY_PLANE + 2]
+            bound0, bound1, bound2, error = c[BOUND_0], c[BOUND_1], c[BOUND_2], c[KEY_BOUND]
             for j in range(j0, j1 + 1):
                 for i in range(i0, i1 + 1):
                     if greatest < block_low[j, i]:
@@ -215,10 +241,10 @@ def rasterise(
                         a0, a1 = column_a[bx0], column_a[bx1]
                         b0, b1 = row_b[by1], row_b[by0]
                         if (
-                            _greatest(c, 0, a0, a1, b0, b1) < -bound0
-                            or _greatest(c, 3, a0, a1, b0, b1) < -bound1
-                            or _greatest(c, 6, a0, a1, b0, b1) < -bound2
-                            or _greatest(c, 9, a0, a1, b0, b1) + error < block_low[j, i]
+                            _greatest(c, EDGE_0, a0, a1, b0, b1) < -bound0
+                            or _greatest(c, EDGE_1, a0, a1, b0, b1) < -bound1
+                            or _greatest(c, EDGE_2, a0, a1, b0, b1) < -bound2
+                            or _greatest(c, KEY_PLANE, a0, a1, b0, b1) + error < block_low[j, i]
                         ):
                             continue
                     if count + BLOCK * BLOCK > len(out):
@@ -257,26 +283,28 @@ def rasterise(
                                 continue
                             if certain and not collect and lower > low[place]:
                                 if high[place] >= lower:
-                                    out[count, 0], out[count, 1] = y * width + x, own[place]
-                                    out[count, 2], out[count, 3] = COVERING, high[place]
+                                    out[count, SAMPLE] = y * width + x
+                                    out[count, TRIANGLE] = own[place]
+                                    out[count, KNOWN] = COVERING
+                                    out[count, KEY_AT_MOST] = high[place]
                                     count += 1
                                 own[place], low[place], high[place] = t, lower, upper
                                 changed = True
                                 continue
-                            out[count, 0], out[count, 1] = y * width + x, t
-                            out[count, 2] = COVERING if certain else POSSIBLE
+                            out[count, SAMPLE], out[count, TRIANGLE] = y * width + x, t
+                            out[count, KNOWN] = COVERING if certain else POSSIBLE
                             if collect and certain and lower > ceiling[y, x]:
-                                out[count, 2] = NEARER
-                            out[count, 3] = upper
+                                out[count, KNOWN] = NEARER
+                            out[count, KEY_AT_MOST] = upper
                             count += 1
                     if changed:
                         start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
                         block_low[j, i] = _block_least(low, start, block_low[j, i])
         kept = tile_start
         for index in range(tile_start, count):
-            sample = int(out[index, 0])
+            sample = int(out[index, SAMPLE])
             place = ((sample // width - top) << TILE_SHIFT) + sample % width - left
-            if not out[index, 3] < low[place]:
+            if not out[index, KEY_AT_MOST] < low[place]:
                 for column in range(4):
                     out[kept, column] = out[index, column]
                 kept += 1

@@ -26,7 +26,9 @@ Vectors = tuple[Integers, Integers, Integers]
 
 
 def lowest_bit(values: NDArray[Any]) -> int:
-    """The greatest p such that every value is a multiple of 2^p; 0 if all are zero."""
+    """The greatest p such that every value is a multiple of 2^p; 0 if all are zero.
+
+    `values`: floats of any shape, finite."""
     values = np.asarray(values, np.float64).reshape(-1)
     values = values[values != 0.0]
     if not len(values):
@@ -38,7 +40,8 @@ def lowest_bit(values: NDArray[Any]) -> int:
 
 
 def in_units(values: NDArray[Any], unit: int) -> Integers:
-    """The values as multiples of 2^unit, which they must be: an object array, same shape."""
+    """The values, floats of any shape, as multiples of 2^unit, which they must be: an object
+    array of the same shape."""
     values = np.asarray(values, np.float64)
     mantissa, exponent = np.frexp(values)
     whole = np.ldexp(mantissa, 53).astype(np.int64)
@@ -182,7 +185,9 @@ class ExactFrame:
 
     def compare(self, first: Int64, second: Int64, samples: Int64) -> NDArray[np.int8]:
         """-1 where the first triangle's plane is nearer along the sample's ray, 1 where the
-        second's, 0 where both are at exactly the same depth. Both must be hit: D > 0."""
+        second's, 0 where both are at exactly the same depth. Both must be hit: D > 0.
+
+        `first`, `second`: (k,) triangles; `samples`: (k,). Returns (k,) int8."""
         left = self._at(self._numerator, first, samples) * self._at(
             self._denominator, second, samples
         )
@@ -192,14 +197,18 @@ class ExactFrame:
         return _signs(left - right)
 
     def quotients(self, which: Int64, samples: Int64) -> list[tuple[int, int]]:
-        """View depth of each triangle's plane as numerator and denominator, not reduced."""
+        """View depth of each triangle's plane as numerator and denominator, not reduced.
+
+        `which`: (k,) triangles; `samples`: (k,)."""
         n = self._at(self._numerator, which, samples)
         d = self._at(self._denominator, which, samples)
         up, down = max(self._depth_unit, 0), max(-self._depth_unit, 0)
         return [(x << up, y << down) for x, y in zip(n, d, strict=True)]
 
     def depth(self, which: Int64, samples: Int64) -> Float64:
-        """View depth of each triangle's plane, rounded to nearest (ties to even)."""
+        """View depth of each triangle's plane, rounded to nearest (ties to even): (k,) float64.
+
+        `which`: (k,) triangles; `samples`: (k,)."""
         # The quotient of two Python integers is correctly rounded.
         return np.array([n / d for n, d in self.quotients(which, samples)], np.float64)
 

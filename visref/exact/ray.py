@@ -12,8 +12,13 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.exact.filters import (
+    BOUND_0,
     CERTAIN,
+    EDGE_0,
+    EDGE_1,
+    EDGE_2,
     KEY_BOUND,
+    KEY_PLANE,
     NOTHING,
     SET_UP_SIZE,
     U,
@@ -23,6 +28,8 @@ from visref.exact.filters import (
 )
 from visref.exact.rational import ExactFrame
 from visref.scene import Float64
+
+AFFINE = (EDGE_0, EDGE_1, EDGE_2, KEY_PLANE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +180,12 @@ def _by_floats(
     if state != CERTAIN:
         return 0.0, np.inf, False
     a, b = float(ray.column_a[0]), float(ray.row_b[0])
-    values = [(terms[k] + b * terms[k + 2]) + a * terms[k + 1] for k in (0, 3, 6, 9)]
+    values = [(terms[k] + b * terms[k + 2]) + a * terms[k + 1] for k in AFFINE]
     key, error = float(values[3]), float(terms[KEY_BOUND])
-    inside = all(value >= bound for value, bound in zip(values[:3], terms[12:15], strict=True))
+    inside = all(
+        value >= bound
+        for value, bound in zip(values[:3], terms[BOUND_0 : BOUND_0 + 3], strict=True)
+    )
     inside = inside and key + error <= view.near_enough and key - error >= view.far_enough
     if not ray.is_perspective:
         return -key, error, inside

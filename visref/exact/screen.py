@@ -7,7 +7,7 @@ plane; nothing that is decided depends on it.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -20,6 +20,40 @@ TILE, BLOCK = 1 << TILE_SHIFT, 1 << BLOCK_SHIFT
 # The clip for screen boxes lies this much before the near plane, so that an error of a vertex's
 # depth up to `near` times this cannot cut off a point that a sample might hit.
 CLIP_SLACK = 2.0**-10
+
+# The columns of a triangle's screen box: first and last pixel column, first and last pixel row.
+X0, X1, Y0, Y1 = range(4)
+# The columns of `keys`: an upper bound of the key; 1.0 where the depth range must be checked at
+# each sample, else 0.0.
+GREATEST, CHECK = range(2)
+
+
+class Binned(NamedTuple):
+    """Triangles that may reach some samples, sorted into the screen's tiles.
+
+    `found`: (f,) int32, places in cluster order; `boxes`: (f, 4) int32, columns X0 to Y1; `keys`:
+    (f, 2) float64, columns GREATEST and CHECK. Tile i, row by row, meets the boxes
+    `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order; `offsets`: (tiles + 1,) int64.
+    `columns`: how many tiles a row of them has.
+    """
+
+    found: NDArray[np.int32]
+    boxes: NDArray[np.int32]
+    keys: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+    entries: NDArray[np.int32]
+    columns: int
+
+
+class _Axis(NamedTuple):
+    """A screen axis of so many `pixels`: one is at `scale` (dual . w / depth) + `middle`.
+    `dual`: (3,) float64; `norm`: |dual|_1."""
+
+    dual: NDArray[Any]
+    norm: float
+    middle: float
+    scale: float
+    pixels: int
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -37,8 +71,8 @@ def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int,
 
 
 def count_wanted(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many wanted samples lie in the blocks above and left of each block corner:
-    (block rows + 1, block columns + 1) int64."""
+    """How many samples of `wanted`, (height, width) bool, lie in the blocks above and left of each
+    block corner: (block rows + 1, block columns + 1) int64."""
     height, width = wanted.shape
     rows, columns = -(-height // BLOCK), -(-width // BLOCK)
     blocks = np.zeros((rows * BLOCK, columns * BLOCK), np.int64)
@@ -60,20 +94,17 @@ def _none_wanted(sums: NDArray[Any], x0: int, x1: int, y0: int, y1: int) -> bool
 def _box_range(
     low: NDArray[Any],
     high: NDArray[Any],
-    dual: NDArray[Any],
-    norm: float,
-    z_least: float,
-    z_greatest: float,
-    middle: float,
-    scale: float,
+    depths: tuple[float, float],
+    axis: _Axis,
     grow: float,
-    count: int,
     perspective: bool,
 ) -> tuple[int, int]:
     """The pixels (columns or rows) that a box before the eye may cover, by interval arithmetic.
 
-    Its corners are `low`, `high` relative to the eye, its depths in z_least..z_greatest.
+    Its corners are `low`, `high` relative to the eye, `depths` its least and greatest.
     """
+    z_least, z_greatest = depths
+    dual, norm, middle, scale, count = axis
     least, greatest, size = 0.0, 0.0, 0.0
     for k in range(3):
         p = dual[k]
@@ -125,6 +156,10 @@ def cluster_depths(
                 norms[i] += abs(dual[k])
         if not view.perspective:
             offsets[i] = toward * limit
+    middle_x = 0.5 * (view.width - 1) - view.shift_x_px
+    middle_y = 0.5 * (view.height - 1) - view.shift_y_px
+    columns = _Axis(view.x_dual, view.x_norm, middle_x, 0.5, view.width)
+    rows = _Axis(view.y_dual, view.y_norm, middle_y, -0.5, view.height)
     low = np.empty(3)
     high = np.empty(3)
     for c in range(len(bounds)):
@@ -150,16 +185,9 @@ def cluster_depths(
                 if value - offsets[i] < -16.0 * U * (norms[i] * size + abs(offsets[i])):
                     outside = True
             if sums.size and not outside and (least - error > view.near or not view.perspective):
-                x0, x1 = _box_range(
-                    low, high, view.x_dual, view.x_norm, least - error, greatest + error,
-                    0.5 * (view.width - 1) - view.shift_x_px, 0.5, grow, view.width,
-                    view.perspective,
-                )  # fmt: skip
-                y0, y1 = _box_range(
-                    low, high, view.y_dual, view.y_norm, least - error, greatest + error,
-                    0.5 * (view.height - 1) - view.shift_y_px, -0.5, grow, view.height,
-                    view.perspective,
-                )  # fmt: skip
+                depths = (least - error, greatest + error)
+                x0, x1 = _box_range(low, high, depths, columns, grow, view.perspective)
+                y0, y1 = _box_range(low, high, depths, rows, grow, view.perspective)
                 outside = x0 > x1 or y0 > y1 or _none_wanted(sums, x0, x1, y0, y1)
         if outside:
             nearest[c] = np.inf
@@ -252,16 +280,16 @@ def project(
             if sums.size and _none_wanted(sums, x0, x1, y0, y1):
                 continue
             found[count] = t
-            boxes[count, 0] = x0
-            boxes[count, 1] = x1
-            boxes[count, 2] = y0
-            boxes[count, 3] = y1
+            boxes[count, X0] = x0
+            boxes[count, X1] = x1
+            boxes[count, Y0] = y0
+            boxes[count, Y1] = y1
             if view.perspective:
                 # A hit has t >= near too. Two roundings of normal numbers; 4 u is upward.
-                keys[count, 0] = (1.0 / max(z_least, view.near)) * (1.0 + 4.0 * U)
+                keys[count, GREATEST] = (1.0 / max(z_least, view.near)) * (1.0 + 4.0 * U)
             else:
-                keys[count, 0] = -z_least
-            keys[count, 1] = 1.0 if check else 0.0
+                keys[count, GREATEST] = -z_least
+            keys[count, CHECK] = 1.0 if check else 0.0
             count += 1
     return count
 
@@ -270,12 +298,15 @@ def project(
 def bin_boxes(
     boxes: NDArray[Any], tile_wanted: NDArray[Any], tile_columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """For each wanted tile the boxes that meet it, in order: (offsets, box indices)."""
+    """For each wanted tile the boxes that meet it, in order: `offsets` and `entries` of `Binned`.
+
+    `boxes`: (f, 4) int32; `tile_wanted`: (tiles,) bool, row by row, `tile_columns` in a row.
+    """
     tiles = len(tile_wanted)
     offsets = np.zeros(tiles + 1, np.int64)
     for k in range(len(boxes)):
-        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
-            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
+        for row in range((boxes[k, Y0] >> TILE_SHIFT), (boxes[k, Y1] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, X0] >> TILE_SHIFT), (boxes[k, X1] >> TILE_SHIFT) + 1):
                 tile = row * tile_columns + column
                 if tile_wanted[tile]:
                     offsets[tile + 1] += 1
@@ -284,8 +315,8 @@ def bin_boxes(
     entries = np.empty(offsets[tiles], np.int32)
     place = offsets[:-1].copy()
     for k in range(len(boxes)):
-        for row in range((boxes[k, 2] >> TILE_SHIFT), (boxes[k, 3] >> TILE_SHIFT) + 1):
-            for column in range((boxes[k, 0] >> TILE_SHIFT), (boxes[k, 1] >> TILE_SHIFT) + 1):
+        for row in range((boxes[k, Y0] >> TILE_SHIFT), (boxes[k, Y1] >> TILE_SHIFT) + 1):
+            for column in range((boxes[k, X0] >> TILE_SHIFT), (boxes[k, X1] >> TILE_SHIFT) + 1):
                 tile = row * tile_columns + column
                 if tile_wanted[tile]:
                     entries[place[tile]] = k

@@ -119,7 +119,8 @@ class Masks:
         )
 
     def take(self, triangles: NDArray[Any]) -> Masks:
-        """Masks of the triangles with these indices (or where this is True), in this order."""
+        """Masks of the triangles with these indices, (k,) integers, in this order; or where this,
+        (t,) bool, is True."""
         row = self.row[triangles]
         used, inverse = np.unique(row[row >= 0], return_inverse=True)
         kept = np.full(len(row), -1, np.int32)

@@ -23,7 +23,7 @@ sample everything shows.
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -67,7 +67,7 @@ def superfluous_causes(
     drawn: DrawnSet,
     superfluous_units: Int32,
 ) -> dict[int, Cause]:
-    """The cause by unit, for `MAX_UNITS` of a frame's superfluous units at most."""
+    """The cause by unit, for at most `MAX_UNITS` of a frame's superfluous units, (k,) int32."""
     ids = np.unique(superfluous_units).astype(np.int64)
     ids = ids[evenly_picked(len(ids), MAX_UNITS)]
     boxes = scene.bounds_of(units)[ids]
@@ -138,6 +138,21 @@ def _occluders(scene: Scene, camera: Camera) -> NDArray[np.bool_] | None:
     return None if hides.all() else hides
 
 
+class _Rays(NamedTuple):
+    """A camera's samples, as `visref.camera` defines them: (3,) float64 vectors, `column_a`
+    (width,) and `row_b` (height,) float64, and the range of view depths."""
+
+    perspective: bool
+    eye: Float64
+    forward: Float64
+    right: Float64
+    up: Float64
+    column_a: Float64
+    row_b: Float64
+    near: float
+    far: float
+
+
 def boxes_show(
     camera: Camera, boxes: Float64, depth: Float64 | Float32, *, nearness: bool = False
 ) -> NDArray[np.bool_]:
@@ -145,42 +160,31 @@ def boxes_show(
     (height, width) view depth, inf for nothing, or with `nearness` a `UnitImage`'s. Only what of
     a box lies between the near and the far plane counts."""
     result = np.zeros(len(boxes), np.bool_)
-    _boxes_show(
-        boxes,
+    rays = _Rays(
+        camera.is_perspective,
         camera.eye,
         camera.forward,
         camera.right_step,
         camera.up_step,
         camera.column_a,
         camera.row_b,
-        camera.is_perspective,
         camera.near,
         camera.far,
-        depth,
-        nearness,
-        DEPTH_ROUNDING,
-        result,
     )
+    _boxes_show(boxes, rays, depth, nearness, DEPTH_ROUNDING, result)
     return result
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _boxes_show(
     boxes: NDArray[Any],
-    eye: NDArray[Any],
-    forward: NDArray[Any],
-    right: NDArray[Any],
-    up: NDArray[Any],
-    column_a: NDArray[Any],
-    row_b: NDArray[Any],
-    perspective: bool,
-    near: float,
-    far: float,
+    rays: _Rays,
     depth: NDArray[Any],
     nearness: bool,
     rounding: float,
     result: NDArray[Any],
 ) -> None:
+    perspective, eye, forward, right, up, column_a, row_b, near, far = rays
     height, width = depth.shape
     per_step = 1.0 / (right[0] * right[0] + right[1] * right[1] + right[2] * right[2])
     low, high, origin, step = np.empty(3), np.empty(3), np.empty(3), np.empty(3)

@@ -7,14 +7,26 @@ can say why.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.scene import Float32, Int32, Scene, Units
+from visref.scene import Float32, Float64, Int32, Scene, Units
+
+
+class _Projection(NamedTuple):
+    """From the world to an image's pixels: the camera's pose, (4, 4) float64, and its near plane;
+    (2,) float64 each, half pixels for one unit of camera space (at depth 1 if perspective), and
+    where the camera's axis meets the image."""
+
+    world_from_camera: Float64
+    perspective: bool
+    near: float
+    per_unit: Float64
+    centre: Float64
 
 
 class UnitImage:
@@ -26,41 +38,38 @@ class UnitImage:
     """
 
     def __init__(self, scene: Scene, camera: Camera, units: Units, shape: tuple[int, int]) -> None:
-        self._scene, self._camera, self._units = scene, camera, units
+        self._scene, self._units = scene, units
         self.owner: Int32 = np.full(shape, -1, np.int32)
         self.nearness: Float32 = np.full(shape, -np.inf, np.float32)
-        # Half pixels of the image for one unit of camera space, at depth 1 if perspective.
-        self._per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
+        per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
             2.0 * float(np.linalg.norm(camera.right_step))
         )
-        self._centre = np.array(
+        centre = np.array(
             [
                 (camera.width / 2 - camera.shift_x_px) * shape[1] / camera.width,
                 (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
             ]
         )
+        self._projection = _Projection(
+            camera.world_from_camera, camera.is_perspective, camera.near, per_unit, centre
+        )
 
     def draw(
         self, unit_ids: Int32, *, only: NDArray[np.bool_] | None = None, marks_small: bool = False
     ) -> None:
-        """Draw units. `only`: (t,) bool, the triangles to draw. `marks_small`: a triangle that
-        falls between the pixel centres still marks the pixel that it lies in."""
+        """Draw units, (k,) int32 ids. `only`: (t,) bool, the triangles to draw. `marks_small`:
+        a triangle that falls between the pixel centres still marks the pixel that it lies in."""
         triangles = self._units.gather(unit_ids)
         unit_of = np.repeat(np.asarray(unit_ids, np.int32), self._units.sizes[unit_ids])
         if only is not None:
             kept = only[triangles]
             triangles, unit_of = triangles[kept], unit_of[kept]
-        camera = self._camera
         _rasterise(
             self._scene.vertices,
             self._scene.triangles,
             triangles,
             unit_of,
-            camera.world_from_camera,
-            camera.is_perspective,
-            camera.near,
-            self._per_unit,
-            self._centre,
+            self._projection,
             marks_small,
             self.owner,
             self.nearness,
@@ -84,15 +93,12 @@ def _rasterise(
     corners: NDArray[Any],
     triangles: NDArray[Any],
     unit_of: NDArray[Any],
-    world_from_camera: NDArray[Any],
-    perspective: bool,
-    near: float,
-    per_unit: NDArray[Any],
-    centre: NDArray[Any],
+    projection: _Projection,
     marks_small: bool,
     owner: NDArray[Any],
     nearness: NDArray[Any],
 ) -> None:
+    world_from_camera, perspective, near, per_unit, centre = projection
     height, width = owner.shape
     local = np.empty((3, 3))  # x, y, depth of each corner in camera space
     clipped = np.empty((4, 3))

@@ -126,7 +126,7 @@ def _balls(corners: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> list[Int64]:
-    """For each sample (flat index) the triangles that its ray may meet, ascending ids.
+    """For each sample (flat index) the triangles that its ray may meet: (n,) int64 ascending ids.
 
     Outward: a triangle that the ray meets in the camera's range is never left out, one that
     it passes closely may be listed too.

@@ -73,8 +73,7 @@ class StopsAtTheBudget:
 def filtered(links: Links, keep: np.ndarray) -> Links:
     """The links that `keep` marks."""
     before = np.concatenate([[0], np.cumsum(keep)])
-    return replace(
-        links,
+    return links._replace(
         offsets=before[links.offsets],
         to=links.to[keep],
         axis=links.axis[keep],
