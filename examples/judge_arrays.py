@@ -15,4 +15,4 @@ inputs = Inputs(scene, path, range(len(path)), engine="exact")
 outcome = judge_to_folder(inputs, cullers, "run")
 for judged in outcome.cullers:
     sums = judged.totals
-    print(f"{judged.spec}: {sums.drawn} drawn, {sums.visible} visible, {judged.exit.status}")
+    print(f"{judged.spec}: {sums.drawn} drawn, {sums.visible} visible, {judged.status}")
