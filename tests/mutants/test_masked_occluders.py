@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.mutants.harness import Mutant, suites
-from visref.conformance.scenes import box, camera, case, panel
+from visref.conformance.building import box, camera, case, panel
 from visref.culler import Culler
 from visref.engines.exact import ExactEngine
 from visref.judging.referee import Referee
