@@ -145,7 +145,7 @@ def run() -> list[dict[str, str]]:
                 "view": name,
                 "objects seen": str(int(seen.visible.sum())),
                 "pixels that differ": ", ".join(
-                    str(int(np.abs(counts - seen.pixels).sum())) for counts in by_plain
+                    str(int(np.abs(counts - seen.samples).sum())) for counts in by_plain
                 ),
                 "visref embree": f"{ours * 1e3:.1f} ms",
                 "Open3D, NumPy rays": f"{with_numpy * 1e3:.1f} ms",

@@ -95,7 +95,7 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
     for o in range(count):
         mine = sorted(s for s, owners in owners_at.items() if o in owners)
         alone = [s for s in mine if owners_at[s] == {o}]
-        result.pixels[o], result.alone[o] = len(mine), len(alone)
+        result.samples[o], result.alone[o] = len(mine), len(alone)
         if mine:
             result.sample[o] = alone[0] if alone else mine[0]
             result.depth[o] = depths[result.sample[o]]
@@ -113,7 +113,7 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
         )
         if beside:
             more = len({s for _, _, s in beside})
-            result.pixels[o] += more
+            result.samples[o] += more
             result.alone[o] += more
             result.nearest[o] = min(result.nearest[o], beside[0][0])
             if not mine:
@@ -134,8 +134,8 @@ def test_objects_seen_counts_what_a_slow_count_counts(seed: int) -> None:
 def test_the_random_truths_reach_ties_blends_and_undecided_samples() -> None:
     truths = [random_truth(seed) for seed in range(50)]
     tied = [objects_seen(t, SCENE) for t in truths]
-    assert any((seen.pixels > seen.alone).any() for seen in tied)
-    assert any(((seen.alone == 0) & (seen.pixels > 0)).any() for seen in tied)
+    assert any((seen.samples > seen.alone).any() for seen in tied)
+    assert any(((seen.alone == 0) & (seen.samples > 0)).any() for seen in tied)
     assert any(len(t.undecided) for t in truths)
     assert any(len(t.blend.object) for t in truths)
 
@@ -151,7 +151,7 @@ def test_a_tied_sample_counts_for_every_object_tied_there_once() -> None:
     # Triangles 0 and 1 are object 0's, 2 is object 2's, 3 to 5 are object 3's.
     ties = Ties(np.array([0, 0, 0, 0]), np.array([1, 2, 3, 4], np.int32))
     seen = objects_seen(one_row([0, 0], ties=ties), SCENE)
-    assert seen.pixels.tolist() == [2, 0, 1, 1, 0, 0]
+    assert seen.samples.tolist() == [2, 0, 1, 1, 0, 0]
     assert seen.alone.tolist() == [1, 0, 0, 0, 0, 0]
     assert seen.sample.tolist() == [1, NO_SAMPLE, 0, 0, NO_SAMPLE, NO_SAMPLE]
 

@@ -100,14 +100,14 @@ class BlendVisibility:
 class ObjectVisibility:
     """A frame by object: (n,) arrays over all objects of the scene.
 
-    `pixels` int64: samples owned, a tied sample counted for every object tied there.
+    `samples` int64: samples owned, a tied sample counted for every object tied there.
     `alone` int64: samples owned with no other object tied. `sample` int64: one owned sample
     (flat index; owned alone if there is such), `NO_SAMPLE` if none. `depth` float64: view
     depth at that sample. `nearest` float64: the least depth of all its samples, inf if none.
     `owned`: how many decided samples anything owns, each counted once.
     """
 
-    pixels: Int64
+    samples: Int64
     alone: Int64
     sample: Int64
     depth: Float64
@@ -115,8 +115,13 @@ class ObjectVisibility:
     owned: int
 
     @property
+    def pixels(self) -> Int64:
+        """`samples`, as it was called before."""
+        return self.samples
+
+    @property
     def visible(self) -> NDArray[np.bool_]:
-        return self.pixels > 0
+        return self.samples > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,12 +181,12 @@ class Witness:
 
 def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     """Gather a frame by object. Undecided samples are left out; BLEND objects are counted
-    in `pixels` too, by `truth.blend`, at samples that they do not own besides."""
+    in `samples` too, by `truth.blend`, at samples that they do not own besides."""
     from visref import kernels
 
     count = scene.object_count
     depth = truth.buffer.depth.reshape(-1)
-    pixels, alone = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    samples, alone = np.zeros(count, np.int64), np.zeros(count, np.int64)
     sample, tied_sample = np.full((2, count), NO_SAMPLE, np.int64)
     nearest = np.full(count, np.inf)
     kernels.gather_objects(
@@ -191,7 +196,7 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
         truth.ties.sample,
         truth.ties.triangle,
         scene.object_of_triangle,
-        pixels,
+        samples,
         alone,
         sample,
         tied_sample,
@@ -202,10 +207,10 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     seen = sample >= 0
     at = np.full(count, np.inf)
     at[seen] = depth[sample[seen]]
-    _add_blended(truth, scene, pixels, alone, sample, at, nearest)
+    _add_blended(truth, scene, samples, alone, sample, at, nearest)
     owner = truth.buffer.triangle.reshape(-1)
     owned = np.count_nonzero(owner >= 0) - np.count_nonzero(owner[truth.undecided] >= 0)
-    return ObjectVisibility(pixels, alone, sample, at, nearest, int(owned))
+    return ObjectVisibility(samples, alone, sample, at, nearest, int(owned))
 
 
 def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
@@ -223,7 +228,7 @@ def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
 def _add_blended(
     truth: FrameTruth,
     scene: Scene,
-    pixels: Int64,
+    samples: Int64,
     alone: Int64,
     sample: Int64,
     at: Float64,
@@ -235,8 +240,8 @@ def _add_blended(
     # Hits are sorted by object and sample: each such pair counts once.
     first = np.ones(len(blend.object), np.bool_)
     first[1:] = (np.diff(blend.object) != 0) | (np.diff(blend.sample) != 0)
-    seen = np.bincount(blend.object[first], minlength=len(pixels))
-    pixels += seen
+    seen = np.bincount(blend.object[first], minlength=len(samples))
+    samples += seen
     alone += seen
     np.minimum.at(nearest, blend.object, blend.depth)
     order = np.lexsort((blend.sample, blend.triangle, blend.depth, blend.object))

@@ -135,7 +135,7 @@ def test_witness_is_a_sample_that_the_truth_gives_to_the_lost_object():
         frame, lost, owned, x, y, triangle = map(int, told.groups())
         truth = ExactEngine(scene).frame(path.frames[frame])
         assert truth.buffer.triangle[y, x] == triangle
-        pixels = objects_seen(truth, scene).pixels[scene.object_of_triangle[triangle]]
+        pixels = objects_seen(truth, scene).samples[scene.object_of_triangle[triangle]]
         assert lost == owned == pixels
     assert re.fullmatch(r"... and \d+ objects more", found.problems[-1])
 

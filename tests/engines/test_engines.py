@@ -247,7 +247,7 @@ def test_every_blended_layer_before_the_opaque_hit_is_seen(
     owners = scene.object_of_triangle[truth.blend.triangle]
     assert owners.tolist() == truth.blend.object.tolist()
     seen = objects_seen(truth, scene)
-    assert seen.pixels.tolist() == [16 * 24, 128, 128, 16 * 24, 0, 0, 0, 0]
+    assert seen.samples.tolist() == [16 * 24, 128, 128, 16 * 24, 0, 0, 0, 0]
 
 
 def test_a_blended_object_of_many_layers_counts_a_sample_once(make: Make) -> None:
@@ -261,7 +261,7 @@ def test_a_blended_object_of_many_layers_counts_a_sample_once(make: Make) -> Non
     # Front and back are hits each.
     assert len(truth.blend.sample) >= 2 * len(covered)
     seen = objects_seen(truth, scene)
-    assert seen.pixels.tolist() == [len(covered)]
+    assert seen.samples.tolist() == [len(covered)]
     assert seen.nearest[0] == solid.buffer.depth.min() == 6.0
 
 
@@ -301,7 +301,7 @@ def test_a_sample_that_an_object_owns_is_not_counted_again_for_its_own_glass(mak
         alpha=np.array([0, 0, 2, 2], np.uint8),
     )
     truth = make(scene).frame(camera)
-    assert objects_seen(truth, scene).pixels.tolist() == [24 * 24]
+    assert objects_seen(truth, scene).samples.tolist() == [24 * 24]
 
 
 @both_projections
@@ -375,7 +375,7 @@ def test_an_empty_scene_and_empty_objects_are_background(make: Make) -> None:
     empty = Part(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     scene = build(empty, full, empty)
     seen = objects_seen(make(scene).frame(camera), scene)
-    assert seen.pixels.tolist() == [0, 32 * 24, 0]
+    assert seen.samples.tolist() == [0, 32 * 24, 0]
 
 
 def test_degenerate_and_edge_on_triangles_cover_nothing_and_hide_nothing(make: Make) -> None:

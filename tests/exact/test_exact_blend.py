@@ -37,7 +37,7 @@ def test_exact_and_rays_count_blended_objects_alike(seed):
     assert np.array_equal(exact.blend.sample, rays.blend.sample)
     assert np.array_equal(exact.blend.triangle, rays.blend.triangle)
     ours, theirs = objects_seen(exact, scene), objects_seen(rays, scene)
-    assert np.array_equal(ours.pixels, theirs.pixels)
+    assert np.array_equal(ours.samples, theirs.samples)
     assert np.allclose(ours.nearest, theirs.nearest, rtol=1e-12)
 
 
@@ -59,7 +59,7 @@ def test_object_blended_before_itself_counts_each_sample_once():
     )
     one = with_alpha(one, Alpha.BLEND, Alpha.OPAQUE)
     seen = objects_seen(make_engine("exact", one).frame(camera()), one)
-    assert seen.pixels.tolist() == [camera().samples]
+    assert seen.samples.tolist() == [camera().samples]
 
 
 def test_the_witness_of_a_blended_object_is_its_nearest_hit():

@@ -532,7 +532,7 @@ def test_a_vase_behind_a_pane_of_glass_is_seen(tmp_path):
     camera = Camera(look_at((0.501, 0.501, 5), (0.501, 0.501, 0)), 20, 20, near=0.1, ymag=0.5)
     seen = objects_seen(make_engine("exact", scene).frame(camera), scene)
     # One unit of the view is 20 samples; the pane is blended, and shows at 20 by 20.
-    assert dict(zip(scene.names, seen.pixels.tolist(), strict=True)) == {"pane": 400, "vase": 100}
+    assert dict(zip(scene.names, seen.samples.tolist(), strict=True)) == {"pane": 400, "vase": 100}
 
 
 def test_what_a_transmission_texture_variants_and_levels_leave_open_is_said(tmp_path):

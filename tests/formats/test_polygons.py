@@ -289,7 +289,7 @@ def test_who_stands_in_the_doorway_of_a_wall_of_one_polygon_is_seen(tmp_path):
     camera = Camera(look_at((0.01, 2.01, 5), (0.01, 2.01, 0)), 180, 70, near=0.1, ymag=1.75)
     seen = objects_seen(make_engine("exact", scene).frame(camera), scene)
     # The view is 9 by 3.5 m, from y = 0.26 up: 24 by 39 samples of it are the doorway.
-    owned = dict(zip(scene.names, seen.pixels.tolist(), strict=True))
+    owned = dict(zip(scene.names, seen.samples.tolist(), strict=True))
     assert owned == {"wall": 180 * 70 - 24 * 39, "seen": 100, "hidden": 0}
 
 

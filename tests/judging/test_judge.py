@@ -43,7 +43,7 @@ def test_drawing_nothing_misses_every_visible_object_and_every_owned_sample():
         owned_samples=3,
         missed_units=2,
     )
-    assert [(m.object, m.pixels, m.owned) for m in found.misses] == [(0, 2, 2), (1, 1, 1)]
+    assert [(m.object, m.samples, m.owned) for m in found.misses] == [(0, 2, 2), (1, 1, 1)]
 
 
 def test_the_witness_is_a_sample_that_the_object_owns():
@@ -82,7 +82,7 @@ def test_object_that_shows_somewhere_and_loses_samples_elsewhere_is_partly_misse
         missed_units=1,
     )
     (miss,) = found.misses
-    assert (miss.partly, miss.pixels, miss.owned, miss.sample) == (True, 2, 3, 1)
+    assert (miss.partly, miss.samples, miss.owned, miss.sample) == (True, 2, 3, 1)
 
 
 def test_object_drawn_only_where_it_owns_nothing_is_missed():
@@ -106,7 +106,7 @@ def test_tied_object_left_out_beside_a_drawn_co_owner_is_a_tie_and_misses_no_pix
     found = verdict(scene, truth([[0, 0]], ties=[(0, 1), (1, 1)]), [0])
     assert found.counts == Counts(visible=2, missed=1, ties=1, owned_samples=2, drawn=1)
     assert found.misses[0].kind is MissKind.TIE
-    assert (found.misses[0].object, found.misses[0].pixels) == (1, 0)
+    assert (found.misses[0].object, found.misses[0].samples) == (1, 0)
 
 
 def test_tie_holds_whichever_of_the_tied_the_engine_named_as_owner():
@@ -128,7 +128,7 @@ def test_if_none_of_the_tied_is_drawn_each_is_missed_in_full():
         owned_samples=2,
         missed_units=2,
     )
-    assert [m.pixels for m in found.misses] == [2, 2]
+    assert [m.samples for m in found.misses] == [2, 2]
 
 
 def test_object_tied_at_one_sample_and_lost_alone_at_another_is_confirmed():
@@ -180,7 +180,7 @@ def test_sample_in_doubt_is_lost_for_certain_where_nothing_down_to_a_certain_hit
         drawn=1,
         missed_units=1,
     )
-    assert [(m.object, m.pixels, m.owned, m.sample) for m in found.misses] == [(1, 1, 1, 1)]
+    assert [(m.object, m.samples, m.owned, m.sample) for m in found.misses] == [(1, 1, 1, 1)]
 
 
 def test_leaf_before_the_background_leaves_the_sample_undecided_where_it_was_not_drawn():
@@ -241,7 +241,7 @@ def test_rulings_hold_at_their_samples_alone():
     found = verdict(
         soup([1, 1, 1]), truth([[0, 0, 0]]), [0], rulings=Rulings(np.array([1]), elsewhere)
     )
-    assert [(m.object, m.pixels) for m in found.misses] == [(1, 1)]
+    assert [(m.object, m.samples) for m in found.misses] == [(1, 1)]
 
 
 def blended_scene() -> Scene:
@@ -304,7 +304,7 @@ def test_glass_is_lost_sample_by_sample():
     found = verdict(scene, frame, [0, 1], units=triangle_units(scene))
     assert (found.counts.partly_missed, found.counts.confirmed, found.counts.missed) == (1, 1, 0)
     (miss,) = found.misses
-    assert (miss.object, miss.pixels, miss.owned, miss.sample, miss.triangle) == (1, 1, 2, 1, 2)
+    assert (miss.object, miss.samples, miss.owned, miss.sample, miss.triangle) == (1, 1, 2, 1, 2)
     assert (found.counts.missed_pixels, found.counts.missed_units) == (0, 1)
 
 
@@ -313,9 +313,9 @@ def test_glass_before_its_own_wall_is_lost_though_the_wall_is_drawn():
     blend = BlendVisibility.of(scene, np.array([0]), np.array([1]), np.array([3.0]))
     frame = replace(truth([[0, 0]]), blend=blend)
     found = verdict(scene, frame, [0], units=triangle_units(scene))
-    assert [(m.pixels, m.owned, m.partly) for m in found.misses] == [(1, 2, True)]
+    assert [(m.samples, m.owned, m.partly) for m in found.misses] == [(1, 2, True)]
     whole = verdict(scene, frame, [1], units=triangle_units(scene))
-    assert [(m.pixels, m.owned, m.partly) for m in whole.misses] == [(2, 2, True)]
+    assert [(m.samples, m.owned, m.partly) for m in whole.misses] == [(2, 2, True)]
 
 
 def test_disputes_are_the_samples_that_no_drawn_triangle_shows():

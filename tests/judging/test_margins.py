@@ -79,7 +79,7 @@ ENGINES = ["exact", "embree"]
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lost_strip_of_a_shown_object_has_margins_and_a_witness_in_the_strip(engine):
     miss = plank(verdict(strips(), two_units(), [0, 2], None, engine))
-    assert (miss.partly, miss.kind, miss.pixels) == (True, MissKind.CONFIRMED, 16)
+    assert (miss.partly, miss.kind, miss.samples) == (True, MissKind.CONFIRMED, 16)
     assert miss.sample // WIDTH == 12
     assert miss.triangle in (2, 3)
     assert miss.margin_px == pytest.approx(SLIT, rel=0.01)
@@ -90,7 +90,7 @@ def test_a_lost_strip_of_a_shown_object_has_margins_and_a_witness_in_the_strip(e
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_witness_of_a_lost_broad_part_is_its_firmest_sample(engine):
     miss = plank(verdict(strips(), two_units(), [1, 2], None, engine))
-    assert (miss.partly, miss.kind, miss.pixels) == (True, MissKind.CONFIRMED, 16 * 6)
+    assert (miss.partly, miss.kind, miss.samples) == (True, MissKind.CONFIRMED, 16 * 6)
     # Six rows high: the outermost samples are half a pixel from an edge, the others more, which
     # is told up to one pixel.
     assert miss.margin_px == 1.0
@@ -141,6 +141,6 @@ def test_no_tolerance_excuses_lost_glass(engine):
     scene = replace(scene, alpha=alpha)
     found = verdict(scene, two_units(), [0, 2], Picture(), engine)
     miss = plank(found)
-    assert (miss.partly, miss.kind, miss.pixels) == (True, MissKind.CONFIRMED, 16)
+    assert (miss.partly, miss.kind, miss.samples) == (True, MissKind.CONFIRMED, 16)
     assert (found.counts.violations, found.counts.missed_pixels) == (1, 0)
     assert miss.triangle in (2, 3)

@@ -96,7 +96,7 @@ def test_embree_convicts_as_the_exact_engine_does(seed, kind):
         # Ties that nobody disputes Embree does not list, and so not all who miss by them.
         assert mine.ties <= theirs.ties
         convicted = [
-            sorted((m.object, m.pixels, m.partly) for m in v.misses if m.kind == "confirmed")
+            sorted((m.object, m.samples, m.partly) for m in v.misses if m.kind == "confirmed")
             for v in (one.verdict, other.verdict)
         ]
         assert convicted[0] == convicted[1]

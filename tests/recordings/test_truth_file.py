@@ -39,7 +39,7 @@ def test_frames_come_back_whatever_their_order(file):
         1: [],
         2: [0, 2],
     }
-    assert read.frames[0].pixels.tolist() == [2]
+    assert read.frames[0].samples.tolist() == [2]
     assert {frame: rows.owned for frame, rows in read.frames.items()} == {0: 2, 1: 0, 2: 2}
 
 
@@ -81,7 +81,7 @@ def test_a_file_of_version_1_is_read_and_its_reader_told_what_it_does_not_say():
             report_runs.scene(),
         )
         assert rows.objects.tolist() == np.flatnonzero(seen.visible).tolist()
-        assert rows.pixels.tolist() == seen.pixels[seen.visible].tolist()
+        assert rows.samples.tolist() == seen.samples[seen.visible].tolist()
         assert rows.owned == seen.owned
 
 

@@ -68,8 +68,8 @@ def test_half_of_an_object_lost_is_said_everywhere_and_nobody_says_that_all_was_
     (row,) = [r for r in pq.read_table(folder / "objects.parquet").to_pylist() if r["partly"]]
     assert (row["object"], row["kind"]) == (PILLAR, "confirmed")
     (lost,) = read_run(folder).lost_objects("halves")
-    assert (lost.misses, lost.partly, lost.pixels) == (1, 1, verdict["missed_pixels"])
-    said = f"Of 3 visible objects, 1 was partly missed: {lost.pixels} samples lost."
+    assert (lost.misses, lost.partly, lost.samples) == (1, 1, verdict["missed_pixels"])
+    said = f"Of 3 visible objects, 1 was partly missed: {lost.samples} samples lost."
     for name, text in texts(folder, tmp_path).items():
         assert said in text, name
         assert "partly missed" in text

@@ -138,7 +138,7 @@ def test_a_folder_of_version_1_is_read_shown_and_explained(tmp_path):
     broken = run.verdict.cullers[BROKEN]
     assert (run.verdict.status, broken.violations, broken.missed_pixels) == ("violation", 2, 8)
     (lost,) = run.lost_objects(BROKEN)
-    assert (lost.worst.object, lost.worst.name, lost.pixels, lost.frames) == (
+    assert (lost.worst.object, lost.worst.name, lost.samples, lost.frames) == (
         NASTY_ID,
         NASTY,
         8,

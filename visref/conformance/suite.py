@@ -254,7 +254,7 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
             f"MISSED_OBJECT: frame {frame} ({view.width} x {view.height}): "
-            f"'{built.scene.names[miss.object]}' (object {miss.object}) lost {miss.pixels} of "
+            f"'{built.scene.names[miss.object]}' (object {miss.object}) lost {miss.samples} of "
             f"its {miss.owned} samples; witness: pixel ({x}, {y}), triangle {miss.triangle} "
             f"at depth {miss.depth:.6g}"
         )

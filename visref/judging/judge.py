@@ -44,13 +44,13 @@ class Miss:
     """A visible object that was not drawn, or (`partly`) not all of it that is seen, with the
     sample that witnesses it.
 
-    `pixels`: samples lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
+    `samples`: those lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
     index, `depth` view depth there. Margins are None where they were not computed.
     """
 
     object: int
     kind: MissKind
-    pixels: int
+    samples: int
     owned: int
     sample: int
     triangle: int
@@ -126,7 +126,7 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
     loses = (walk.lost > 0) | (walk.lost_blended > 0) | (walk.blended_hit >= 0)
     left_out = np.flatnonzero(visible & (loses | ~walk.shows))
     misses = [_miss(frame, int(o)) for o in left_out]
-    misses.sort(key=lambda miss: (-miss.pixels, miss.object))
+    misses.sort(key=lambda miss: (-miss.samples, miss.object))
 
     superfluous = frame.superfluous
     undecided = _undecided(frame, visible)
@@ -156,7 +156,7 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
 
 def _miss(frame: SettledFrame, object_id: int) -> Miss:
     scene, truth, rulings, walk = frame.scene, frame.truth, frame.rulings, frame.walk
-    owned = int(frame.seen.pixels[object_id]) + int(walk.charged[object_id])
+    owned = int(frame.seen.samples[object_id]) + int(walk.charged[object_id])
     opaque, glass = int(walk.lost[object_id]), int(walk.blended_hit[object_id])
     partly = bool(walk.shows[object_id])
     within_raster = object_id in rulings.within_raster

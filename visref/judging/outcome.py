@@ -67,8 +67,8 @@ class CullerRecord:
             for miss in record.verdict.misses:
                 if miss.kind is not MissKind.CONFIRMED:
                     continue
-                total[miss.object] += miss.pixels
-                if miss.object not in worst or miss.pixels > worst[miss.object][1].pixels:
+                total[miss.object] += miss.samples
+                if miss.object not in worst or miss.samples > worst[miss.object][1].samples:
                     worst[miss.object] = (record.frame, miss)
         order = sorted(total, key=lambda obj: (-total[obj], obj))
         return [(total[obj], *worst[obj]) for obj in order]
@@ -101,7 +101,7 @@ def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, 
         "triangle": miss.triangle,
         "depth": miss.depth,
         "kind": miss.kind.value,
-        "pixels": miss.pixels,
+        "pixels": miss.samples,
         "owned": miss.owned,
         "margin_px": _finite(miss.margin_px),
         "margin_depth": _finite(miss.margin_depth),

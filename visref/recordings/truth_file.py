@@ -60,7 +60,7 @@ class FrameRows:
     samples that anything owns (None in a file that does not say)."""
 
     objects: NDArray[np.int64]
-    pixels: NDArray[np.int64]
+    samples: NDArray[np.int64]
     owned: int | None
 
 
@@ -104,7 +104,7 @@ class TruthTable:
             pa.repeat(pa.scalar(view), len(objects)),
             objects.astype(np.int32),
             pa.array(self._names[objects], pa.string()),
-            seen.pixels[objects],
+            seen.samples[objects],
             pa.array(status.tolist(), pa.string()),
             (sample % width).astype(np.int32),
             (sample // width).astype(np.int32),

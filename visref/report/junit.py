@@ -90,7 +90,7 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
 
 def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [
-        f"{lost.worst.name}, {missed_in(lost)}: {counted(lost.pixels, 'sample')} over "
+        f"{lost.worst.name}, {missed_in(lost)}: {counted(lost.samples, 'sample')} over "
         f"{counted(lost.frames, 'frame')}; witness: frame "
         f"{lost.worst.frame}, pixel ({lost.worst.x}, {lost.worst.y}), depth "
         f"{lost.worst.depth:.9g}; {replay_command(run, lost.worst, out)}"

@@ -88,7 +88,7 @@ def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
         worst = lost.worst
         lines.append(
             f"- {words.plain(worst.name)}, {words.missed_in(lost)}: "
-            f"{words.counted(lost.pixels, 'sample')} over "
+            f"{words.counted(lost.samples, 'sample')} over "
             f"{words.counted(lost.frames, 'frame')} (frame {worst.frame}, pixel "
             f"{worst.x}, {worst.y}, depth {worst.depth:.6g})"
         )

@@ -308,7 +308,7 @@ def _lost(row: CullerSummary) -> str:
     lost = (
         counted(counts.missed_pixels, "sample")
         if counts.missed_pixels
-        else f"{counted(sum(one.pixels for one in row.lost), 'sample')} of glass"
+        else f"{counted(sum(one.samples for one in row.lost), 'sample')} of glass"
     )
     return f"{' and '.join(said)}: {where}{lost} lost"
 

@@ -140,7 +140,7 @@ class RunFolder:
             )
             for of_object in found.values()
         ]
-        return sorted(lost, key=lambda one: (-one.pixels, one.worst.object))
+        return sorted(lost, key=lambda one: (-one.samples, one.worst.object))
 
     def _witnesses(self, culler: str, kind: ObjectKind) -> Iterator[Witness]:
         """The culler's misses of one kind. There are few: what is superfluous, of which there may

@@ -117,7 +117,7 @@ class LostObject:
     many frames, how many of its misses are of a part, and the witness of the frame that lost
     most. `misses` counts frames and views."""
 
-    pixels: int
+    samples: int
     frames: int
     misses: int
     partly: int

@@ -179,7 +179,7 @@ def write_witnesses(
     `drawn` gives the drawn triangles of a frame's view, (t,) bool.
     """
     misses = [(row.frame, row.view, miss) for row in record.frames for miss in row.verdict.misses]
-    misses.sort(key=lambda found: (-found[2].pixels, found[0], found[2].object))
+    misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
     convicted: set[int] = set()
     for place, (frame, view, miss) in enumerate(misses):

@@ -359,7 +359,7 @@ def _culler_cell(outcome: RunOutcome, record: CullerRecord) -> Cell:
     else:
         state = State.MEASURED if totals.confirmed else State.RIGHT
     lost = sum(
-        miss.pixels
+        miss.samples
         for row in record.frames
         for miss in row.verdict.misses
         if miss.kind is MissKind.CONFIRMED
