@@ -12,7 +12,7 @@ the greatest lower bound of its key, and every other triangle that may still be 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -47,6 +47,7 @@ from visref.exact.screen import (
     X1,
     Y0,
     Y1,
+    Binned,
 )
 
 # Testing a rectangle's corners costs as much as this many samples.
@@ -59,6 +60,25 @@ POSSIBLE, COVERING, NEARER = 0, 1, 2
 
 # The columns of the contenders: see `rasterise`.
 SAMPLE, TRIANGLE, KNOWN, KEY_AT_MOST = range(4)
+
+
+class ClusteredTriangles(NamedTuple):
+    """All triangles in cluster order: `corners` (t, 9) float32, `one_sided` (t,) bool, `ids` (t,)
+    int32, each one's id in the scene."""
+
+    corners: NDArray[np.float32]
+    one_sided: NDArray[np.bool_]
+    ids: NDArray[np.int32]
+
+
+class Owned(NamedTuple):
+    """Who certainly owns each sample. `owner`: (height, width) int32 ids, -1 for none. `floor`,
+    `ceiling`: (height, width) float64, bounds of that owner's key, -inf for none; or (0, 0), where
+    nobody asks for them."""
+
+    owner: NDArray[np.int32]
+    floor: NDArray[np.float64]
+    ceiling: NDArray[np.float64]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -145,35 +165,28 @@ def _doubt(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(
     tiles: NDArray[Any],
-    tile_columns: int,
     view: View,
-    column_a: NDArray[Any],
-    row_b: NDArray[Any],
-    corners: NDArray[Any],
-    one_sided: NDArray[Any],
-    ids: NDArray[Any],
-    found: NDArray[Any],
-    boxes: NDArray[Any],
-    keys: NDArray[Any],
-    bin_offsets: NDArray[Any],
-    bin_entries: NDArray[Any],
+    rays: tuple[NDArray[Any], NDArray[Any]],
+    triangles: ClusteredTriangles,
+    binned: Binned,
     wanted: NDArray[Any],
     collect: bool,
-    owner: NDArray[Any],
-    floor: NDArray[Any],
-    ceiling: NDArray[Any],
+    owned: Owned,
 ) -> NDArray[np.float64]:
-    """Fill some tiles.
+    """Fill some tiles: `owned` is written.
 
-    `ids`: (t,) int32, triangle ids in cluster order. `owner`: (height, width) int32, the
-    certain owner's id (-1 for none) is written. `floor`, `ceiling`: (height, width) float64,
-    bounds of that owner's key (-inf for none), written unless their shape is (0, 0). With
-    `collect` they are read instead, nothing is drawn, and every triangle that may reach the
-    floor comes back. `wanted`: (height, width) bool, or (0, 0) for all samples.
+    `tiles`: (n,) int64. `rays`: column_a and row_b. With `collect` the bounds of `owned` are read
+    instead, nothing is drawn, and every triangle that may reach the floor comes back. `wanted`:
+    (height, width) bool, or (0, 0) for all samples.
     Returns contenders, (k, 4) float64: flat SAMPLE, TRIANGLE id, what is KNOWN (POSSIBLE,
     COVERING or, only with `collect`, NEARER: covering and above the ceiling), and KEY_AT_MOST,
     the greatest key that it may have.
     """
+    # Unpacked here: inside the loops numba would count references to every array of a tuple.
+    column_a, row_b = rays
+    corners, one_sided, ids = triangles
+    found, boxes, keys, bin_offsets, bin_entries, tile_columns = binned
+    owner, floor, ceiling = owned
     width, height = view.width, view.height
     low = np.empty(TILE * TILE)
     high = np.empty(TILE * TILE)

@@ -3,7 +3,7 @@
 The float64 rasteriser decides what its bounds can; the samples it leaves open come with every
 triangle that may still own them, and are settled in exact integers. Triangles in exactly the
 same plane are at the same depth everywhere, so a wall of duplicates costs a look at each
-triangle's plane (kept from frame to frame), not a decision a sample.
+triangle's plane (kept from frame to frame), not a decision per sample.
 """
 
 from __future__ import annotations
@@ -196,13 +196,15 @@ class ExactScene:
             tiles[y // screen.TILE * columns + x // screen.TILE] = True
         bin_offsets, bin_entries = screen.bin_boxes(boxes, tiles, columns)
         owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
-        a, b = camera.column_a, camera.row_b
+        binned = screen.Binned(found, boxes, keys, bin_offsets, bin_entries, columns)
+        rays = camera.column_a, camera.row_b
+        triangles = raster.ClusteredTriangles(self.corners, self.one_sided, self.order)
+        owned = raster.Owned(owner, *bounds)
 
         def fill(part: Int64) -> Contest:
             contenders = raster.rasterise(
-                part, columns, view, a, b, self.corners, self.one_sided, self.order,
-                found, boxes, keys, bin_offsets, bin_entries, wanted, collect, owner, *bounds,
-            )  # fmt: skip
+                part, view, rays, triangles, binned, wanted, collect, owned
+            )
             # Samples and triangles are far below 2^53, so float64 held them.
             sample, triangle, state = contenders[:, :3].T
             return Contest(
@@ -235,10 +237,10 @@ class ExactScene:
             found = np.empty(room, np.int32)
             boxes = np.empty((room, 4), np.int32)
             keys = np.empty((room, 2))
+            into = found, boxes, keys
             count = screen.project(
-                clusters, self._cluster_offsets, self.corners, usable, view, grow, sums,
-                found, boxes, keys,
-            )  # fmt: skip
+                clusters, self._cluster_offsets, self.corners, usable, view, grow, sums, into
+            )
             return found[:count], boxes[:count], keys[:count]
 
         parts = max(1, min(PARTS, len(order) // LEAST_CLUSTERS))

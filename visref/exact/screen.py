@@ -202,18 +202,16 @@ def project(
     view: View,
     grow: float,
     sums: NDArray[Any],
-    found: NDArray[Any],
-    boxes: NDArray[Any],
-    keys: NDArray[Any],
+    into: tuple[NDArray[Any], NDArray[Any], NDArray[Any]],
 ) -> int:
     """Find the triangles whose screen box, grown by `grow` pixels, holds a sample, and meets a
     block of wanted samples (`sums` of `count_wanted`, (0, 0) for all).
 
     Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
-    bool. Writes to `found` the triangle's place in cluster order, to `boxes` its first and last
-    pixel column and row, to `keys` (upper bound of the key, 1.0 if its depth range must be
-    checked at each sample). Returns how many were found. All bounds are outward.
+    bool. Writes to `into` the `found`, `boxes` and `keys` of a `Binned`, which have room for all
+    triangles of the clusters. Returns how many were found. All bounds are outward.
     """
+    found, boxes, keys = into
     count = 0
     z = np.empty(3)
     x = np.empty(3)

@@ -317,7 +317,7 @@ def _spread(count: int, ratio: float) -> NDArray[np.float64]:
 
 
 def _pastel(count: int) -> NDArray[np.float64]:
-    """(count, 3) linear RGB, a calm colour an object: hue by the golden ratio, lightness and
+    """(count, 3) linear RGB, a calm colour per object: hue by the golden ratio, lightness and
     chroma by Roberts's R2 sequence."""
     return _linear_from_oklch(
         0.80 + 0.12 * _spread(count, 0.7548776662466927),
