@@ -1,4 +1,4 @@
-# demo, test, test-fast, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# demo, test, test-fast, soak, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +10,7 @@ SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libg
 # Only the tests: real models that nobody here wrote, and a browser for the pages.
 TEST_PACKAGES := assimp-testmodels chromium
 
-.PHONY: demo test test-fast lint bench tables setup clean
+.PHONY: demo test test-fast soak lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -36,6 +36,10 @@ test: setup
 
 test-fast: setup
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+
+# Random cases against a brute force in whole numbers; `make test` holds the first of them.
+soak: setup
+	$(BIN)/python -u -m tests.fuzz_verdicts
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -76,13 +76,26 @@ class ItemBufferEngine(TruthEngine):
             # What blends is seen for certain before all that may own.
             self.given_depth.write(target, nearest)
         depth = np.where(triangle >= 0, view_depth(window, view), np.inf)
+        blend = self._blend(camera, view, target)
         return FrameTruth(
             camera,
             self.name,
             VisibilityBuffer(triangle, depth),
             doubt=doubt,
-            blend=self._blend(camera, view, target),
+            blend=blend,
+            veiled=self._veiled(blend, doubt),
         )
+
+    def _veiled(self, blend: BlendVisibility, doubt: Doubt) -> Int32:
+        """An image shows one triangle of an object a sample: its others may be seen as well, and
+        any where a mask leaves open what is behind it."""
+        scene = self.scene
+        blended = scene.alpha == Alpha.BLEND
+        if not len(doubt):
+            of_seen = np.zeros(scene.object_count, np.bool_)
+            of_seen[blend.object] = True
+            blended = blended & of_seen[scene.object_of_triangle]
+        return np.flatnonzero(blended).astype(np.int32)
 
     def _blend(self, camera: Camera, view: View, target: Target) -> BlendVisibility:
         """An image for each BLEND object in the view, against the depth of all else: its last

@@ -129,7 +129,9 @@ class FrameTruth:
     """Who owns which samples of one frame, as one engine sees it.
 
     `ties_complete` says that `ties` lists every tie (an exact engine's promise; a ray
-    engine lists none). `doubt`: the samples that hang on an alpha mask.
+    engine lists none). `doubt`: the samples that hang on an alpha mask. `veiled`: (k,) int32,
+    further blended triangles that may be seen, because a mask leaves it open or the engine cannot
+    tell; in any order.
     The arrays may belong to the engine and change with its next frame; `copy` them to keep.
     """
 
@@ -140,6 +142,7 @@ class FrameTruth:
     ties_complete: bool = False
     doubt: Doubt = field(default_factory=Doubt)
     blend: BlendVisibility = field(default_factory=BlendVisibility)
+    veiled: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
 
     def copy(self) -> FrameTruth:
         """A truth that owns its arrays."""

@@ -109,10 +109,10 @@ class RayEngine(TruthEngine):
         if self._cast(grid, triangle, depth):
             self._settle(grid, triangle, depth)
         doubt = self._mask(camera, grid, triangle, depth)
-        blend = self._blend(grid, triangle, doubt)
+        blend, veiled = self._blend(grid, triangle, doubt)
         shape = (camera.height, camera.width)
         buffer = VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape))
-        return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend)
+        return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend, veiled=veiled)
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
         """Who is seen at any points of the continuous image, as `frame` sees its samples.
@@ -261,10 +261,11 @@ class RayEngine(TruthEngine):
 
     def _blend(
         self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]
-    ) -> BlendVisibility:
-        """Blended triangles that lie before the owners, and before all that a mask leaves open."""
+    ) -> tuple[BlendVisibility, Int32]:
+        """Blended triangles that lie before the owners, and before all that a mask leaves open;
+        and those, ascending, that lie before the owners alone."""
         if not len(self._blended):
-            return BlendVisibility()
+            return BlendVisibility(), np.zeros(0, np.int32)
 
         def work(part: tuple[int, int, int, int]) -> Layers:
             found: Layers = ray_kernels.layers(
@@ -278,7 +279,8 @@ class RayEngine(TruthEngine):
         if len(doubt):
             place = np.minimum(np.searchsorted(doubt.sample, sample), len(doubt) - 1)
             kept = (doubt.sample[place] != sample) | (z + error < least[place])
-        return BlendVisibility.of(self.scene, sample[kept], which[kept], z[kept])
+        blend = BlendVisibility.of(self.scene, sample[kept], which[kept], z[kept])
+        return blend, np.unique(which[~kept])
 
     def _in_bands(
         self, window: tuple[int, int, int, int], work: Callable[[tuple[int, int, int, int]], T]

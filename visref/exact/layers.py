@@ -66,9 +66,12 @@ def masked(
     return ties, Doubt.of(between.sample[order], between.triangle[order]), moved
 
 
-def blended(exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt) -> BlendVisibility:
+def blended(
+    exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt
+) -> tuple[BlendVisibility, Int32]:
     """Blended triangles that are seen for certain, of `hits` before their samples' owners: where
-    a mask leaves the owner open, those before all that it may be."""
+    a mask leaves the owner open, those before all that it may be. And the triangles, ascending,
+    that are seen where one of those is a hole."""
     kept = np.ones(len(hits.sample), np.bool_)
     place = np.searchsorted(doubt.sample, hits.sample)
     place[place == len(doubt)] = 0
@@ -78,6 +81,7 @@ def blended(exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt) -> B
         some = open_[sizes[place[open_]] > rank]
         rival = doubt.triangle[doubt.offsets[place[some]] + rank]
         kept[some] &= exact.compare(camera, hits.triangle[some], rival, hits.sample[some]) < 0
+    veiled = np.unique(hits.triangle[~kept])
     hits = hits.where(kept)
     depth = exact.depth_by_layer(camera, hits.sample, hits.triangle)
-    return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth)
+    return BlendVisibility.of(exact.scene, hits.sample, hits.triangle, depth), veiled

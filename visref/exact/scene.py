@@ -132,13 +132,13 @@ class ExactScene:
         owner, at, triangle, _, bounds = self._owners(camera, wanted, None)
         flat = owner.reshape(-1)
         ties, doubt, blend = Ties(at, triangle), Doubt(), BlendVisibility()
-        moved = np.zeros(0, np.int64)
+        moved, veiled = np.zeros(0, np.int64), np.zeros(0, np.int32)
         if self.scene.has_mask:
             hits = self.before(camera, Alpha.MASK, flat, bounds, wanted, moved, closed=True)
             ties, doubt, moved = masked(self, camera, hits, flat, ties)
         if self.scene.has_blend:
             hits = self.before(camera, Alpha.BLEND, flat, bounds, wanted, moved, closed=False)
-            blend = blended(self, camera, hits, doubt)
+            blend, veiled = blended(self, camera, hits, doubt)
         where = self._in_tiles(camera) if samples is None else np.flatnonzero(wanted)
         depth = self._depth(camera, where, flat)
         return FrameTruth(
@@ -149,6 +149,7 @@ class ExactScene:
             ties_complete=True,
             doubt=doubt,
             blend=blend,
+            veiled=veiled,
         )
 
     def _owners(

@@ -92,6 +92,7 @@ def corrected(truth: FrameTruth, rulings: Rulings) -> FrameTruth:
         ties=Ties(tie_sample, tie_triangle),
         doubt=Doubt.of(doubt_sample, doubt_triangle),
         blend=blend,
+        veiled=np.union1d(truth.veiled, right.veiled),
     )
 
 

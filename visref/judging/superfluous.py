@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from visref import kernels
 from visref.exact import ExactScene
 from visref.picking import distinct
-from visref.scene import Alpha, Int32, Int64, Scene, Units
+from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, hit_depths
 
 # Triangles whose hits are looked at together: memory for the hits, not for the scene.
@@ -35,21 +35,16 @@ class Superfluous:
 def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
     """(t,) bool, True where a triangle is, or may be, visible.
 
-    Besides owners and their ties: what a mask leaves open, and the blended triangles of a visible
-    blended object, all blended ones where a mask leaves anything open. Doubt never makes a unit
-    superfluous.
+    Besides owners and their ties: what a mask leaves open, and glass that is, or may be, seen.
+    Doubt never makes a unit superfluous.
     """
     visible = np.zeros(scene.triangle_count, np.bool_)
     owner = truth.buffer.triangle.reshape(-1)
     kernels.owned_triangles(owner, np.ones(len(owner), np.bool_), visible)
     visible[truth.ties.triangle] = True
     visible[truth.doubt.triangle] = True
-    if len(truth.blend.object):
-        of_visible = np.zeros(scene.object_count, np.bool_)
-        of_visible[truth.blend.object] = True
-        visible |= of_visible[scene.object_of_triangle] & (scene.alpha == Alpha.BLEND)
-    if len(truth.doubt) and scene.has_blend:
-        visible |= scene.alpha == Alpha.BLEND
+    visible[truth.blend.triangle] = True
+    visible[truth.veiled] = True
     return visible
 
 
