@@ -133,6 +133,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
             result.seen[f"lost in {name}"] += len(judged.settled.walk.lost_samples)
         if name == "exact":
             result.differences += _status(outcome, expected, case.promise)
+            result.seen[f"cases: status {outcome.cullers[0].status.value}"] += 1
     result.seen.update(f"cases: {kind}" for kind in case.kinds)
     for samples, (counts, _, _) in zip(frames, expected, strict=True):
         result.seen.update({name: counts[name] for name in COUNTS})
