@@ -19,7 +19,7 @@ from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
-from visref.scene import Float64, Scene, unique_names
+from visref.scene import Float64, Scene, origin_of, placed_boxes, rounded, unique_names
 from visref_datasets_gen.glb import glb_bytes
 from visref_datasets_gen.graph import AlphaTexture, Mesh, Node, Primitive
 
@@ -67,7 +67,8 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
     `cull_backfaces`: triangles whose material is not double-sided become one-sided. Raises
     InputError as loading does (a vertex that is not finite).
     """
-    vertices = [np.zeros((0, 3), np.float32)]
+    vertices = [np.zeros((0, 3))]
+    placed: list[tuple[NDArray[Any], Float64]] = []
     triangles = [np.zeros((0, 3), np.int64)]
     one_sided = [np.zeros(0, np.bool_)]
     alpha = [np.zeros(0, np.uint8)]
@@ -81,6 +82,9 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
         names.append(node.name or node.mesh.name or above or "object")
         mirrored = bool(np.linalg.det(world_from_mesh[:3, :3]) < 0.0)
         shown.append((node.mesh, mirrored))
+        parts = [p.vertices for p in node.mesh.primitives if len(p.triangles)]
+        if parts:
+            placed.append((np.concatenate(parts), world_from_mesh[None]))
         count = 0
         for primitive in node.mesh.primitives:
             faces = primitive.triangles.astype(np.int64) + base
@@ -95,8 +99,10 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
             base += len(primitive.vertices)
             count += len(faces)
         offsets.append(offsets[-1] + count)
+    origin = origin_of(placed_boxes(placed))
+    held, moved = rounded(np.concatenate(vertices) - origin)
     return Scene(
-        vertices=np.concatenate(vertices),
+        vertices=held,
         triangles=np.concatenate(triangles).astype(np.int32),
         object_offsets=np.array(offsets, np.int64),
         names=unique_names(names),
@@ -104,6 +110,8 @@ def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
         alpha=np.concatenate(alpha),
         source=f"{dataset.name}.glb",
         masks=_masks(shown, offsets),
+        origin=origin,
+        moved=moved if moved.any() else None,
     )
 
 
@@ -138,13 +146,13 @@ def _masked(part: Primitive, table: MaskTable, images: dict[AlphaTexture, int]) 
     return MeshMasks.of(everywhere, index, corners, np.ones((len(part.triangles), 3)))
 
 
-def _transformed(matrix: Float64, points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Points under an affine matrix, in float64 and in this order, rounded once."""
+def _transformed(matrix: Float64, points: NDArray[np.float32]) -> Float64:
+    """Points under an affine matrix, in float64 and in this order."""
     x, y, z = points.astype(np.float64).T
     # What is not finite stays so, and is refused as a whole.
     with np.errstate(invalid="ignore", over="ignore"):
         rows = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]]
-        return np.stack(rows, axis=1).astype(np.float32)
+        return np.stack(rows, axis=1)
 
 
 def _depth_first(

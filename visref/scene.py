@@ -8,7 +8,7 @@ Reading files is `visref.formats`' work.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -400,3 +400,38 @@ def origin_of(boxes: Float64) -> Float64:
     # 2^ceil(log2 size), exactly.
     step = 2.0 ** int(np.frexp(size)[1])
     return np.where(np.abs(centre) > ORIGIN_DISTANCE * size, np.rint(centre / step) * step, 0.0)
+
+
+def placed_boxes(meshes: Iterable[tuple[NDArray[Any], Float64]]) -> Float64:
+    """(n, 2, 3) float64: boxes of meshes, (v, 3) positions each, under each of their (k, 4, 4)
+    transforms: those of the transformed boxes. What is not finite is left out."""
+    boxes = [np.zeros((0, 2, 3))]
+    for positions, worlds in meshes:
+        points = positions[np.all(np.isfinite(positions), axis=1)].astype(np.float64)
+        if not len(points) or not len(worlds):
+            continue
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        each = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
+        corners = np.stack(
+            [
+                (row[:, 0] * each[:, 0] + row[:, 1] * each[:, 1])
+                + (row[:, 2] * each[:, 2] + row[:, 3])
+                for row in (worlds[:, axis, :, None] for axis in range(3))
+            ],
+            axis=-1,
+        )
+        corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+        boxes.append(np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1))
+    return np.concatenate(boxes)
+
+
+def rounded(exact: Float64) -> tuple[Float32, Float32]:
+    """Vertices, (…, 3) float64, as float32, and how far that moved each, (…,) float32, rounded
+    up."""
+    # What is not finite stays so, and is refused by whoever makes a scene of it.
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = exact.astype(np.float32)
+        moved = np.sqrt(((exact - vertices) ** 2).sum(axis=-1))
+    # Outward: the least float32 that is greater, but for vertices that did not move at all.
+    up = np.nextafter(moved.astype(np.float32), np.float32(np.inf))
+    return vertices, np.where(moved > 0.0, up, np.float32(0.0))

@@ -60,7 +60,8 @@ def load(folder, text: str, **options):
 def test_units_and_up_axis_are_applied(tmp_path, up, expected):
     node = f'<node id="n"><translate>10 20 30</translate>{INSTANCE}</node>'
     scene = load(tmp_path, dae(node, unit=0.5, up=up))
-    assert scene.vertices[scene.triangles[0, 0]].tolist() == [v * 0.5 for v in expected]
+    first = scene.vertices[scene.triangles[0, 0]] + scene.origin
+    assert first.tolist() == [v * 0.5 for v in expected]
     corners = scene.vertices[scene.triangles[0]]
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     # A rotation, not a mirror: the file's +Z normal goes where +Z goes, and stays in front.

@@ -140,6 +140,7 @@ def test_vertices_are_the_exact_product_rounded_once(tmp_path_factory, seed, dep
         )
     scene = load(gltf, tmp_path_factory.mktemp("scene"))
     ours = scene.vertices[scene.triangles].reshape(-1, 3)
+    origin = [Fraction(float(v)) for v in scene.origin]
     mirrored = np.prod([np.linalg.det(m[:3, :3]) for m in matrices]) < 0
     expected = points.reshape(-1, 3, 3)[:, ::-1] if mirrored else points.reshape(-1, 3, 3)
     for got, point in zip(ours, expected.reshape(-1, 3), strict=True):
@@ -151,6 +152,7 @@ def test_vertices_are_the_exact_product_rounded_once(tmp_path_factory, seed, dep
             size = [
                 sum((abs(row[k]) * size[k] for k in range(3)), start=abs(row[3])) for row in rows
             ]
+        exact = [value - zero for value, zero in zip(exact, origin, strict=True)]
         for value, wanted, bound in zip(got, exact, size, strict=True):
             # Half a unit in the last place of float32, and what cancelled in float64: at most
             # 4 (depth + 1) roundings of at most 2**-53 of the sum of magnitudes each.

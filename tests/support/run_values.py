@@ -41,6 +41,8 @@ def run_folder(
         promise="approximate",
         frames=0,
         unit_kind="object",
+        ages={},
+        causes=(),
         worst=None,
     )
     return RunFolder(

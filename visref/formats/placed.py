@@ -24,6 +24,8 @@ from visref.scene import (
     Scene,
     check_indices,
     origin_of,
+    placed_boxes,
+    rounded,
     unique_names,
 )
 
@@ -173,7 +175,12 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
             source=source,
             fix=f"at most {_MAX_INT32} of each can be held",
         )
-    origin = choose_origin(placed.meshes, mesh_of_object, worlds)
+    origin = origin_of(
+        placed_boxes(
+            (mesh.positions, worlds[mesh_of_object == index])
+            for index, mesh in enumerate(placed.meshes)
+        )
+    )
     vertices = np.empty((int(vertex_starts[-1]), 3), np.float32)
     moved = np.zeros(len(vertices), np.float32)
     triangles = np.empty((int(starts[-1]), 3), np.int32)
@@ -248,46 +255,15 @@ def _transformed(
     worlds: Float64, positions: NDArray[Any], origin: Float64
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """`positions` under each of (k, 4, 4), less the origin: (k, v, 3) float32, float64 until the
-    last step, and how far that step moved each, (k, v) float32, rounded up."""
-    result = np.empty((len(worlds), len(positions), 3), np.float32)
-    square = np.zeros(result.shape[:2])
+    last step, and how far that step moved each, (k, v) float32."""
+    exact = np.empty((len(worlds), len(positions), 3))
     x, y, z = (positions[:, axis].astype(np.float64) for axis in range(3))
     for axis in range(3):
         row = worlds[:, axis, :, None]
-        exact = (row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]) - origin[axis]
-        result[:, :, axis] = exact
-        square += (exact - result[:, :, axis]) ** 2
-    moved = np.sqrt(square)
-    # Outward: the least float32 that is no less, but for vertices that did not move at all.
-    up = np.nextafter(moved.astype(np.float32), np.float32(np.inf))
-    return result, np.where(moved > 0.0, up, np.float32(0.0))
-
-
-def choose_origin(meshes: Sequence[Mesh], mesh_of_object: Int64, worlds: Float64) -> Float64:
-    """(3,) float64: the origin that the vertices are relative to; see `origin_of`."""
-    corners = []
-    for index, mesh in enumerate(meshes):
-        points = mesh.positions[np.all(np.isfinite(mesh.positions), axis=1)].astype(np.float64)
-        users = np.flatnonzero(mesh_of_object == index)
-        if not len(points) or not len(users):
-            continue
-        box = np.stack([points.min(axis=0), points.max(axis=0)])
-        each = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
-        corners.append(
-            np.stack(
-                [
-                    (row[:, 0] * each[:, 0] + row[:, 1] * each[:, 1])
-                    + (row[:, 2] * each[:, 2] + row[:, 3])
-                    for row in (worlds[users, axis, :, None] for axis in range(3))
-                ],
-                axis=-1,
-            )
-        )
-    if not corners:
-        return np.zeros(3)
-    points = np.concatenate(corners)
-    points = points[np.isfinite(points).all(axis=(1, 2))]
-    return origin_of(np.stack([points.min(axis=1), points.max(axis=1)], axis=1))
+        exact[:, :, axis] = (row[:, 0] * x + row[:, 1] * y + row[:, 2] * z + row[:, 3]) - origin[
+            axis
+        ]
+    return rounded(exact)
 
 
 def _determinants(worlds: Float64) -> Float64:

@@ -169,12 +169,12 @@ class _Primitive:
         if mode not in Alpha.__members__:
             material["alphaMode"].fail(f"'{mode}' is not OPAQUE, MASK or BLEND")
         glass, _ = transmission(material)
-        if mode != "MASK":
+        # Through a mask's holes as through what is left of it, one sees what is behind the glass.
+        if mode != "MASK" or (glass and _textured(material)):
             alpha = Alpha.BLEND if glass else Alpha[mode]
             return Mesh.plain(positions, triangles, one_sided=one_sided, alpha=alpha)
         mesh = self.masked(reference, positions, triangles, one_sided)
         if glass:
-            # Through its holes as through what is left of it, one sees what is behind.
             mesh.alpha[:] = Alpha.BLEND
             mesh = replace(mesh, masks=None)
         return mesh
@@ -265,3 +265,14 @@ class _Draco:
         if not found:
             self.ids[name].fail(f"the compressed data has no attribute {wanted}")
         return np.asarray(found[0]["data"]).reshape(-1, found[0]["num_components"])
+
+
+def _textured(material: Json) -> bool:
+    """Whether a texture multiplies the material's alpha."""
+    for owner, name in (
+        (material.extension("KHR_materials_pbrSpecularGlossiness"), "diffuseTexture"),
+        (material.get("pbrMetallicRoughness"), "baseColorTexture"),
+    ):
+        if owner is not None:
+            return owner.get(name) is not None
+    return False
