@@ -293,12 +293,11 @@ def test_who_stands_in_the_doorway_of_a_wall_of_one_polygon_is_seen(tmp_path):
     assert owned == {"wall": 180 * 70 - 24 * 39, "seen": 100, "hidden": 0}
 
 
-@pytest.mark.parametrize("name", FILES)
+# OBJ announces no counts: a part of it is a file.
+@pytest.mark.parametrize("name", [name for name in FILES if name != "a.obj"])
 def test_a_file_cut_anywhere_behind_its_header_is_refused(tmp_path, name):
     """Of text only whole words are cut off: a number may be cut to another number."""
     whole = FILES[name]()
-    if name == "a.obj":
-        pytest.skip("OBJ announces no counts")
     (tmp_path / name).write_bytes(whole)
     load_scene(tmp_path / name)
     start = (
