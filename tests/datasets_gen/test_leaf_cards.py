@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from visref.camera import Camera
+from visref.engines import make_engine
 from visref.errors import InputError
+from visref.exact import ExactScene
 from visref.formats.loading import load_scene
+from visref.judging.settle import settle
 from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Alpha, Scene
+from visref.scene import Alpha, Scene, Units
 from visref_datasets_gen.dataset import Dataset, scene_of
 from visref_datasets_gen.glb import glb_bytes
 from visref_datasets_gen.graph import AlphaTexture, Material, Mesh, Node, Primitive
@@ -165,3 +168,67 @@ def test_at_most_a_fifth_of_the_owned_samples_is_in_doubt(whole: Dataset, frame:
     assert owned > 0.6 * len(camera.row_b[::STEP]) * len(camera.column_a[::STEP])
     assert leaf > 0.25 * owned
     assert through > 0.1 * owned
+
+
+@pytest.fixture(scope="module")
+def truths(whole: Dataset) -> dict[str, Any]:
+    """The frame in the middle by two engines, at full size, and one judged drawn set each."""
+    scene, camera = scene_of(whole), whole.path.frames[30]
+    found: dict[str, Any] = {}
+    for name in ("exact", "embree"):
+        engine = make_engine(name, scene)
+        found[name] = engine.frame(camera).copy()
+        engine.close()
+    return found
+
+
+@pytest.mark.parametrize("engine", ["exact", "embree"])
+def test_whole_frame_of_an_engine_has_at_most_a_fifth_of_the_owned_samples_in_doubt(
+    whole: Dataset, truths: dict[str, Any], engine: str
+) -> None:
+    truth = truths[engine]
+    doubted = len(truth.undecided)
+    owned = np.count_nonzero(truth.buffer.triangle.reshape(-1)[truth.decided] >= 0)
+    assert 0.05 * (owned + doubted) < doubted <= 0.2 * (owned + doubted)
+
+
+@pytest.mark.parametrize("engine", ["exact", "embree"])
+def test_verdict_equals_the_brute_force_at_decided_samples(
+    whole: Dataset, truths: dict[str, Any], engine: str
+) -> None:
+    """Owners along the brute force's rays, and whether each sample is lost with a third of the
+    triangles left out."""
+    scene, camera, truth = scene_of(whole), whole.path.frames[30], truths[engine]
+    assert scene.masks is not None
+    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+    corners = scene.vertices.astype(np.float64)[scene.triangles]
+    units = Units(
+        np.arange(scene.triangle_count + 1), np.arange(scene.triangle_count, dtype=np.int32), "each"
+    )
+    drawn = np.flatnonzero(np.arange(scene.triangle_count) % 3 > 0).astype(np.int32)
+    exact = ExactScene(scene)
+    settled = settle(scene, truth, units, drawn, exact=lambda: exact)
+    lost, shown = set(settled.walk.lost_samples.tolist()), set(drawn.tolist())
+    owner, open_ = truth.buffer.triangle.reshape(-1), set(truth.undecided.tolist())
+    flat = np.arange(camera.samples).reshape(camera.height, camera.width)
+    places = flat[STEP // 2 :: STEP, STEP // 2 :: STEP].reshape(-1).tolist()
+    checked = losses = 0
+    for sample, (along, at) in zip(places, met(scene, camera), strict=True):
+        states = np.full(len(along), SOLID, np.uint8)
+        masked = np.flatnonzero(scene.masks.row[along] >= 0)
+        rows, three = scene.masks.row[along[masked]], corners[along[masked]]
+        states[masked] = states_at(
+            scene.masks, rows, axes, np.tile(at, (len(masked), 1)), True, three
+        )
+        there = np.flatnonzero(states != HOLE)
+        in_doubt = len(there) > 0 and states[there[0]] == BETWEEN
+        assert (sample in open_) == in_doubt
+        if in_doubt:
+            continue
+        expected = along[there[0]] if len(there) else -1
+        assert owner[sample] == expected
+        checked += 1
+        assert (sample in lost) == (expected >= 0 and expected not in shown)
+        losses += sample in lost
+    assert checked > 700
+    assert losses > 100
