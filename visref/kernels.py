@@ -128,23 +128,48 @@ def judge_samples(
     and the last of it is certain, and undecided otherwise. `lost_at`: (samples,) uint8, what
     was said where anything was left out.
     """
+    # Each array by a name of its own: numba counts references to a tuple's at every access.
+    triangle, tie_sample, tie_triangle = owned.triangle, owned.tie_sample, owned.tie_triangle
+    doubt_sample, doubt_offsets = owned.doubt_sample, owned.doubt_offsets
+    doubt_triangle = owned.doubt_triangle
+    shows, lost, lost_sample = tally.shows, tally.lost, tally.lost_sample
+    charged, lost_triangle = tally.charged, tally.lost_triangle
     lost_samples, undecided = 0, 0
     k, d = 0, 0
-    for s in range(owned.triangle.size):
+    next_tie = tie_sample[0] if tie_sample.size else triangle.size
+    next_doubt = doubt_sample[0] if doubt_sample.size else triangle.size
+    for s in range(triangle.size):
+        t = triangle[s]
+        if s < next_tie and s < next_doubt:
+            # One owner or none, for certain: nearly every sample.
+            if t < 0:
+                continue
+            o = object_of_triangle[t]
+            if drawn[t]:
+                shows[o] = True
+                continue
+            lost_samples += 1
+            lost_at[s] = LOST
+            lost_triangle[t] = True
+            if lost_sample[o] < 0:
+                lost_sample[o] = s
+            lost[o] += 1
+            continue
         start = k
-        while k < owned.tie_sample.size and owned.tie_sample[k] == s:
+        while k < tie_sample.size and tie_sample[k] == s:
             k += 1
-        t = owned.triangle[s]
+        next_tie = tie_sample[k] if k < tie_sample.size else triangle.size
         shown = t >= 0 and drawn[t]
         for j in range(start, k):
-            shown = shown or drawn[owned.tie_triangle[j]]
-        in_doubt = d < owned.doubt_sample.size and owned.doubt_sample[d] == s
+            shown = shown or drawn[tie_triangle[j]]
+        in_doubt = s == next_doubt
         if in_doubt:
             any_before, all_before = False, True
-            for j in range(owned.doubt_offsets[d], owned.doubt_offsets[d + 1]):
-                here = drawn[owned.doubt_triangle[j]]
+            for j in range(doubt_offsets[d], doubt_offsets[d + 1]):
+                here = drawn[doubt_triangle[j]]
                 any_before, all_before = any_before or here, all_before and here
             d += 1
+            next_doubt = doubt_sample[d] if d < doubt_sample.size else triangle.size
             if all_before and (t < 0 or shown):
                 continue
             if any_before or t < 0 or shown:
@@ -157,23 +182,23 @@ def judge_samples(
             lost_samples += 1
             lost_at[s] = LOST
         for j in range(start - 1, k):
-            u = t if j < start else owned.tie_triangle[j]
+            u = t if j < start else tie_triangle[j]
             o = object_of_triangle[u]
             if drawn[u]:
-                tally.shows[o] = True
+                shows[o] = True
             elif not shown:
-                tally.lost_triangle[u] = True
-                if tally.lost_sample[o] < 0:
-                    tally.lost_sample[o] = s
+                lost_triangle[u] = True
+                if lost_sample[o] < 0:
+                    lost_sample[o] = s
                 # Ties at a sample are sorted by triangle, so each object counts once.
                 repeated = False
                 for i in range(start - 1, j):
-                    earlier = t if i < start else owned.tie_triangle[i]
+                    earlier = t if i < start else tie_triangle[i]
                     repeated = repeated or object_of_triangle[earlier] == o
                 if not repeated:
-                    tally.lost[o] += 1
+                    lost[o] += 1
                     if in_doubt:
-                        tally.charged[o] += 1
+                        charged[o] += 1
     return lost_samples, undecided
 
 
