@@ -102,7 +102,7 @@ def test_rounding_says_how_far_it_moved_and_never_less():
 
 def test_camera_and_scene_are_relative_to_one_origin_by_one_subtraction():
     origin = np.array([6.4e6, -1.5e8, 1e5])
-    eye = look_at(tuple(origin + (0.25, 0.5, 9.0)), tuple(origin))
+    eye = look_at(origin + np.array([0.25, 0.5, 9.0]), origin)
     far = Camera(eye, 8, 6, near=0.1, yfov=1.0)
     near = far.relative_to(origin)
     assert near.eye.tolist() == (far.eye - origin).tolist()
