@@ -22,6 +22,7 @@ class NoCulling(GLCuller):
     notes_asked = True
 
     def in_frustum(self, view: View) -> Int64:
+        """(k,) int64: the ids of all units that are not empty, ascending."""
         return np.sort(self.tree.ids)
 
     def decide(self, frame: Frame) -> None:

@@ -22,4 +22,5 @@ class HastyQueryCulling(SingleQueryCulling):
     THRESHOLD_SAMPLES = 100
 
     def passes(self, counts: Int64) -> NDArray[np.bool_]:
+        """(k,) bool of (k,) int64 samples, one per query: whether it means visible."""
         return counts > self.THRESHOLD_SAMPLES

@@ -85,7 +85,8 @@ class Frame:
     asked_about: list[tuple[Int64, int]] = field(default_factory=list)
 
     def note_asked(self, units: Int64) -> None:
-        """The depth buffer is asked about these units now: for the record of why each was drawn."""
+        """The depth buffer is asked about these units, (n,) int64 ids, now: for the record of
+        why each was drawn."""
         self.asked_about.append((units, len(self.drawn)))
 
 
@@ -139,6 +140,7 @@ class GLCuller(Culler):
         """Draw what may be visible, each unit at most once."""
 
     def bounds(self) -> Float64:
+        """(u, 2, 3) float64 world boxes, one per unit."""
         return self.unit_boxes
 
     def close(self) -> None:
@@ -184,21 +186,25 @@ class GLCuller(Culler):
         stats.state_changes = (stats.state_changes or 0) + self.device.clear(state)
 
     def in_frustum(self, view: View) -> Int64:
-        """Unit ids, ascending."""
+        """(k,) int64 unit ids, ascending."""
         return self.tree.in_frustum(view)
 
     def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
+        """(k,) bool, visible without a query, of inflated boxes (k, 2, 3) float64 relative to
+        the eye."""
         return needs_no_query(view, boxes)
 
     def order(self, ids: Int64, nearest: Float64) -> Int64:
-        """Indices into `ids`."""
+        """(k,) int64 indices into `ids`, (k,) int64 units, whose least view depths are
+        `nearest`, (k,) float64."""
         return front_to_back(ids, nearest)
 
     def query_state(self, state: State) -> State:
         return state
 
     def passes(self, samples: Int64) -> NDArray[np.bool_]:
-        """Which of a call's queries mean visible, from their passing samples."""
+        """(k,) bool: which of a call's queries mean visible, from their passing samples, (k,)
+        int64."""
         return samples > 0
 
     # What a method calls.
@@ -244,7 +250,7 @@ class GLCuller(Culler):
         )
 
     def draw(self, frame: Frame, places: Int64) -> None:
-        """Draw the units `frame.ids[places]`."""
+        """Draw the units `frame.ids[places]`, (n,) int64 places."""
         assert self.geometry is not None
         if not len(places):
             return
@@ -257,8 +263,8 @@ class GLCuller(Culler):
     def query(
         self, frame: Frame, places: Int64, *, corners_only: bool = False
     ) -> NDArray[np.bool_]:
-        """Whether the boxes of the units `frame.ids[places]` would show, asked together; or
-        their corners alone."""
+        """(n,) bool: whether the boxes of the units `frame.ids[places]`, (n,) int64 places,
+        would show, asked together; or their corners alone."""
         samples = self.samples_of_boxes(frame, frame.boxes[places], corners_only=corners_only)
         visible = self.passes(samples)
         frame.note_asked(frame.ids[places])
@@ -274,8 +280,8 @@ class GLCuller(Culler):
     def samples_of_boxes(
         self, frame: Frame, boxes: Float64, *, corners_only: bool = False
     ) -> Int64:
-        """(k,) int64 samples that would show of inflated boxes relative to the eye, asked
-        together."""
+        """(k,) int64 samples that would show of inflated boxes relative to the eye, (k, 2, 3)
+        float64, asked together."""
         rounded = round_outward(boxes)
         with phase(frame.stats, "query"):
             samples = self.queries.ask(

@@ -142,7 +142,8 @@ class OccupancyMapCulling(GLCuller):
         frame.stats.tests_skipped = int(np.count_nonzero(saved))
 
     def ask_one_by_one(self, frame: Frame, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
-        """Section 3.1: front to back, a query wherever the map shows everything as set."""
+        """Section 3.1: front to back, a query wherever the map shows everything as set.
+        `list_of`: (k,) int8, one per shape, is filled in."""
         start = 0
         while start < len(list_of):
             with phase(frame.stats, "arrange"):
@@ -154,7 +155,8 @@ class OccupancyMapCulling(GLCuller):
             start = stop + 1
 
     def ask_in_lists(self, frame: Frame, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
-        """Section 3.2: arrange everything, draw what shows, then list after list."""
+        """Section 3.2: arrange everything, draw what shows, then list after list. `list_of`:
+        (k,) int8, one per shape, is filled in."""
         with phase(frame.stats, "arrange"):
             self.arrange(tiles, frame.sure, list_of, 0, stop_at_list=False)
         self.draw(frame, np.flatnonzero(list_of == DRAW_NOW))
@@ -162,7 +164,8 @@ class OccupancyMapCulling(GLCuller):
             self.ask(frame, tiles, np.flatnonzero(list_of == number))
 
     def ask(self, frame: Frame, tiles: Tiles, places: Int64) -> None:
-        """All queries of a list, then its visible shapes."""
+        """All queries of a list, then its visible shapes. `places`: (n,) int64 in the frame's
+        order."""
         if not len(places):
             return
         visible = np.zeros(len(places), np.bool_)
@@ -189,7 +192,8 @@ class OccupancyMapCulling(GLCuller):
         return screen_rectangles(frame.view, frame.boxes)
 
     def left_out(self, frame: Frame, rectangles: Int32) -> NDArray[np.bool_]:
-        """(k,) bool: shapes that meet no pixel, or are too small to matter."""
+        """(k,) bool: shapes that meet no pixel, or are too small to matter. `rectangles`:
+        (k, 4) int32 pixels."""
         extent = rectangles[:, 2:] - rectangles[:, :2] + 1
         small = (extent.max(axis=1) < self.min_pixels) & ~frame.sure
         result: NDArray[np.bool_] = (extent.min(axis=1) <= 0) | small
@@ -209,7 +213,7 @@ class OccupancyMapCulling(GLCuller):
         return (x0, y0, x1, y1) if inside and in_front else window
 
     def tiles(self, frame: Frame, rectangles: Int32) -> Tiles:
-        """What each shape asks about and what it would mark."""
+        """What each shape asks about and what it would mark. `rectangles`: (k, 4) int32 pixels."""
         ids = frame.ids
         boxes = inflated(frame.view, self.part_bounds[self.parts.gather(ids.astype(np.int32))])
         first_part = np.concatenate([[0], np.cumsum(self.parts.sizes[ids])])
@@ -219,7 +223,7 @@ class OccupancyMapCulling(GLCuller):
         )
 
     def tiles_under(self, frame: Frame, rectangles: Int32) -> Int32:
-        """(k, 4) int32 columns and rows of tiles under rectangles of pixels."""
+        """(k, 4) int32 columns and rows of tiles under rectangles of pixels, (k, 4) int32."""
         x0, y0, x1, y1 = self.region(frame.view)
         size = np.array([-(-(x1 - x0 + 1) // TILES), -(-(y1 - y0 + 1) // TILES)] * 2)
         tiles = (rectangles - np.array([x0, y0, x0, y0])) // size
@@ -239,7 +243,8 @@ class OccupancyMapCulling(GLCuller):
         stop_at_list: bool,
     ) -> int:
         """Decide shapes from `start` on, front to back, in `list_of` and the maps. Returns
-        where it stopped: at the first that needs a query, if so told, else at the end."""
+        where it stopped: at the first that needs a query, if so told, else at the end. `sure`:
+        (k,) bool and `list_of`: (k,) int8, one per shape."""
         return int(
             arrange(
                 tiles.under,
@@ -254,7 +259,8 @@ class OccupancyMapCulling(GLCuller):
         )
 
     def mark_drawn(self, tiles: Tiles, places: Int64) -> None:
-        """Record shapes that a query showed, and that are drawn, in the first map."""
+        """Record shapes, (n,) int64 places, that a query showed, and that are drawn, in the
+        first map."""
         mark_shapes(self.maps[0], tiles.parts, tiles.first_part, places)
 
 
@@ -354,7 +360,11 @@ def arrange(
     start: int,
     stop_at_list: bool,
 ) -> int:
-    """The traversal of `OccupancyMapCulling.arrange`, over all shapes in one go."""
+    """The traversal of `OccupancyMapCulling.arrange`, over all shapes in one go.
+
+    `under`, `parts`, `first_part`: as of `Tiles`; `sure`: (k,) bool; `maps`: (maps, WORDS)
+    uint32; `list_of`: (k,) int8.
+    """
     for i in range(start, len(under)):
         if list_of[i] != UNDECIDED:
             continue

@@ -121,7 +121,7 @@ class Geometry:
         return self._fragments(view, target, unit_ids, depth_only=False)
 
     def depth_fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
-        """The same of `draw_depth`."""
+        """The same of `draw_depth`: how many fragments the units, (k,) ids, have there."""
         return self._fragments(view, target, unit_ids, depth_only=True)
 
     def _fragments(self, view: View, target: Target, unit_ids: Int64, *, depth_only: bool) -> int:

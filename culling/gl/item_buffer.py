@@ -85,7 +85,8 @@ class ItemBuffer:
         return batches
 
     def upload_masked(self, chosen: NDArray[np.bool_]) -> list[_Batch]:
-        """Put some triangles of `by_mask` on the GPU, to be drawn by their masks."""
+        """Put some triangles of `by_mask` on the GPU, to be drawn by their masks. `chosen`:
+        (t,) bool."""
         batches: list[_Batch] = []
         scene, masks, context = self.scene, self.scene.masks, self.device.context
         triangles = np.flatnonzero(chosen).astype(np.int32)
@@ -161,8 +162,9 @@ class ItemBuffer:
         return target.read_ids()
 
     def whole_image(self, camera: Camera) -> Int32:
-        """`image` of all triangles, which are on the GPU already: a million of them uploaded for
-        each frame leave holes in the heap that it never fills again."""
+        """(height, width) int32: `image` of all triangles, which are on the GPU already: a
+        million of them uploaded for each frame leave holes in the heap that it never fills
+        again."""
         view, target = self.view(camera), self.clear(camera)
         self.draw(view, target, [*self.opaque, *self.masked], depth_write=True)
         self.draw(view, target, self.others, depth_write=False)
@@ -215,7 +217,7 @@ class GLRaster(Raster):
         return self._ready().owners(camera)
 
     def image(self, camera: Camera, drawn: NDArray[np.bool_]) -> Int32:
-        """`ItemBuffer.image` of this scene."""
+        """(height, width) int32: `ItemBuffer.image` of this scene. `drawn`: (t,) bool."""
         return self._ready().image(camera, drawn)
 
     def close(self) -> None:

@@ -96,6 +96,8 @@ class SharedGeometry(Geometry):
         stats.state_changes = (stats.state_changes or 0) + changes
 
     def fragments(self, view: View, target: Target, unit_ids: Int64) -> int:
+        """How many fragments the triangles of units, (k,) ids, have, each counted once. Beside
+        a frame, not in it."""
         marks = Marks(len(self.triangles))
         marks.begin()
         state = State(target.scratch, self.program, depth_func="", depth_write=False)

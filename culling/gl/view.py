@@ -90,6 +90,7 @@ class View:
 
     @cached_property
     def eye_low(self) -> Float32:
+        """(3,) float32, world units: what `eye_high` leaves of the eye."""
         return (self.camera.eye - self.eye_high.astype(np.float64)).astype(np.float32)
 
     @cached_property

@@ -18,7 +18,8 @@ def add_coverage(
 ) -> None:
     """Add the image areas of a unit's triangles to the cells that their rectangles meet, each
     in proportion, without looking where they overlap. A triangle that reaches behind the eye
-    counts as covering nothing: a guess in any case, and one that only draws more."""
+    counts as covering nothing: a guess in any case, and one that only draws more. `occludes`:
+    (t,) bool, one per triangle of the scene; others add nothing."""
     first, end = units.offsets[unit : unit + 2]
     camera = view.camera
     pixels_from_ndc = np.array([[0.5, 0.0, 0.0, 0.5], [0.0, -0.5, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]])

@@ -78,7 +78,8 @@ class Grid(ABC):
     @abstractmethod
     def scan(self, spans: Int64, depth: float) -> tuple[bool, Int64, Int64]:
         """Whether some cell is known to be free, and the internal and border cells to ask,
-        (k, 2) int64 columns and rows each, good until the next scan."""
+        (k, 2) int64 columns and rows each, good until the next scan. `spans`: (8,) int64, as
+        `spans` gives."""
 
     @abstractmethod
     def mark(self, area: Area) -> None:
@@ -97,6 +98,7 @@ class OcclusionGrid(Grid):
         self.state = np.full((self.rows, self.columns), FREE, np.uint8)
 
     def scan(self, spans: Int64, depth: float) -> tuple[bool, Int64, Int64]:
+        """As `Grid.scan`, from states: `spans` (8,) int64, cells (k, 2) int64 columns and rows."""
         free, internal, border = _scan_states(
             self.state, self.covered, self.likely, spans, self._internal, self._border
         )
@@ -135,6 +137,7 @@ class DepthGrid(Grid):
         self.untouched = np.full(shape, True)
 
     def scan(self, spans: Int64, depth: float) -> tuple[bool, Int64, Int64]:
+        """As `Grid.scan`, from depths: `spans` (8,) int64, cells (k, 2) int64 columns and rows."""
         free, internal, border = _scan_depths(
             self.farthest,
             self.reached,

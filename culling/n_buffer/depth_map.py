@@ -62,14 +62,19 @@ class DepthMapQueries:
         return target.read_depth()
 
     def build(self, depth: Float32) -> Float32:
+        """(levels + 1, height, width) float32 farthest window depths, from window depth
+        (height, width)."""
         return build_levels(depth)
 
     def rectangles(self, boxes: Float64) -> Int32:
-        """Pixels that the boxes may touch, clipped to the image; an empty one touches none."""
+        """(k, 4) int32 pixels x0, y0, x1, y1, inclusive, that inflated boxes (k, 2, 3) float64
+        relative to the eye may touch, clipped to the image; an empty one touches none."""
         return screen_rectangles(self.view, boxes)
 
     def farthest(self, cover: Cover) -> Float32:
+        """(k,) float32: the farthest window depth under each cover."""
         return look_up(self.levels, cover)
 
     def depths(self, nearest: Float64) -> Float64:
+        """(k,) float64 window depths to compare, of least view depths (k,) float64."""
         return self.view.window_depth(nearest)

@@ -113,7 +113,8 @@ class NBufferCulling(GLCuller):
         return chosen
 
     def visible(self, frame: Frame, boxes: Float64, sure: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(k,) bool, whether boxes would show: units' or branches'."""
+        """(k,) bool, whether boxes would show: units' or branches'. `boxes`: (k, 2, 3) float64,
+        inflated, relative to the eye; `sure`: (k,) bool, visible without asking."""
         shown = sure.copy()
         unsure = np.flatnonzero(~sure)
         if self.looks_up:
@@ -126,9 +127,12 @@ class NBufferCulling(GLCuller):
         return shown
 
     def nearest(self, frame: Frame, boxes: Float64) -> Float64:
+        """(k,) float64: the least view depths of boxes (k, 2, 3) float64 relative to the eye."""
         return nearest_depth(frame.view, boxes)
 
     def needs_no_query(self, view: View, boxes: Float64) -> NDArray[np.bool_]:
+        """(k,) bool, visible without asking, of inflated boxes (k, 2, 3) float64 relative to
+        the eye."""
         if not self.looks_up:
             return super().needs_no_query(view, boxes)
         # A rectangle is computed and not drawn, so nothing else needs sparing.
@@ -165,7 +169,8 @@ class NBufferCulling(GLCuller):
         return self.visible(frame, frame.boxes, frame.sure)
 
     def descend(self, frame: Frame) -> NDArray[np.bool_]:
-        """The same down the tree: what is hidden whole is not looked into."""
+        """(k,) bool over the frame's units, down the tree: what is hidden whole is not looked
+        into."""
         view, levels = frame.view, self.tree.levels
         nodes: Int64 = np.arange(len(levels[-1]))
         for depth in range(len(levels) - 1, -1, -1):

@@ -187,11 +187,12 @@ class ConservativePLPCulling(PLPCulling):
             self.show(frame, self.walk.project(only=sure))
 
     def take_out(self, hidden: Int64) -> None:
-        """Cells found hidden leave the front, and never return."""
+        """Cells found hidden, (n,) int64 ids, leave the front, and never return."""
         self.walk.hide(hidden)
 
     def show(self, frame: Frame, cells: Int64) -> None:
-        """Draw cells found after the estimate: to depth alone where the picture is taken."""
+        """Draw cells found after the estimate, (n,) int64 ids: to depth alone where the picture
+        is taken."""
         self.observe("show", cells=cells)
         if not self.restores:
             self.draw_cells(frame, cells)
@@ -243,6 +244,8 @@ class ConservativePLPCulling(PLPCulling):
     def query(
         self, frame: Frame, places: Int64, *, corners_only: bool = False
     ) -> NDArray[np.bool_]:
+        """(n,) bool: whether the boxes of the cells `frame.ids[places]`, (n,) int64 places,
+        would show."""
         if self.items is None:
             return super().query(frame, places, corners_only=corners_only)
         boxes = round_outward(frame.boxes[places])

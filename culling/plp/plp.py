@@ -98,7 +98,8 @@ class PLPCulling(GLCuller):
         return self.octree.units
 
     def unit_bounds(self, scene: Scene, units: Units) -> Float64:
-        """The cells themselves: what a triangle has outside one is in others."""
+        """(n, 2, 3) float64 world boxes, the cells themselves: what a triangle has outside one
+        is in others."""
         return self.octree.bounds
 
     def geometry_of(self, scene: Scene) -> SharedGeometry:
@@ -115,7 +116,7 @@ class PLPCulling(GLCuller):
         return solidity(self.scene, octree)
 
     def seeds(self, frame: Frame) -> Int64:
-        """The cells that the front starts with."""
+        """(n,) int64 ids of the cells that the front starts with."""
         octree, corners = self.octree, near_corners(frame.view)
         beyond = np.stack([corners < octree.low, corners > octree.low + octree.side])
         # A corner that rounding puts on the wrong side of a face is inside the face's cells
@@ -142,5 +143,5 @@ class PLPCulling(GLCuller):
         frame.stats.triangles_estimated = frame.stats.triangles_drawn
 
     def draw_cells(self, frame: Frame, cells: Int64) -> None:
-        """Draw what the cells hold; an empty one has nothing to draw."""
+        """Draw what the cells, (n,) int64 ids, hold; an empty one has nothing to draw."""
         self.draw(frame, self.place_of_cell[cells[self.units.sizes[cells] > 0]])

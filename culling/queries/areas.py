@@ -69,7 +69,7 @@ class AreaQueries(ABC):
         return self.view.window_depth(nearest)
 
     def drawn(self, units: Int64) -> None:
-        """These units were drawn; a buffer beside GL's must follow."""
+        """These units, (k,) int64 ids, were drawn; a buffer beside GL's must follow."""
 
     @abstractmethod
     def any_free(self, area: Area) -> bool:
@@ -100,7 +100,7 @@ class PixelQueries(AreaQueries):
 
     @abstractmethod
     def pixels(self, area: Area) -> Float32:
-        """The area's depths, float32, in any order."""
+        """The area's depths, float32, in any order and shape."""
 
     def any_free(self, area: Area) -> bool:
         depths = self.pixels(area)
@@ -115,9 +115,11 @@ class PixelQueries(AreaQueries):
         return farthest, farthest
 
     def free(self, depths: Float32) -> bool:
+        """Whether nothing was drawn at one of an area's depths, float32 of any shape."""
         return bool(depths.max() >= self.z_max)
 
     def farthest(self, depths: Float32) -> float:
+        """The greatest of an area's depths, float32 of any shape."""
         return float(depths.max())
 
 
@@ -128,6 +130,7 @@ class Readback(PixelQueries):
     bytes_a_pixel = 4
 
     def pixels(self, area: Area) -> Float32:
+        """(n,) float32 window depths of the area's n pixels, lowest row first."""
         x0, y0, x1, y1 = area
         raw = self.target.framebuffer.read(
             viewport=(x0, self.bottom(area), x1 - x0, y1 - y0),
@@ -143,6 +146,7 @@ class Readback(PixelQueries):
         return self.view.camera.height - area[3]
 
     def decoded(self, depths: Float32) -> Float32:
+        """(n,) float32 window depths, from what GL gave, (n,) float32."""
         return depths
 
 

@@ -38,6 +38,8 @@ class HistogramQueries(ItemBufferQueries):
         count: int,
         stats: QueryStats,
     ) -> tuple[Int64, NDArray[np.bool_]]:
+        """As of the base class: pixels of each id, (count,) int64, and which `tiles`,
+        (rows, columns) bool, hold any, the same shape."""
         hit = np.zeros_like(tiles)
         places = np.argwhere(tiles)
         if not len(places):

@@ -96,17 +96,20 @@ class ItemBufferQueries:
     # The steps.
 
     def next_pass(self, rest: Int64, found: NDArray[np.bool_]) -> Int64:
-        """The boxes to draw again; none where the pass found none."""
+        """(m,) int64: the boxes to draw again, of `rest`, (n,) int64, of which `found`, (n,)
+        bool, showed; none where the pass found none."""
         return rest[~found] if found.any() else rest[:0]
 
     def retire(self, hit: NDArray[np.bool_]) -> None:
-        """Take tiles without an id out of the frame."""
+        """Take tiles without an id out of the frame. `hit`: (rows, columns) bool, lowest row
+        first."""
         self.active &= hit
 
     def clear(self, framebuffer: moderngl.Framebuffer) -> None:
         self.device.clear_colour(framebuffer)
 
     def render(self, view: View, boxes: Float32) -> None:
+        """Draw boxes, (n, 2, 3) float32 relative to the eye, each with its place + 1 as id."""
         set_uniform(self.program, "corners_only", np.int32(0).tobytes())
         set_uniform(self.program, "clip_from_relative", view.clip_from_relative_bytes)
         set_uniform(self.program, "depth_shift_ndc", np.float32(view.depth_shift_ndc).tobytes())
@@ -126,7 +129,8 @@ class ItemBufferQueries:
         count: int,
         stats: QueryStats,
     ) -> tuple[Int64, NDArray[np.bool_]]:
-        """Read the tiles: pixels of each of `count` ids, and the tiles that hold any."""
+        """Read the `tiles`, (rows, columns) bool, lowest row first: pixels of each of `count`
+        ids, (count,) int64, and the tiles that hold any, (rows, columns) bool."""
         pixels = np.zeros(count + 1, np.int64)
         hit = np.zeros_like(tiles)
         for row, first, last in runs(tiles):
@@ -141,7 +145,8 @@ class ItemBufferQueries:
     def read(
         self, framebuffer: moderngl.Framebuffer, row: int, first: int, last: int, channels: int
     ) -> NDArray[np.unsignedinteger[Any]]:
-        """The ids in tiles first ... last - 1 of a row of tiles, a pixel each."""
+        """(height, width) uint8 or uint32, lowest row first: the ids in tiles first ...
+        last - 1 of a row of tiles, a pixel each."""
         x, y = first * TILE_PX, row * TILE_PX
         width = min(last * TILE_PX, framebuffer.width) - x
         height = min(TILE_PX, framebuffer.height - y)

@@ -122,8 +122,9 @@ class Litmaps:
 
 
 def light_from_relative(light: Light, eye: Float64) -> Float64:
-    """(4, 4) float64, of a position relative to an eye: x and y in lexels (of a spot light, times
-    the distance), the distance along the light, the divisor of x and y."""
+    """(4, 4) float64, of a position relative to an eye, (3,) float64 in the world: x and y in
+    lexels (of a spot light, times the distance), the distance along the light, the divisor of x
+    and y."""
     camera = light.camera
     axes = np.linalg.inv(camera.world_from_camera[:3, :3])
     local = np.concatenate([axes, (axes @ (eye - camera.eye))[:, None]], axis=1)
@@ -137,6 +138,7 @@ def light_from_relative(light: Light, eye: Float64) -> Float64:
 
 
 def lexels_per_unit(light: Light) -> Float64:
-    """Lexels that a unit of length has: (at any distance, or of a spot light at distance 1)."""
+    """(2,) float64, lexels that a unit of length has: (at any distance, or of a spot light at
+    distance 1)."""
     lexels = 0.5 / float(np.linalg.norm(light.camera.right_step))
     return np.array([lexels, 0.0] if light.directional else [0.0, lexels])

@@ -78,6 +78,7 @@ class ShadowFrame:
 
     @property
     def image(self) -> Int32:
+        """(height, width) int32: 1 where a seen sample is in shadow, else 0."""
         return (self.count > 0).astype(np.int32)
 
 

@@ -160,7 +160,8 @@ class ThreePassCulling(GLCuller):
         return stand_ins(scene, self.reduction, self.extra)
 
     def parts_of(self, scene: Scene) -> tuple[Units, Int64]:
-        """Conservative: parts of each object, and each object's first part."""
+        """Conservative: parts of each object, and each object's first part, (objects + 1,)
+        int64."""
         return parts_of(scene, self.reduction)
 
     def small_camera(self, camera: Camera) -> Camera:
@@ -190,7 +191,7 @@ class ThreePassCulling(GLCuller):
         self.observe("fill", units=ids)
 
     def inner_occluders(self, frame: Frame) -> Int64:
-        """The places of objects that hide others in the conservative first pass."""
+        """(n,) int64: the places of objects that hide others in the conservative first pass."""
         whole = self.whole[frame.ids]
         sizes = np.where(whole, 0, self.units.sizes[frame.ids])
         budget = -(-int(sizes.sum()) // self.reduction)
@@ -224,20 +225,22 @@ class ThreePassCulling(GLCuller):
         return visible
 
     def answering(self, ids: Int64) -> Int64:
-        """The units by whose stand-ins these are decided."""
+        """(n,) int64: the units by whose stand-ins these, (n,) int64 ids, are decided."""
         return ids
 
     def sure(self, frame: Frame) -> NDArray[np.bool_]:
-        """Visible without a query."""
+        """(k,) bool over the frame's units: visible without a query."""
         return frame.sure.copy()
 
     def asked_themselves(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
-        """Whose own triangles are queried. Drawn as they are in the end, they miss a sample
-        where that drawing does; in a smaller image they would miss more."""
+        """(k,) bool over the frame's units: whose own triangles are queried. Drawn as they are
+        in the end, they miss a sample where that drawing does; in a smaller image they would
+        miss more."""
         result: NDArray[np.bool_] = self.whole[frame.ids] & (not before.small)
         return result
 
     def ask_objects(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
+        """(n,) bool: whether the units at `places`, (n,) int64, show by their own triangles."""
         assert self.geometry is not None
         samples = ask_meshes(
             self.geometry,
@@ -252,7 +255,8 @@ class ThreePassCulling(GLCuller):
         return visible
 
     def ask_boxes(self, frame: Frame, before: PrePass, places: Int64) -> NDArray[np.bool_]:
-        """Whether any box of the units' parts shows, asked in one draw."""
+        """(n,) bool: whether any box of the parts of the units at `places`, (n,) int64, shows,
+        asked in one draw."""
         asked, sure = self.part_boxes(frame, before, places)
         samples = np.zeros(len(frame.ids), np.int64)
         counted = self.queries.ask(
@@ -272,8 +276,9 @@ class ThreePassCulling(GLCuller):
     def part_boxes(
         self, frame: Frame, before: PrePass, places: Int64
     ) -> tuple[PartBoxes, NDArray[np.bool_]]:
-        """The boxes to ask of these units, those in view, and which of the frame's units are
-        visible without asking, (k,) bool, because GL cannot draw one of their boxes whole."""
+        """The boxes to ask of the units at `places`, (n,) int64, those in view, and which of
+        the frame's units are visible without asking, (k,) bool, because GL cannot draw one of
+        their boxes whole."""
         asked = self.answering(frame.ids[places])
         first = self.first_part[asked]
         counts = self.first_part[asked + 1] - first
@@ -290,9 +295,12 @@ class ThreePassCulling(GLCuller):
         return PartBoxes(round_outward(boxes[shown]), place[shown]), sure
 
     def grown(self, view: View, boxes: Float64) -> Float64:
+        """(m, 2, 3) float64: boxes of that shape, relative to the eye, grown for the smaller
+        image."""
         return grown(view, boxes)
 
     def passes(self, samples: Int64) -> NDArray[np.bool_]:
+        """(k,) bool of (k,) int64 samples, one per unit: whether they mean visible."""
         return samples > self.threshold
 
     def clear_again(self, frame: Frame) -> None:
