@@ -24,7 +24,7 @@ EMPTY: Soup = (np.zeros((0, 3)), np.zeros((0, 3), np.int64))
 
 
 def snap(values: Any) -> Float64:
-    """The values rounded to the grid."""
+    """The values, of any shape such as (n, 3), rounded to the grid: float64 of that shape."""
     return np.asarray(np.round(np.asarray(values, np.float64) * GRID_PER_M) / GRID_PER_M)
 
 
@@ -168,7 +168,8 @@ def icosphere(subdivisions: int) -> Soup:
 
 
 def split_edges(vertices: Float64, faces: NDArray[np.int64]) -> Soup:
-    """Each triangle as four, by the midpoints of its edges."""
+    """Each triangle as four, by the midpoints of its edges. `vertices`: (v, 3) float64; `faces`:
+    (t, 3) int64 below v."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, index = np.unique(edges, axis=0, return_inverse=True)
     middle = index.reshape(-1, 3) + len(vertices)

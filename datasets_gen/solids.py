@@ -159,8 +159,8 @@ def framed(outer: Any, hole: Any, low: float, high: float) -> Soup:
 def square_to_circle(
     half_x: float, half_z: float, radius: float, fine: float
 ) -> tuple[Float64, Float64]:
-    """The outlines of a rectangular plate with a round hole, for `framed`: points on the same
-    rays, the rectangle's corners among them."""
+    """The outlines of a rectangular plate with a round hole, for `framed`: (k, 2) float64
+    each, points on the same rays, the rectangle's corners among them."""
     angles = 2.0 * math.pi * np.arange(4 * chords(16, fine, 3)) / (4 * chords(16, fine, 3))
     corner = math.atan2(half_z, half_x)
     for exact in (corner, math.pi - corner, math.pi + corner, 2.0 * math.pi - corner):

@@ -30,8 +30,8 @@ class Winding:
     def steps(
         self, side: float, frames: int, height: Height
     ) -> Iterator[tuple[float, Float64, Float64]]:
-        """For each frame: metres gone, counted from the middle of the walk; the eye; and the
-        way it goes, level and of length 1."""
+        """For each frame: metres gone, counted from the middle of the walk; the eye, (3,)
+        float64; and the way it goes, (3,) float64, level and of length 1."""
         s = self.step_m * (np.arange(frames + 1) - frames / 2.0)
         reach = self.reach * side
         x = side / 2.0 + reach * np.sin(s / reach)

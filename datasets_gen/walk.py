@@ -37,8 +37,8 @@ def walk(
 def corners(
     columns: int, rows: int, pitch_m: tuple[float, float], street_m: float
 ) -> list[tuple[NDArray[np.float64], float]]:
-    """The (x, z) of the two crossings where the walk turns, and its sense: it comes along z
-    times that, and leaves along x against it."""
+    """The x and z, (2,) float64, of the two crossings where the walk turns, and its sense:
+    it comes along z times that, and leaves along x against it."""
     i, j = (columns + 1) // 2, (rows + 1) // 2
     # The next crossing, unless that would be at the rim: two blocks have one inner crossing.
     other = (i if columns == 2 else i - 1, j if rows == 2 else j - 1)

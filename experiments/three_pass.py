@@ -263,14 +263,14 @@ def _on_plane(point: NDArray[Any], triangle: NDArray[Any], foot: Any) -> bool:
 
 
 def pearson(x: Float64, y: Float64) -> float | None:
-    """The correlation coefficient, None where one of the two does not vary."""
+    """The correlation coefficient of two (n,) float64, None where one of them does not vary."""
     if len(x) < 2 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return None
     return float(np.corrcoef(x, y)[0, 1])
 
 
 def spearman(x: Float64, y: Float64) -> float | None:
-    """The same of the ranks; equals share the mean of theirs."""
+    """The same of the ranks of two (n,) float64; equals share the mean of theirs."""
     return pearson(_ranks(x), _ranks(y))
 
 

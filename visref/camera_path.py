@@ -108,7 +108,8 @@ class CameraPath:
         return {"format": PATH_FORMAT, "version": PATH_VERSION, **shared, "frames": frames}
 
     def relative_to(self, origin: Float64) -> CameraPath:
-        """The same path, its cameras relative to a point of the world; itself where they are."""
+        """The same path, its cameras relative to a point of the world, (3,) float64; itself where
+        they are."""
         cameras = tuple(camera.relative_to(origin) for camera in self.frames)
         if all(new is old for new, old in zip(cameras, self.frames, strict=True)):
             return self

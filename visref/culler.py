@@ -174,7 +174,8 @@ class Culler(ABC):
 
 
 def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> NDArray[np.int32]:
-    """The drawn unit ids as int32. Raises CullerError where a culler broke the contract."""
+    """The drawn unit ids, (k,) int32, one per unit drawn. Raises CullerError where a culler broke
+    the contract."""
     ids: NDArray[Any] = np.asarray(drawn.unit_ids)
     if ids.ndim != 1 or (ids.size and not np.issubdtype(ids.dtype, np.integer)):
         raise CullerError(f"{culler}: frame {frame}: unit_ids is not a list of integers")
@@ -188,7 +189,7 @@ def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> ND
 def check_asked(
     asked_at: object, drawn: int, *, culler: str, frame: int
 ) -> NDArray[np.int32] | None:
-    """`DrawnSet.asked_at` as int32, one of `drawn` units each. Raises CullerError where it names
+    """`DrawnSet.asked_at`, (drawn,) int32, one per unit drawn. Raises CullerError where it names
     no moment before the unit's own draw."""
     if asked_at is None:
         return None

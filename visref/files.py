@@ -99,7 +99,7 @@ def replacing_folder(path: Path | str, *, marker: str) -> Iterator[Path]:
 
 
 def map_file(path: Path) -> Bytes:
-    """A file's bytes, mapped: what nobody looks at is not read.
+    """A file's bytes, (n,) uint8, mapped: what nobody looks at is not read.
 
     Raises InputError, without the file's name, if it is missing, empty or unreadable.
     """

@@ -25,7 +25,12 @@ def gather_objects(
 ) -> None:
     """Per object, all changed in place: samples owned, those of them owned alone, the first of
     either kind (alone, tied), the least depth. Ties are sorted by sample, then triangle; since
-    triangles are grouped by object, those of one object at a sample stand together."""
+    triangles are grouped by object, those of one object at a sample stand together.
+
+    `triangle` int32, `depth` float64 and `decided` bool: (samples,). `tie_sample` int64 and
+    `tie_triangle` int32: (k,), one per tie. `object_of_triangle`: (t,) int32. The rest: (n,), one
+    per object, int64 but for `nearest`, float64; `alone_sample` and `tied_sample` come negative.
+    """
     k = 0
     for s in range(triangle.size):
         start = k
@@ -57,7 +62,8 @@ def gather_objects(
 
 @numba.njit(cache=True, nogil=True)
 def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]) -> None:
-    """Mark in `owns` every triangle that owns a decided sample."""
+    """Mark in `owns`, (t,) bool, every triangle that owns a decided sample. `triangle`: (samples,)
+    int32 owners, negative for none. `decided`: (samples,) bool."""
     for s in range(triangle.size):
         if triangle[s] >= 0 and decided[s]:
             owns[triangle[s]] = True
@@ -67,7 +73,10 @@ def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray
 def undrawn_samples(
     triangle: NDArray[Any], decided: NDArray[Any], drawn: NDArray[Any]
 ) -> NDArray[np.int64]:
-    """Flat indices, ascending, of the decided samples whose owner was not drawn."""
+    """Flat indices, (k,) int64, ascending, of the decided samples whose owner was not drawn.
+
+    `triangle`: (samples,) int32 owners, negative for none. `decided`: (samples,) bool. `drawn`:
+    (t,) bool, one per triangle."""
     count = 0
     for s in range(triangle.size):
         if triangle[s] >= 0 and decided[s] and not drawn[triangle[s]]:

@@ -311,7 +311,7 @@ class Units:
         return result
 
     def gather(self, unit_ids: Int32) -> Int32:
-        """The triangles of the given units one after another, int32."""
+        """(k,) int32, the triangles of the given units, (m,) int32 ids, one unit after another."""
         unit_ids = np.asarray(unit_ids)
         sizes = self.sizes[unit_ids]
         ends = np.cumsum(sizes)
@@ -333,8 +333,8 @@ class Units:
 
 
 def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
-    """Raise InputError where a vertex id, in an array of any shape, is none of the vertices;
-    `place` says where it stands, by its number in that array along the first axis."""
+    """Raise InputError where a vertex id, in integers of any shape such as (t, 3), is none of
+    the vertices; `place` says where it stands, by its number in that array along the first axis."""
     if not indices.size or 0 <= indices.min() <= indices.max() < vertex_count:
         return
     outside = ((indices < 0) | (indices >= vertex_count)).reshape(len(indices), -1)
@@ -426,8 +426,8 @@ def placed_boxes(meshes: Iterable[tuple[NDArray[Any], Float64]]) -> Float64:
 
 
 def rounded(exact: Float64) -> tuple[Float32, Float32]:
-    """Vertices, (…, 3) float64, as float32, and how far that moved each, (…,) float32, rounded
-    up."""
+    """Vertices, (v, 3) or (…, 3) float64, as float32, and how far that moved each, (v,) or (…,)
+    float32, rounded up."""
     # What is not finite stays so, and is refused by whoever makes a scene of it.
     with np.errstate(invalid="ignore", over="ignore"):
         vertices = exact.astype(np.float32)

@@ -84,7 +84,7 @@ class BlendVisibility:
 
     @classmethod
     def of(cls, scene: Scene, sample: Int64, triangle: Int32, depth: Float64) -> BlendVisibility:
-        """From hits in any order."""
+        """From hits in any order: (h,) arrays, one entry per hit, as of the class."""
         objects = scene.object_of_triangle[triangle]
         order = np.lexsort((triangle, depth, sample, objects))
         return cls(objects[order], sample[order], triangle[order], depth[order])
@@ -116,11 +116,12 @@ class ObjectVisibility:
 
     @property
     def pixels(self) -> Int64:
-        """`samples`, as it was called before."""
+        """(n,) int64: `samples`, as it was called before."""
         return self.samples
 
     @property
     def visible(self) -> NDArray[np.bool_]:
+        """(n,) bool, one per object: whether it has any sample."""
         return self.samples > 0
 
 

@@ -142,7 +142,7 @@ class Stage:
     nodes: list[Node] = field(default_factory=list)
 
     def point(self, x: float, y: float, depth: float) -> Float64:
-        """The world point of a (fractional) pixel at a view depth, as float64."""
+        """The world point, (3,) float64, of a (fractional) pixel at a view depth."""
         camera = self.camera
         a, b = 2.0 * x + 1.0 - camera.width, camera.height - 2.0 * y - 1.0
         reach = depth if camera.is_perspective else 1.0
@@ -159,7 +159,8 @@ class Stage:
         matrix: Float64 | None = None,
         rounded: bool = False,
     ) -> None:
-        """An object from world points. They must be float32 values unless `rounded`, for
+        """An object from world points, (v, 3); `triangles`: (t, 3) integers below v; `matrix`:
+        (4, 4), the identity if None. The points must be float32 values unless `rounded`, for
         cases whose answer has room for the rounding."""
         exact = np.asarray(points, np.float64).reshape(-1, 3)
         single = exact.astype(np.float32)

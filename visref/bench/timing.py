@@ -249,7 +249,8 @@ def _compare(
 
 def wrong_owners(triangle: Int32, judged: Bool, truth: FrameTruth, scene: Scene) -> tuple[int, int]:
     """(samples whose owning object is none of the exact co-owners, samples whose owning triangle
-    is none), among the `judged` samples. `triangle`: flat owners, as is `judged`."""
+    is none), among the `judged` samples. `triangle`: (samples,) int32, each sample's owner;
+    `judged`: (samples,) bool."""
     exact = truth.buffer.triangle.reshape(-1)
     at = np.flatnonzero(judged & (triangle != exact) & (triangle != NOT_SAMPLED))
     tied = truth.ties

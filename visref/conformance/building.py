@@ -67,7 +67,7 @@ _BOX_FACES = np.array(
 
 
 def box(low: Point | Float64, high: Point | Float64) -> Mesh:
-    """A closed box, its faces counter-clockwise seen from outside."""
+    """A closed box from two corners, (3,) each; its faces counter-clockwise seen from outside."""
     corners = np.array([[(i >> 2) & 1, (i >> 1) & 1, i & 1] for i in range(8)], np.float64)
     low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
     return low + corners * (high - low), _BOX_FACES
@@ -103,7 +103,8 @@ def rolled(view: Camera, angle: float) -> Camera:
 
 
 def pixel_point(view: Camera, x: float, y: float, depth: float) -> Float64:
-    """The world point that falls on pixel coordinates (x, y), integers being centres."""
+    """The world point, (3,) float64, that falls on pixel coordinates (x, y), integers being
+    centres."""
     a = 2.0 * x + 1.0 - view.width
     b = view.height - 2.0 * y - 1.0
     step = depth if view.is_perspective else 1.0

@@ -212,11 +212,13 @@ def resolve(
 ) -> int:
     """Turn the library's nearest primitives (-1 for none) into owners and view depths.
 
-    `triangle` and `depth` are the frame's flat buffers. A hit that does not count (before
-    near, a one-sided triangle from behind, edge-on) may hide one that does, and one whose
-    plane is met off the triangle by more than the library's error `depth_slack` is a false
-    hit on a grazing triangle: they become `PENDING`. A hit beyond far hides nothing, unless
-    by less than `depth_slack`. Returns how many are pending.
+    `primitives`: (count,) integers, one per sample from `start` on. `triangle_of_primitive`:
+    (p,) int32 triangle ids, one per primitive. `triangle`, (samples,) int32, and `depth`,
+    (samples,) float64, are the frame's flat buffers, changed in place.
+    A hit that does not count (before near, a one-sided triangle from behind, edge-on) may hide one
+    that does, and one whose plane is met off the triangle by more than the library's error
+    `depth_slack` is a false hit on a grazing triangle: they become `PENDING`. A hit beyond far
+    hides nothing, unless by less than `depth_slack`. Returns how many are pending.
     """
     m = grid.axes
     eye = (m[0, 0], m[0, 1], m[0, 2])
@@ -459,7 +461,9 @@ def settle_points(
 ) -> None:
     """`splat`'s OWN for some points of a scattered grid: `by_a` are their indices, sorted by a.
 
-    Ties go to the least id, so `which` is in ascending order.
+    `which`: (t,) int32 triangle ids. `by_a`: (k,) int64. `triangle`, int32, and `depth`,
+    float64: (samples,) each, one per point of the grid, changed in place. Ties go to the least
+    id, so `which` is in ascending order.
     """
     m = grid.axes
     eye = (m[0, 0], m[0, 1], m[0, 2])

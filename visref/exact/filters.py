@@ -88,7 +88,8 @@ SET_UP_SIZE = 18
 class Samples(Protocol):
     """What defines a grid of samples: a Camera is one. See `visref.camera` for the letters.
 
-    Vectors are (3,) float64, `column_a` (width,) and `row_b` (height,) float64.
+    `eye`, `forward`, `right_step` and `up_step` are (3,) float64, `column_a` (width,) and `row_b`
+    (height,) float64.
     """
 
     @property

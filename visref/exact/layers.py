@@ -16,7 +16,13 @@ from visref.visibility import BACKGROUND, BlendVisibility, Doubt, Ties, mask_sta
 
 
 class Arithmetic(Protocol):
-    """What is asked of `visref.exact.scene.ExactScene` here."""
+    """What is asked of `visref.exact.scene.ExactScene` here.
+
+    `compare`: of (k,) pairs of int32 triangle ids at (k,) int64 flat samples, (k,) int8, -1 where
+    the first is nearer. `front`: changes `owner`, (samples,) int32, in place and returns who is
+    tied, (k,) int64 samples and (k,) int32 triangle ids. `depth_by_layer`: of (k,) samples and
+    triangle ids, (k,) float64 view depths.
+    """
 
     scene: Scene
 
@@ -70,8 +76,8 @@ def blended(
     exact: Arithmetic, camera: Camera, hits: Contest, doubt: Doubt
 ) -> tuple[BlendVisibility, Int32]:
     """Blended triangles that are seen for certain, of `hits` before their samples' owners: where
-    a mask leaves the owner open, those before all that it may be. And the triangles, ascending,
-    that are seen where one of those is a hole."""
+    a mask leaves the owner open, those before all that it may be. And the triangles, (k,) int32
+    ids, ascending, that are seen where one of those is a hole."""
     kept = np.ones(len(hits.sample), np.bool_)
     place = np.searchsorted(doubt.sample, hits.sample)
     place[place == len(doubt)] = 0

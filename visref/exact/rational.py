@@ -28,7 +28,7 @@ Vectors = tuple[Integers, Integers, Integers]
 def lowest_bit(values: NDArray[Any]) -> int:
     """The greatest p such that every value is a multiple of 2^p; 0 if all are zero.
 
-    `values`: floats of any shape, finite."""
+    `values`: float32 or float64 of any shape, such as (n, 3, 3) corners; finite."""
     values = np.asarray(values, np.float64).reshape(-1)
     values = values[values != 0.0]
     if not len(values):
@@ -40,8 +40,8 @@ def lowest_bit(values: NDArray[Any]) -> int:
 
 
 def in_units(values: NDArray[Any], unit: int) -> Integers:
-    """The values, floats of any shape, as multiples of 2^unit, which they must be: an object
-    array of the same shape."""
+    """The values, floats of any shape such as (n, 3, 3), as multiples of 2^unit, which they must
+    be: an object array of the same shape."""
     values = np.asarray(values, np.float64)
     mantissa, exponent = np.frexp(values)
     whole = np.ldexp(mantissa, 53).astype(np.int64)

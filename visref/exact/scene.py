@@ -252,7 +252,8 @@ class ExactScene:
     def in_parallel(
         self, work: Callable[[Int64], Part], whole: Int64, parts: int = PARTS
     ) -> list[Part]:
-        """The results of `work` on each part of an array, in order; empty parts are left out."""
+        """The results of `work` on each part of `whole`, (k,) int64, in order; empty parts are left
+        out."""
         pieces = [piece for piece in np.array_split(whole, parts) if len(piece)]
         if self._threads == 1 or len(pieces) < 2:
             return [work(piece) for piece in pieces]
@@ -367,7 +368,10 @@ class ExactScene:
         closed: bool,
     ) -> Contest:
         """Every hit of a triangle of this alpha that lies before its sample's owner, or with
-        `closed` level with it too. `moved`: the samples whose owner `bounds` do not speak of."""
+        `closed` level with it too. `moved`: (k,) int64, the flat samples whose owner
+        `bounds` do not speak of. `owner`: (samples,) int32 triangle ids. `wanted`: (height, width)
+        bool, or (0, 0) for all samples. `bounds`: of the owners' keys, two
+        of (height, width) float64, as `_owners` returns them."""
         _, contest = self._contend(camera, wanted, self.scene.alpha == alpha, bounds, collect=True)
         contest, _ = self._covering(camera, contest)
         known = np.ones(camera.samples, np.bool_)
@@ -409,7 +413,8 @@ class ExactScene:
         return further
 
     def depth_by_layer(self, camera: Camera, sample: Int64, triangle: Int32) -> Float64:
-        """The view depths of (sample, triangle) pairs, exact ones rounded to nearest."""
+        """The view depths, (k,) float64, of pairs of a sample, (k,) int64, and a triangle, (k,)
+        int32: exact ones rounded to nearest."""
         depth = np.empty(len(sample))
         order = np.argsort(sample, kind="stable")
         first = np.searchsorted(sample[order], sample[order])

@@ -11,7 +11,7 @@ from visref.scene import Float64
 
 
 def read_numbers(text: bytes) -> Float64:
-    """All numbers of a text in which nothing else stands, as float64, each as Python reads it.
+    """All numbers of a text in which nothing else stands: (n,) float64, each as Python reads it.
 
     Raises InputError that names the first word which is no number.
     """

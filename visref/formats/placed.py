@@ -62,6 +62,7 @@ class Mesh:
     ) -> Mesh:
         """A mesh of one material, without the vertices that no triangle uses.
 
+        `positions`: (v, 3) float32 or float64. `triangles`: (t, 3) integers below v.
         Raises InputError where a triangle names a vertex that there is not.
         """
         check_indices(triangles, len(positions), lambda bad: f"triangle {bad}")
@@ -142,7 +143,7 @@ def below(path: str, name: str) -> str:
 
 
 def compose(a: Float64, b: Float64) -> Float64:
-    """Matrix products `a @ b` of (…, 4, 4) stacks, every sum in the same order.
+    """Matrix products `a @ b` of stacks of (4, 4) float64 matrices, every sum in the same order.
 
     Not `@`: a BLAS may sum in another order, or fuse, on another machine, and a vertex that
     rounds the other way is another scene.

@@ -38,8 +38,8 @@ class Rulings:
 
 
 def find_disputes(walk: SampleWalk) -> Int64:
-    """Flat indices, ascending, of the samples that a drawn set fails to show in full: what owns
-    them was left out, or glass that is seen there."""
+    """Flat indices, (k,) int64, ascending, of the samples that a drawn set fails to show in full:
+    what owns them was left out, or glass that is seen there."""
     if not len(walk.lost_blended_samples):
         return walk.lost_samples
     return np.union1d(walk.lost_samples, walk.lost_blended_samples)
@@ -47,7 +47,8 @@ def find_disputes(walk: SampleWalk) -> Int64:
 
 def decide(exact: ExactScene, truth: FrameTruth, samples: Int64) -> Rulings:
     """Every dispute, decided in exact arithmetic. Clears misses, never finds new ones where the
-    engine saw nothing amiss. An exact truth has nothing left to decide."""
+    engine saw nothing amiss. An exact truth has nothing left to decide. `samples`: (k,) int64,
+    flat, ascending."""
     if truth.ties_complete:
         return Rulings()
     right = exact.certify(truth.camera, samples)

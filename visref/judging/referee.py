@@ -51,7 +51,8 @@ class ImageCheck(Protocol):
     """An engine that can redraw a drawn set and compare it with the unculled picture."""
 
     def pixels_differ(self, camera: Camera, drawn: NDArray[np.bool_]) -> int:
-        """Pixels in which the drawn triangles' picture differs from the whole scene's."""
+        """Pixels in which the drawn triangles' picture differs from the whole scene's. `drawn`:
+        (t,) bool, one per triangle."""
         ...
 
 
@@ -98,6 +99,7 @@ class JudgedFrame:
 
     @property
     def drawn_units(self) -> Int32:
+        """(k,) int32, the ids of the units drawn."""
         return self.drawn_set.unit_ids
 
 

@@ -71,7 +71,7 @@ def greatest_move(scene: Scene, truth: FrameTruth) -> tuple[float, int]:
 
 def in_doubt(exact: ExactScene, truth: FrameTruth, lost: Int64) -> FrameTruth:
     """The truth, with those of the lost samples in doubt whose owner, or what is right behind it,
-    has a vertex that moved by more than `FORGIVEN_PX`."""
+    has a vertex that moved by more than `FORGIVEN_PX`. `lost`: (k,) int64 flat samples."""
     scene, camera = exact.scene, truth.camera
     if not len(lost) or not may_matter(scene, camera):
         return truth

@@ -37,9 +37,10 @@ def settle(
     """Decide every dispute between a truth and the drawn units, and ask of every loss that stays
     whether the culler's rasteriser could have lost it by itself.
 
-    `exact` is asked only if there is any. `raster`: the rasteriser behind the culler's depth
-    buffer, None if it has none. `seen`: `objects_seen` of `truth`, where it is known.
-    `only_visible`: the culler promises to draw nothing hidden, so that is confirmed too.
+    `drawn_units`: (k,) int32 unit ids. `exact` is asked only if there is any. `raster`: the
+    rasteriser behind the culler's depth buffer, None if it has none. `seen`: `objects_seen`
+    of `truth`, where it is known. `only_visible`: the culler promises to draw nothing
+    hidden, so that is confirmed too.
     """
     frame = with_rulings(scene, truth, units, drawn_units, Rulings(), seen=seen)
     samples = find_disputes(frame.walk)
@@ -85,8 +86,8 @@ def with_rulings(
     *,
     seen: ObjectVisibility | None = None,
 ) -> SettledFrame:
-    """The frame settled by these rulings. `seen`: `objects_seen` of the corrected truth, where it
-    is known."""
+    """The frame settled by these rulings. `drawn_units`: (k,) int32 unit ids. `seen`:
+    `objects_seen` of the corrected truth, where it is known."""
     right = corrected(truth, rulings)
     drawn = units.mask(drawn_units, scene.triangle_count)
     if seen is None:

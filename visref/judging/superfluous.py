@@ -49,8 +49,8 @@ def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
 
 
 def superfluous_units(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int32) -> Int32:
-    """The drawn units, ascending, none of whose triangles is visible; one without triangles draws
-    nothing, and is not among them."""
+    """Those of the drawn units, (k,) int32 ids, none of whose triangles is visible: (h,) int32,
+    ascending. One without triangles draws nothing, and is not among them."""
     visible = visible_triangles(scene, truth)[units.triangles]
     total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
     drawn = np.sort(drawn_units)
@@ -64,7 +64,7 @@ def confirm(
 ) -> tuple[Superfluous, ...]:
     """Those of the units that exact arithmetic finds hidden: over every sample that their
     triangles cover, none is at the nearest depth or tied with it. A sample that a mask leaves
-    open clears a unit, and so does glass that may show."""
+    open clears a unit, and so does glass that may show. `unit_ids`: (k,) int32."""
     found: list[Superfluous] = []
     sizes = units.sizes[unit_ids]
     part = np.cumsum(sizes) // _TRIANGLES

@@ -110,7 +110,8 @@ def footprint(
 ) -> Any:
     """What all attributes of a triangle have in common at a sample, for `_attribute`.
 
-    `axes`: rows e, F, R, U; `v0`, `v1`, `v2`: three floats each, in the coordinates of e.
+    `axes`: (4, 3) float64, rows e, F, R, U; `v0`, `v1`, `v2`: three floats
+    each, in the coordinates of e.
     Returns (hit, right, up, far): barycentrics B1, B2 of the hit and bounds of their errors;
     how much a step of R, and of U, changes them at depth 1, likewise; and at which depth, the
     greater one, lie the corners +R +U and -R -U, and +R -U and -R +U, of the doubled footprint.
@@ -238,7 +239,8 @@ def lookup_box(
     v2: Any,
 ) -> Any:
     """`mask_state`'s u, v, du, dv, eu, ev and range of vertex alpha for a sample's ray and the
-    triangle of masked row `row`, which the ray is known to meet. Arguments as `footprint`'s."""
+    triangle of masked row `row`, which the ray is known to meet. Arguments as `footprint`'s:
+    `axes` is (4, 3) float64, rows e, F, R, U."""
     hit, right, up, far = footprint(axes, a, b, perspective, v0, v1, v2)
     uv, alpha = m.triangles[row].uv, m.triangles[row].vertex_alpha
     u, du, eu = _attribute(uv[0, 0], uv[1, 0], uv[2, 0], hit, right, up, far)
@@ -264,7 +266,8 @@ def state_at(
     v2: Any,
 ) -> Any:
     """SOLID, HOLE or BETWEEN at a sample, arguments as `lookup_box`'s. A triangle that float64
-    cannot tell from an edge-on one is BETWEEN unless its texture does not matter."""
+    cannot tell from an edge-on one is BETWEEN unless its texture does not matter. `axes`: (4, 3)
+    float64, rows e, F, R, U."""
     u, v, du, dv, eu, ev, low, high = lookup_box(m, row, axes, a, b, perspective, v0, v1, v2)
     return mask_state(m, row, u, v, du, dv, eu, ev, low, high)
 

@@ -48,7 +48,7 @@ class TextureTransform:
     scale: tuple[float, float] = (1.0, 1.0)
 
     def apply(self, uv: NDArray[Any]) -> NDArray[np.float64]:
-        """(…, 2) texture coordinates, transformed, in float64."""
+        """Texture coordinates, (n, 2) or (…, 2) floats, transformed: float64 of the same shape."""
         u = uv[..., 0].astype(np.float64) * self.scale[0]
         v = uv[..., 1].astype(np.float64) * self.scale[1]
         if self.rotation:

@@ -95,7 +95,8 @@ def read_floats(
 
 
 def decode(raw: NDArray[Any], *, normalized: bool) -> NDArray[Any]:
-    """Integers as float64; normalized ones as section 3.11 says, max(c / limit, -1)."""
+    """Integers, (count, width), as float64 of that shape; normalized ones as section 3.11 says,
+    max(c / limit, -1). Floats come back as they are."""
     if raw.dtype.kind == "f":
         return raw
     values = raw.astype(np.float64)

@@ -141,7 +141,7 @@ class Document:
         return entries[index]
 
     def view(self, reference: Json) -> tuple[Bytes, int | None]:
-        """A buffer view's bytes, and its stride if it states one."""
+        """A buffer view's bytes, (n,) uint8, and its stride if it states one."""
         view = self.entry("bufferViews", reference)
         extensions = view.get("extensions")
         compressed = extensions is not None and any(extensions.get(name) for name in MESHOPT)
