@@ -69,27 +69,6 @@ def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray
             owns[triangle[s]] = True
 
 
-@numba.njit(cache=True, nogil=True)
-def undrawn_samples(
-    triangle: NDArray[Any], decided: NDArray[Any], drawn: NDArray[Any]
-) -> NDArray[np.int64]:
-    """Flat indices, (k,) int64, ascending, of the decided samples whose owner was not drawn.
-
-    `triangle`: (samples,) int32 owners, negative for none. `decided`: (samples,) bool. `drawn`:
-    (t,) bool, one per triangle."""
-    count = 0
-    for s in range(triangle.size):
-        if triangle[s] >= 0 and decided[s] and not drawn[triangle[s]]:
-            count += 1
-    result = np.empty(count, np.int64)
-    count = 0
-    for s in range(triangle.size):
-        if triangle[s] >= 0 and decided[s] and not drawn[triangle[s]]:
-            result[count] = s
-            count += 1
-    return result
-
-
 # What `judge_samples` says of a sample at which something was left out: nothing, or all that it
 # shows is lost for certain, or whether anything is lost hangs on an alpha mask.
 KEPT, LOST, UNDECIDED = 0, 1, 2

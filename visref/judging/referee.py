@@ -253,6 +253,7 @@ class Referee:
                     drawn_units,
                     exact=self._arithmetic,
                     raster=job.culler.raster,
+                    drawn=drawn,
                     seen=seen,
                     only_visible=not job.record.promise.may_draw_hidden,
                 )

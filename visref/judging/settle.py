@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.culler import Raster
 from visref.exact import ExactScene
@@ -31,6 +32,7 @@ def settle(
     *,
     exact: Callable[[], ExactScene],
     raster: Raster | None = None,
+    drawn: NDArray[np.bool_] | None = None,
     seen: ObjectVisibility | None = None,
     only_visible: bool = False,
 ) -> SettledFrame:
@@ -38,16 +40,16 @@ def settle(
     whether the culler's rasteriser could have lost it by itself.
 
     `drawn_units`: (k,) int32 unit ids. `exact` is asked only if there is any. `raster`: the
-    rasteriser behind the culler's depth buffer, None if it has none. `seen`: `objects_seen`
-    of `truth`, where it is known. `only_visible`: the culler promises to draw nothing
-    hidden, so that is confirmed too.
+    rasteriser behind the culler's depth buffer, None if it has none. `drawn`: (t,) bool, the
+    triangles of the drawn units, and `seen`: `objects_seen` of `truth`, where they are known.
+    `only_visible`: the culler promises to draw nothing hidden, so that is confirmed too.
     """
-    frame = with_rulings(scene, truth, units, drawn_units, Rulings(), seen=seen)
+    frame = with_rulings(scene, truth, units, drawn_units, Rulings(), drawn=drawn, seen=seen)
     samples = find_disputes(frame.walk)
     if len(samples):
         rulings = decide(exact(), truth, samples)
         while rulings.exact is not None:
-            frame = with_rulings(scene, truth, units, drawn_units, rulings)
+            frame = with_rulings(scene, truth, units, drawn_units, rulings, drawn=frame.drawn)
             more = np.union1d(samples, _may_be_tied(exact(), frame))
             if len(more) == len(samples):
                 break
@@ -84,12 +86,14 @@ def with_rulings(
     drawn_units: Int32,
     rulings: Rulings,
     *,
+    drawn: NDArray[np.bool_] | None = None,
     seen: ObjectVisibility | None = None,
 ) -> SettledFrame:
-    """The frame settled by these rulings. `drawn_units`: (k,) int32 unit ids. `seen`:
-    `objects_seen` of the corrected truth, where it is known."""
+    """The frame settled by these rulings. `drawn_units`: (k,) int32 unit ids. `drawn`: (t,) bool,
+    their triangles, and `seen`: `objects_seen` of the corrected truth, where they are known."""
     right = corrected(truth, rulings)
-    drawn = units.mask(drawn_units, scene.triangle_count)
+    if drawn is None:
+        drawn = units.mask(drawn_units, scene.triangle_count)
     if seen is None:
         seen = objects_seen(right, scene)
     walk = walk_samples(right, scene, drawn)
