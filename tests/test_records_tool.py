@@ -9,6 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+pytestmark = pytest.mark.slow
+
 TOOL = Path(__file__).resolve().parent.parent / "tools" / "records"
 BROKEN = "culling.broken:HastyQueryCulling"
 FRAMES = {"culler": ["none", "none", BROKEN], "frame": [0, 1, 0], "visible": [3, 4, 3]}

@@ -33,6 +33,8 @@ from visref.exact import ExactScene
 from visref.scene import Scene
 from visref.visibility import FrameTruth, Ties, VisibilityBuffer
 
+pytestmark = pytest.mark.slow
+
 DRAWS = 2000
 # A bound that holds in 95 % of draws holds in at least this many of 2,000 but once in 10,000
 # experiments: 0.95 less 3.7 standard deviations of sqrt(0.95 0.05 / 2000).

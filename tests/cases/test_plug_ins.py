@@ -12,6 +12,8 @@ from tests.wrong_cullers import depth, frustum, memory, units
 from visref.camera import look_at
 from visref.conformance import check_culler, conformance_checks
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(params=["embree", "exact"])
 def engine(request):

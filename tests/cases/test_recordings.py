@@ -11,6 +11,8 @@ from tests.cases.files import add_box, add_rectangle, check, rectangle, write_pa
 from tests.support.gltf_files import TWO, Gltf
 from visref_datasets_gen.png import png_bytes
 
+pytestmark = pytest.mark.slow
+
 NEAREST, LINEAR, CLAMP = 9728, 9729, 33071
 
 

@@ -16,6 +16,8 @@ from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
 from visref.visibility import BlendVisibility, Ties, VisibilityBuffer
 
+pytestmark = pytest.mark.slow
+
 CHECKS = {check.name: check for check in engine_checks()}
 
 

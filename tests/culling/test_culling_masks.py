@@ -26,7 +26,7 @@ from visref_culling.gl.solid_masks import least_bytes
 from visref_culling.gl.view import View
 from visref_culling.item_buffer_engine import ItemBufferEngine
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 WRAPS = (Wrap.REPEAT, Wrap.MIRRORED_REPEAT, Wrap.CLAMP_TO_EDGE)
 CORNER_UV = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])

@@ -29,6 +29,8 @@ from visref_datasets_gen import scene_of
 from visref_datasets_gen.skyscraper import skyscraper
 from visref_datasets_gen.soda_hall import soda_hall
 
+pytestmark = pytest.mark.slow
+
 EMPTY = Scene.from_objects([])
 OPTIONS = [
     {"query": "fragment-histogram"},

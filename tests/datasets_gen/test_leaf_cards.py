@@ -26,6 +26,8 @@ from visref_datasets_gen.graph import AlphaTexture, Material, Mesh, Node, Primit
 from visref_datasets_gen.leaf_cards import NEAREST_M, leaf_picture, leaves
 from visref_datasets_gen.png import png_bytes
 
+pytestmark = pytest.mark.slow
+
 # Every so many samples of the full image, to each side: enough for a share, few for NumPy.
 STEP = 32
 

@@ -13,6 +13,8 @@ from visref_datasets_gen import scene_of
 from visref_datasets_gen.glb import glb_bytes
 from visref_datasets_gen.seismic import HORIZONS, TILES, VOLUME_SLICES, seismic
 
+pytestmark = pytest.mark.slow
+
 
 def tiles(scene):
     return np.array([name.startswith("horizon") for name in scene.names])

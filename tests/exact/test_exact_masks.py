@@ -22,6 +22,8 @@ from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
 from visref.scene import Alpha, Scene
 
+pytestmark = pytest.mark.slow
+
 ENGINES = ["exact", "embree", "open3d"]
 
 

@@ -12,6 +12,8 @@ from tests.fuzz_verdicts.cases import random_case
 from tests.fuzz_verdicts.compare import compare
 from tests.fuzz_verdicts.faults import FAULTS, engine_for
 
+pytestmark = pytest.mark.slow
+
 # Of the soak's cases; each batch a test, so that they run side by side.
 BATCH, BATCHES = 25, 6
 

@@ -18,6 +18,8 @@ from visref.judging import superfluous
 from visref.judging.superfluous import confirm, superfluous_units
 from visref.scene import Alpha, Scene, Units
 
+pytestmark = pytest.mark.slow
+
 
 def random_units(rng: np.random.Generator, scene: Scene) -> Units:
     """Every triangle in some unit; units overlap, one may be empty."""

@@ -18,6 +18,8 @@ from visref.engines import make_engine
 from visref.judging.referee import Referee
 from visref.scene import Scene, Units
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(20)
 VIEWS = [
     camera(16, 12),

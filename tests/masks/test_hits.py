@@ -15,6 +15,8 @@ from visref.masks import hits, lookup
 from visref.masks.materials import MaskMaterial
 from visref.masks.store import Masks
 
+pytestmark = pytest.mark.slow
+
 Float64 = NDArray[np.float64]
 SQUARE = [(x, y) for x in (-2, 2) for y in (-2, 2)]
 

@@ -17,6 +17,8 @@ from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
 
+pytestmark = pytest.mark.slow
+
 MODES = [mode.name for mode in Wrap]
 FIXED = settings(derandomize=True, deadline=None, max_examples=400)
 # What rounding may add, in texels: BOX_ROUNDING times texel coordinates below 2^8, both ways.

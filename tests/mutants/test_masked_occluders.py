@@ -18,7 +18,7 @@ from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
 from visref.scene import Alpha
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 MUTANTS = [m for suite in suites().values() for m in suite.mutants if m.id == "G13"]
 

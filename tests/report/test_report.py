@@ -41,6 +41,8 @@ from visref.report import write_report
 from visref.report.plots import Series, on_scale, ticks
 from visref.report.words import percent, quantity
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):

@@ -30,6 +30,8 @@ from visref.report.summary import summarise
 from visref.report.words import culler_sentence, decided, declared, why_inconclusive
 from visref.run_folder.read import read_run
 
+pytestmark = pytest.mark.slow
+
 
 class Declared(Raster):
     """Known by its declaration alone."""

@@ -25,6 +25,8 @@ from visref.run_folder.facts import read_manifest, read_verdict
 from visref.run_folder.layout import COUNTS
 from visref.schemas import NAMES, schema
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):

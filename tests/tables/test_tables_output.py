@@ -15,6 +15,8 @@ from visref.judging.status import Exit
 from visref.papers.contents import Experiment, JudgedRun
 from visref.tables import run_all, runs, write_tables
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def own_experiments(monkeypatch):

@@ -20,6 +20,8 @@ from visref.tables import runs
 from visref.tables.plan import code_digest, cut_path, sampled, tasks
 from visref.tables.runs import run_all
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def own_experiments(monkeypatch):
