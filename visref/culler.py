@@ -78,7 +78,9 @@ def is_count(value: object) -> bool:
 def is_duration(value: object) -> bool:
     """Whether a time may be this: a number, finite and not negative."""
     number = isinstance(value, (int, float, np.integer, np.floating))
-    return number and not isinstance(value, bool) and 0.0 <= value <= sys.float_info.max  # type: ignore[operator]
+    if not number or isinstance(value, bool):
+        return False
+    return 0.0 <= float(value) <= sys.float_info.max  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)

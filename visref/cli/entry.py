@@ -14,14 +14,18 @@ from visref.cli.breakdown import INTERRUPTED, broke_down, said
 
 def main() -> int:
     """Run the command line of this process; returns its exit status."""
+    imported = False
     try:
         from visref.cli.main import main as run
 
+        imported = True
         status = run()
     except KeyboardInterrupt:
         return said("interrupted; nothing was written", INTERRUPTED)
-    except SystemExit:  # argparse: help, or a wrong argument
-        _flush()
+    except SystemExit:
+        if not imported:
+            return broke_down()
+        _flush()  # argparse's: help, or a wrong argument
         raise
     except BaseException:
         return broke_down()

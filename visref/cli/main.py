@@ -37,10 +37,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     given = argparse.Namespace(interrupted="nothing was written", in_process=False)
     try:
-        # Which leaves by SystemExit for help and for a wrong argument; a command does not.
-        _parser(arguments).parse_args(arguments, given)
+        parser = _parser(arguments)
     except InputError as error:
         return _said(f"error: {error}", Exit.BAD_INPUT)
+    except SystemExit:  # a library's, as it was imported
+        return broke_down()
+    # This leaves by SystemExit for help and for a wrong argument; nothing else may.
+    parser.parse_args(arguments, given)
     if given.in_process:
         from visref.cli.supervised import supervised
 
