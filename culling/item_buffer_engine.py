@@ -23,13 +23,13 @@ from visref.visibility import (
     mask_states,
 )
 from visref_culling.boxes.conservative import inflated, meets_frustum
-from visref_culling.gl.device import Target, device
+from visref_culling.gl.device import Target, UsesDevice, device
 from visref_culling.gl.item_buffer import ItemBuffer
 from visref_culling.gl.layers import GivenDepth, Hits, Layers
 from visref_culling.gl.view import FLOAT32_UNIT, View
 
 
-class ItemBufferEngine(TruthEngine):
+class ItemBufferEngine(UsesDevice, TruthEngine):
     """Truth as this rasteriser sees it: quick, and wrong wherever snapping or depth rounds.
 
     Masks are decided on the CPU, at the sample's own ray (`mask_states`), for each masked fragment

@@ -33,7 +33,7 @@ from visref.stopwatch import Stopwatch
 from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query, round_outward
 from visref_culling.boxes.hierarchy import BoxTree, front_to_back
 from visref_culling.gl import geometry
-from visref_culling.gl.device import State, Target, device
+from visref_culling.gl.device import State, Target, UsesDevice, device
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.view import View
 from visref_culling.queries.occlusion_query import BoxQueries
@@ -90,7 +90,7 @@ class Frame:
         self.asked_about.append((units, len(self.drawn)))
 
 
-class GLCuller(Culler):
+class GLCuller(UsesDevice, Culler):
     """A culler on GL; a method says in `decide` what to draw and what to ask."""
 
     options: ClassVar[Mapping[str, Option]] = GL_OPTIONS

@@ -8,6 +8,6 @@ import sys
 if not sys.flags.safe_path and sys.path[:1] == [os.getcwd()]:
     del sys.path[0]
 
-from visref.cli.main import main
+from visref.cli.entry import main
 
 sys.exit(main())

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.errors import InputError, NothingToJudge
 from visref.options import Option as Option
 from visref.promise import Promise as Promise
 from visref.scene import Int32, Scene, Units
@@ -77,7 +78,9 @@ def is_count(value: object) -> bool:
 def is_duration(value: object) -> bool:
     """Whether a time may be this: a number, finite and not negative."""
     number = isinstance(value, (int, float, np.integer, np.floating))
-    return number and not isinstance(value, bool) and 0.0 <= value <= sys.float_info.max  # type: ignore[operator]
+    if not number or isinstance(value, bool):
+        return False
+    return 0.0 <= float(value) <= sys.float_info.max  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,51 +176,73 @@ class Culler(ABC):
         """Free what the culler holds; it is not used afterwards."""
 
 
-def check_drawn(drawn: DrawnSet, units: Units, *, culler: str, frame: int) -> NDArray[np.int32]:
+def check_drawn(drawn: DrawnSet, units: Units) -> NDArray[np.int32]:
     """The drawn unit ids, (k,) int32, one per unit drawn. Raises CullerError where a culler broke
     the contract."""
-    ids: NDArray[Any] = np.asarray(drawn.unit_ids)
+    ids = _numbers(drawn.unit_ids, "unit_ids is not a list of integers")
     if ids.ndim != 1 or (ids.size and not np.issubdtype(ids.dtype, np.integer)):
-        raise CullerError(f"{culler}: frame {frame}: unit_ids is not a list of integers")
+        raise CullerError("unit_ids is not a list of integers")
     if ids.size and not 0 <= ids.min() <= ids.max() < units.count:
-        raise CullerError(f"{culler}: frame {frame}: a unit id is outside 0…{units.count - 1}")
+        raise CullerError(f"a unit id is outside 0…{units.count - 1}")
     if len(np.unique(ids)) != len(ids):
-        raise CullerError(f"{culler}: frame {frame}: a unit is drawn twice")
+        raise CullerError("a unit is drawn twice")
     return ids.astype(np.int32)
 
 
-def check_asked(
-    asked_at: object, drawn: int, *, culler: str, frame: int
-) -> NDArray[np.int32] | None:
+def check_asked(asked_at: object, drawn: int) -> NDArray[np.int32] | None:
     """`DrawnSet.asked_at`, (drawn,) int32, one per unit drawn. Raises CullerError where it names
     no moment before the unit's own draw."""
     if asked_at is None:
         return None
-    asked: NDArray[Any] = np.asarray(asked_at)
+    asked = _numbers(asked_at, "asked_at is not an integer per unit drawn")
     if asked.shape != (drawn,) or (drawn and not np.issubdtype(asked.dtype, np.integer)):
-        raise CullerError(f"{culler}: frame {frame}: asked_at is not an integer a unit drawn")
+        raise CullerError("asked_at is not an integer per unit drawn")
     if (asked < -1).any() or (asked > np.arange(drawn)).any():
-        raise CullerError(f"{culler}: frame {frame}: asked_at names no moment before the draw")
+        raise CullerError("asked_at names no moment before the draw")
     return asked.astype(np.int32)
 
 
-def check_stats(
-    stats: QueryStats, elapsed_ms: float | None, *, culler: str, frame: int
-) -> QueryStats:
+def check_stats(stats: QueryStats, elapsed_ms: float | None) -> QueryStats:
     """A copy of a frame's stats, with the call's own time, if there is one, where they give none.
     Raises CullerError for a value that no record can hold."""
     if not isinstance(stats, QueryStats) or not isinstance(stats.ms, dict):
-        raise CullerError(f"{culler}: frame {frame}: stats is no QueryStats")
+        raise CullerError("stats is no QueryStats")
     for f in fields(QueryStats):
         value = getattr(stats, f.name)
         if f.name != "ms" and value is not None and not is_count(value):
-            raise CullerError(f"{culler}: frame {frame}: stats.{f.name} is {value!r}")
+            raise CullerError(f"stats.{f.name} is {value!r}")
     for phase, ms in stats.ms.items():
-        if not isinstance(phase, str) or not is_duration(ms):
-            raise CullerError(f"{culler}: frame {frame}: stats.ms[{phase!r}] is {ms!r}")
+        if not isinstance(phase, str) or not phase.isprintable() or not is_duration(ms):
+            raise CullerError(f"stats.ms[{phase!r}] is {ms!r}")
     own = {} if elapsed_ms is None else {"cull": elapsed_ms}
     return replace(stats, ms={**own, **stats.ms})
 
 
+def _numbers(value: object, otherwise: str) -> NDArray[Any]:
+    """(any) array of what a culler handed over, or a CullerError that says what it is not."""
+    try:
+        return np.asarray(value)
+    except Exception as error:  # its elements may be anything
+        raise CullerError(otherwise) from error
+
+
 class CullerError(RuntimeError):
     """A culler broke its contract or broke down; its frames cannot be judged."""
+
+
+# More than this of an error's own text says no more.
+_MAX_FAULT = 500
+
+
+def fault_text(error: BaseException) -> str:
+    """Whatever a culler raised, as one line; never raises, whatever the error's own methods do."""
+    try:
+        text = " ".join(str(error).split())[:_MAX_FAULT]
+    except BaseException:  # its __str__ is the culler's as well
+        text = ""
+    if isinstance(error, SystemExit):
+        return f"it left by sys.exit({text})"
+    if isinstance(error, CullerError | InputError | NothingToJudge) and text:
+        return text
+    kind = type(error).__name__
+    return f"{kind}: {text}" if text else kind

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visref.errors import InputError
-from visref.options import read_options
+from visref.options import OptionValue, read_options
 from visref.wording import did_you_mean
 
 if TYPE_CHECKING:
@@ -41,10 +41,19 @@ def load_entry(group: str, name: str, *, kind: str) -> object:
 
 
 def make_culler(spec: str) -> Culler:
-    """A culler from its spec: `NAME[:option=value,…]` or `module:Class[:option=value,…]`.
+    """A culler from its spec: `NAME[:option=value,…]` or `module:Class[:option=value,…]`, in this
+    process.
 
-    Raises InputError for an unknown name, option or value.
+    Raises InputError for an unknown name, option or value, and whatever its module or its
+    constructor raises.
     """
+    found, options = find_culler(spec)
+    return found(**options)
+
+
+def find_culler(spec: str) -> tuple[type[Culler], dict[str, OptionValue]]:
+    """A culler's class and its constructor's arguments. Raises InputError for an unknown name,
+    option or value, and whatever its module raises."""
     from visref.culler import Culler
 
     name, _, rest = spec.partition(":")
@@ -57,7 +66,7 @@ def make_culler(spec: str) -> Culler:
         found = load_entry(CULLERS, name, kind="culler")
     if not (isinstance(found, type) and issubclass(found, Culler)):
         raise InputError(f"'{spec}' is not a subclass of visref.culler.Culler", fix="derive it")
-    return found(**read_options(spec, found.options, rest))
+    return found, read_options(spec, found.options, rest)
 
 
 def _import(module: str, attribute: str) -> object:
@@ -66,18 +75,22 @@ def _import(module: str, attribute: str) -> object:
     here = str(Path.cwd())
     sys.path.insert(0, here)
     try:
-        return getattr(importlib.import_module(module), attribute)
+        found = importlib.import_module(module)
     except ModuleNotFoundError as error:
-        if error.name is not None and module.startswith(error.name):
-            raise InputError(
-                f"no culler and no module is named '{module}'",
-                fix=did_you_mean(module, available(CULLERS)),
-            ) from error
-        raise InputError(f"module '{module}' does not import: {error}") from error
-    except AttributeError as error:
-        raise InputError(f"module '{module}' has no '{attribute}'", fix="check the name") from error
+        # What a module that is there lacks itself is its own fault.
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise
+        raise InputError(
+            f"no culler and no module is named '{module}'",
+            fix=did_you_mean(module, available(CULLERS)),
+        ) from error
     finally:
         # An entry that was there before stays where it was.
-        sys.path.remove(here)
+        if here in sys.path:
+            sys.path.remove(here)
         if here not in sys.path:
             sys.path.append(here)
+    try:
+        return getattr(found, attribute)
+    except AttributeError as error:
+        raise InputError(f"module '{module}' has no '{attribute}'", fix="check the name") from error

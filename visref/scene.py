@@ -323,13 +323,20 @@ class Units:
     def check(self, scene: Scene, *, source: str) -> None:
         """Raise InputError unless these are valid units of `scene`."""
         offsets, triangles = self.offsets, self.triangles
-        if not all(np.issubdtype(array.dtype, np.integer) for array in (offsets, triangles)):
+        if not all(
+            isinstance(array, np.ndarray)
+            and array.ndim == 1
+            and np.issubdtype(array.dtype, np.integer)
+            for array in (offsets, triangles)
+        ):
             raise InputError("the units are not arrays of integers", source=source)
         spans = len(offsets) >= 1 and offsets[0] == 0 and offsets[-1] == len(triangles)
         if not spans or (np.diff(offsets) < 0).any():
             raise InputError("the units' offsets do not span their triangles", source=source)
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < scene.triangle_count:
             raise InputError("a unit names a triangle that the scene lacks", source=source)
+        if not isinstance(self.kind, str) or not self.kind.isprintable():
+            raise InputError("the units' kind is no printable text", source=source)
 
 
 def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:

@@ -10,7 +10,10 @@ import ctypes
 import re
 import threading
 from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache, wraps
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -65,6 +68,39 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
         ctypes.POINTER(ctypes.c_int),
     ),
 }
+
+
+_EGL_DRAW, _EGL_READ = 0x3059, 0x305A
+
+
+@cache
+def _egl() -> ctypes.CDLL:
+    """EGL's own functions, which say what is current."""
+    egl = ctypes.CDLL("libEGL.so.1")
+    handle = ctypes.c_void_p
+    for name, arguments in {
+        "eglGetCurrentContext": (),
+        "eglGetCurrentDisplay": (),
+        "eglGetCurrentSurface": (ctypes.c_int,),
+        "eglMakeCurrent": (handle, handle, handle, handle),
+    }.items():
+        function = getattr(egl, name)
+        function.argtypes = arguments
+        function.restype = ctypes.c_uint if name == "eglMakeCurrent" else handle
+    return egl
+
+
+@contextmanager
+def _theirs_again() -> Iterator[None]:
+    """Makes current afterwards what is so now, if anything is."""
+    egl = _egl()
+    theirs, display = egl.eglGetCurrentContext(), egl.eglGetCurrentDisplay()
+    drawn, read = egl.eglGetCurrentSurface(_EGL_DRAW), egl.eglGetCurrentSurface(_EGL_READ)
+    try:
+        yield
+    finally:
+        if theirs:
+            egl.eglMakeCurrent(display, drawn, read, theirs)
 
 
 class State(NamedTuple):
@@ -128,6 +164,7 @@ class Device:
                 "install a driver with EGL, such as Mesa (libegl1 libgl1 libgl1-mesa-dri)"
             ) from error
         self.thread = threading.get_ident()
+        self._handle = _egl().eglGetCurrentContext()
         self.gl = {
             name: ctypes.CFUNCTYPE(None, *arguments)(loader.load_opengl_function(name))
             for name, arguments in _SIGNATURES.items()
@@ -147,6 +184,16 @@ class Device:
         self._state: State | None = None
         self._home = self.context.framebuffer([self.context.texture((1, 1), 1)])
         self._queries: list[moderngl.Query] = []
+
+    @contextmanager
+    def current(self) -> Iterator[None]:
+        """Makes the context current, and afterwards the one that was so before, if there was any.
+        (glcontext leaves none current when it leaves one.)"""
+        if _egl().eglGetCurrentContext() == self._handle:
+            yield
+            return
+        with _theirs_again(), self.context:
+            yield
 
     def report(self) -> dict[str, str | int]:
         """What works on this machine: renderer, version and the limits that matter here."""
@@ -326,7 +373,36 @@ def device() -> Device:
     """
     global _shared
     if _shared is None:
-        _shared = Device()
+        with _theirs_again():
+            _shared = Device()
     if _shared.thread != threading.get_ident():
         raise RuntimeError("the OpenGL context belongs to another thread")
     return _shared
+
+
+# What of a class with GL resources is called from outside.
+_CALLED = frozenset(("__init__", "prepare", "cull", "see", "item_buffer", "image", "close")) | {
+    # of an engine
+    "frame",
+    "pixels_differ",
+    "describe",
+}
+
+
+class UsesDevice:
+    """A base of classes whose calls use the context: it is current during each of them, whatever
+    somebody else in the process has made current, and theirs is current again afterwards."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in _CALLED & vars(cls).keys():
+            setattr(cls, name, _with_our_context(vars(cls)[name]))
+
+
+def _with_our_context(call: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(call)
+    def calling(*arguments: Any, **options: Any) -> Any:
+        with device().current():
+            return call(*arguments, **options)
+
+    return calling

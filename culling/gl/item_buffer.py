@@ -19,7 +19,7 @@ from visref.camera import Camera
 from visref.culler import Raster, RasterTolerance
 from visref.scene import Int32, Scene
 from visref.visibility import BACKGROUND
-from visref_culling.gl.device import Device, State, Target, device
+from visref_culling.gl.device import Device, State, Target, UsesDevice, device
 from visref_culling.gl.geometry import occluders, view_uniforms
 from visref_culling.gl.masks import (
     CORNER_LAYOUT,
@@ -185,7 +185,7 @@ class ItemBuffer:
         self.vertices.release()
 
 
-class GLRaster(Raster):
+class GLRaster(UsesDevice, Raster):
     """The rasteriser behind the GL cullers. `depth_bits` is that of the culler's own depth.
 
     Its tolerance is the greatest over the cameras that it has seen, since the float32 part

@@ -249,13 +249,13 @@ def test_depth_drawn_again_is_the_exact_engines(lens):
 )
 def test_a_claim_about_asking_that_cannot_be_true_is_refused(asked_at):
     with pytest.raises(CullerError, match="frame 7: asked_at"):
-        check_asked(asked_at, 3, culler="c", frame=7)
+        check_asked(asked_at, 3)
 
 
 def test_asked_at_its_own_draw_or_never_is_accepted():
-    assert check_asked([0, 1, -1], 3, culler="c", frame=0).tolist() == [0, 1, -1]
-    assert check_asked([], 0, culler="c", frame=0).tolist() == []
-    assert check_asked(None, 3, culler="c", frame=0) is None
+    assert check_asked([0, 1, -1], 3).tolist() == [0, 1, -1]
+    assert check_asked([], 0).tolist() == []
+    assert check_asked(None, 3) is None
 
 
 def test_a_run_records_the_causes_in_the_planned_pictures_frames_alone(tmp_path):
@@ -326,7 +326,7 @@ def test_the_lazy_grid_tells_of_leaves_whose_cells_it_asked_and_of_no_others():
         culler = make_culler(f"lazy-grid:update={update},cell=8")
         culler.prepare(scene)
         drawn = culler.cull(replace(CAMERA, width=64, height=48))
-        check_asked(drawn.asked_at, len(drawn.unit_ids), culler="lazy-grid", frame=0)
+        check_asked(drawn.asked_at, len(drawn.unit_ids))
         asked[update] = int(np.count_nonzero(drawn.asked_at >= 0))
         if update == "lazy":
             assert asked[update] <= drawn.stats.queries

@@ -10,9 +10,9 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-import traceback
 from collections.abc import Sequence
 
+from visref.cli.breakdown import INTERRUPTED, broke_down
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Exit
 
@@ -31,32 +31,40 @@ COMMANDS = {
     "doctor": "say what works on this machine",
 }
 
-# Statuses of a run that came to no end, clear of every `Exit`: by convention, 128 + SIGINT and
-# the EX_SOFTWARE of sysexits.h.
-_INTERRUPTED = 130
-_BROKE_DOWN = 70
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status (see `visref.judging.status.Exit`)."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    given = argparse.Namespace(interrupted="nothing was written")
+    given = argparse.Namespace(interrupted="nothing was written", in_process=False)
     try:
-        _parser(arguments).parse_args(arguments, given)
+        parser = _parser(arguments)
+    except InputError as error:
+        return _said(f"error: {error}", Exit.BAD_INPUT)
+    except SystemExit:  # a library's, as it was imported
+        return broke_down()
+    # This leaves by SystemExit for help and for a wrong argument; nothing else may.
+    parser.parse_args(arguments, given)
+    if given.in_process:
+        from visref.cli.supervised import supervised
+
+        return supervised(lambda: _run(given))
+    return _run(given)
+
+
+def _run(given: argparse.Namespace) -> int:
+    try:
         return int(given.command(given))
     except InputError as error:
         return _said(f"error: {error}", Exit.BAD_INPUT)
     except NothingToJudge as error:
         return _said(f"nothing could be judged: {error}", Exit.NOTHING_JUDGED)
     except KeyboardInterrupt:
-        return _said(f"interrupted; {given.interrupted}", _INTERRUPTED)
+        return _said(f"interrupted; {given.interrupted}", INTERRUPTED)
     except OSError as error:
         # A full disk, say: nobody's bug.
         return _said(f"error: {error}", Exit.BAD_INPUT)
-    except Exception:
-        # Python's own status for it is 1, which says "violation".
-        traceback.print_exc()
-        return _said("visref broke down: this is a bug in it, not a verdict", _BROKE_DOWN)
+    except BaseException:
+        return broke_down()
 
 
 def _said(line: str, status: int) -> int:
@@ -82,7 +90,3 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
             module.add_arguments(command)
             command.set_defaults(command=module.run)
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

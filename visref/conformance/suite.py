@@ -307,10 +307,10 @@ def _drawn_sets(cullers: list[Culler], scene: Scene, path: CameraPath) -> list[l
     try:
         units = [culler.prepare(scene) for culler in cullers]
         drawn: list[list[set[int]]] = [[] for _ in cullers]
-        for frame, camera in enumerate(path):
+        for camera in path:
             for at, culler in enumerate(cullers):
                 answer = culler.cull(camera)
-                ids = check_drawn(answer, units[at], culler=culler.name, frame=frame)
+                ids = check_drawn(answer, units[at])
                 drawn[at].append(set(ids.tolist()))
     finally:
         for culler in cullers:

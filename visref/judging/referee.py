@@ -24,6 +24,7 @@ from visref.culler import (
     check_asked,
     check_drawn,
     check_stats,
+    fault_text,
 )
 from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
@@ -166,40 +167,40 @@ class Referee:
         return outcome
 
     def _prepare(self, spec: str, culler: Culler, outcome: RunOutcome) -> Job | None:
-        record = CullerRecord(spec, _promise(spec, culler))
+        record = CullerRecord(spec, Promise.CONSERVATIVE)
         outcome.cullers.append(record)
         try:
-            units = culler.prepare(self.scene)
-            units.check(self.scene, source=spec)
-            if units.kind == OBJECT and not units.are_objects(self.scene):
-                units = replace(units, kind="unit")
+            record.promise = _promise(culler)
+            units = _checked(culler.prepare(self.scene), self.scene)
+            # `prepare` may have settled what the options promise.
+            record.promise = _promise(culler)
         except NothingToJudge as error:
             record.failed = True
             outcome.findings.append(Finding(Code.NO_GL, str(error), culler=spec))
             return None
-        except InputError:
+        except (InputError, KeyboardInterrupt):
             raise
-        except Exception as error:  # a plug-in may raise anything; the others go on
+        except BaseException as error:  # a plug-in may raise anything; the others go on
             self._fail(record, outcome, None, error)
             return None
-        # `prepare` may have settled what the options promise.
-        record.promise = _promise(spec, culler)
         record.unit_kind, record.unit_count = units.kind, units.count
         return Job(spec, culler, record, units)
 
     def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
         try:
             culler.close()
-        except Exception as error:  # a plug-in may raise anything; the others are closed too
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plug-in may raise anything; the others are closed too
             record = next((r for r in outcome.cullers if r.spec == spec), None)
             if record is not None:
                 self._fail(record, outcome, None, error)
 
     def _fail(
-        self, record: CullerRecord, outcome: RunOutcome, frame: int | None, error: Exception
+        self, record: CullerRecord, outcome: RunOutcome, frame: int | None, error: BaseException
     ) -> None:
         record.failed = True
-        text = str(error) if isinstance(error, CullerError) else f"{type(error).__name__}: {error}"
+        text = fault_text(error)
         outcome.findings.append(Finding(Code.CULLER_FAILED, text, culler=record.spec, frame=frame))
 
     def _frame(
@@ -231,9 +232,9 @@ class Referee:
         """One culler's answer for one view, judged. Truths that it needs go to `casts`."""
         try:
             drawn_set = self._cull(job, camera, frame)
-        except InputError:
+        except (InputError, KeyboardInterrupt):
             raise
-        except Exception as error:  # a plug-in may raise anything; the others go on
+        except BaseException as error:  # a plug-in may raise anything; the others go on
             self._fail(job.record, outcome, frame, error)
             return
         drawn_units = drawn_set.unit_ids
@@ -301,11 +302,11 @@ class Referee:
             else:
                 drawn_set = job.culler.cull(camera)
         if not isinstance(drawn_set, DrawnSet):
-            raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
-        ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
-        asked_at = check_asked(drawn_set.asked_at, len(ids), culler=job.spec, frame=frame)
+            raise CullerError("cull() returned no DrawnSet")
+        ids = check_drawn(drawn_set, job.units)
+        asked_at = check_asked(drawn_set.asked_at, len(ids))
         elapsed_ms = watch.ms if job.culler.timed else None
-        stats = check_stats(drawn_set.stats, elapsed_ms, culler=job.spec, frame=frame)
+        stats = check_stats(drawn_set.stats, elapsed_ms)
         return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
 
     def _arithmetic(self) -> ExactScene:
@@ -337,14 +338,27 @@ class Referee:
             outcome.findings.append(Finding(Code.REBASE_INEXACT, "the scene spans too far"))
 
 
-def _promise(spec: str, culler: Culler) -> Promise:
+def _promise(culler: Culler) -> Promise:
+    said = culler.promise
     try:
-        return Promise(culler.promise)
-    except ValueError as error:
-        raise InputError(
-            f"'{spec}' promises {culler.promise!r}",
-            fix=f"a promise is one of {', '.join(Promise)}",
+        return Promise(said)
+    except (ValueError, TypeError) as error:
+        raise CullerError(
+            f"it promises {said!r}; a promise is one of {', '.join(Promise)}"
         ) from error
+
+
+def _checked(units: object, scene: Scene) -> Units:
+    """What `prepare` returned, if it is units of the scene; CullerError otherwise."""
+    if not isinstance(units, Units):
+        raise CullerError("prepare() returned no Units")
+    try:
+        units.check(scene, source="")
+    except InputError as error:  # not the user's: the culler made them
+        raise CullerError(str(error)) from error
+    if units.kind == OBJECT and not units.are_objects(scene):
+        units = replace(units, kind="unit")
+    return units
 
 
 def _clean_verdict(

@@ -1,0 +1,42 @@
+"""Where the program starts, with next to nothing imported yet: statuses that hold whatever fails.
+
+Python's own status for an error is 1, which would say "violation"; this is the one place that
+stands between such an error and the caller, while visref itself is imported too.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from visref.cli.breakdown import INTERRUPTED, broke_down, said
+
+
+def main() -> int:
+    """Run the command line of this process; returns its exit status."""
+    imported = False
+    try:
+        from visref.cli.main import main as run
+
+        imported = True
+        status = run()
+    except KeyboardInterrupt:
+        return said("interrupted; nothing was written", INTERRUPTED)
+    except SystemExit:
+        if not imported:
+            return broke_down()
+        _flush()  # argparse's: help, or a wrong argument
+        raise
+    except BaseException:
+        return broke_down()
+    _flush()
+    return status
+
+
+def _flush() -> None:
+    """What is still to print, now: a reader that has gone costs no status at the very end."""
+    for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
+        try:
+            stream.flush()
+        except (OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
