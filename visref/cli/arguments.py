@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from visref.inputs import Inputs, open_inputs
+from visref.memory import parse_size
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
 
@@ -35,6 +36,21 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lenient", action="store_true", help="drop triangles with a NaN or infinite vertex"
     )
+    add_memory_argument(parser)
+
+
+def add_memory_argument(parser: argparse.ArgumentParser) -> None:
+    """For every command that reads a scene; `memory_of` reads it."""
+    parser.add_argument(
+        "--max-memory",
+        metavar="SIZE",
+        help="refuse inputs that need more, such as 2G (default: 3/4 of what is free)",
+    )
+
+
+def memory_of(given: argparse.Namespace) -> int | None:
+    """Bytes of --max-memory, None where it is not given. Raises InputError for no size."""
+    return None if given.max_memory is None else parse_size(given.max_memory)
 
 
 def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,4 +77,5 @@ def inputs_of(given: argparse.Namespace) -> Inputs:
         threads=given.threads,
         cull_backfaces=given.cull_backfaces,
         lenient=given.lenient,
+        max_memory=memory_of(given),
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from visref.errors import InputError
 from visref.findings import Code
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
+from visref.memory import Budget
 from visref.scene import (
     Alpha,
     Float64,
@@ -154,7 +155,9 @@ def compose(a: Float64, b: Float64) -> Float64:
     return result
 
 
-def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool) -> Scene:
+def flatten(
+    placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool, budget: Budget
+) -> Scene:
     """The Scene of all objects, every vertex transformed in float64 and rounded once, relative
     to the scene's origin.
 
@@ -162,7 +165,8 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     whether `one_sided` takes effect. `lenient`: triangles with a vertex that is not finite
     are dropped and counted in a note, instead of an error.
 
-    Raises InputError where there is no object, or a vertex is NaN or infinite.
+    Raises InputError where there is no object, a vertex is NaN or infinite, or the scene does not
+    fit `budget`.
     """
     if not placed.names:
         raise InputError("there is no mesh in it", source=source, fix="give a file with a mesh")
@@ -176,6 +180,11 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
             source=source,
             fix=f"at most {_MAX_INT32} of each can be held",
         )
+    budget.claim(
+        f"{len(mesh_of_object):,} objects with {starts[-1]:,} triangles",
+        vertices=int(vertex_starts[-1]),
+        triangles=int(starts[-1]),
+    )
     origin = origin_of(
         placed_boxes(
             (mesh.positions, worlds[mesh_of_object == index])

@@ -14,8 +14,9 @@ from urllib.parse import unquote
 import numpy as np
 
 from visref.errors import InputError
-from visref.files import Bytes, map_file, parse_json
+from visref.files import Bytes, json_bytes, map_file, parse_json
 from visref.formats.gltf.extensions import MESHOPT, is_known
+from visref.memory import Budget
 
 _GLB_MAGIC = b"glTF"
 _CHUNK_JSON = 0x4E4F534A
@@ -105,19 +106,21 @@ class Json:
 
 class Document:
     """An open glTF or GLB file. Bytes are mapped, not read: images that no mask
-    needs cost nothing.
+    needs cost nothing. `budget`: what is decoded or made up out of nothing is claimed there.
 
     Raises InputError (without the file's name; `visref.formats` adds it).
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, budget: Budget | None = None) -> None:
         self.path = path
+        self.budget = Budget.of(None) if budget is None else budget
         data = map_file(path)
         self._chunk: Bytes | None = None
         if data[:4].tobytes() == _GLB_MAGIC:
             text, self._chunk = _chunks(data)
         else:
             text = data
+        self.budget.claim("its JSON", json_bytes(text))
         self.root = Json(parse_json(text.tobytes()), "")
         self._buffers: dict[int, Bytes] = {}
         self._lists: dict[str, list[Json]] = {}
