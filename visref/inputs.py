@@ -16,6 +16,7 @@ from visref.findings import Finding
 from visref.formats import GLTF, load_path, load_scene
 from visref.generators import Generator, find_generator
 from visref.memory import SAMPLE_BYTES, Budget
+from visref.numerals import whole_number
 from visref.options import OptionValue
 from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
@@ -168,7 +169,7 @@ def picked_frames(text: str | None, count: int) -> range:
         return range(count)
     parts = text.split(":")
     try:
-        numbers = [int(part) if part else None for part in parts]
+        numbers = [whole_number(part) if part else None for part in parts]
         if len(numbers) == 1 and numbers[0] is not None:
             picked = range(count)[numbers[0] : numbers[0] + 1 or None]
         elif 2 <= len(numbers) <= 3:

@@ -40,7 +40,7 @@ def parse_size(text: str) -> int:
 
     Raises InputError for anything else, and for less than 1 MiB.
     """
-    match = _SIZE.fullmatch(text.strip(" "))
+    match = _SIZE.fullmatch(text)
     size = 0
     if match is not None:
         size = int(float(match[1]) * 1024 ** _UNITS[match[2].upper()])

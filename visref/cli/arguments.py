@@ -7,6 +7,7 @@ from pathlib import Path
 
 from visref.inputs import Inputs, open_inputs
 from visref.memory import parse_size
+from visref.numerals import whole_number
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
 
@@ -27,7 +28,7 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME[:option=value]",
         help=f"{', '.join(available(ENGINES))} (default {DEFAULT_ENGINE})",
     )
-    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--threads", type=whole_number, metavar="N", help="default: all cores")
     parser.add_argument(
         "--cull-backfaces",
         action="store_true",
@@ -63,7 +64,7 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         help="a truth file, instead of casting again; its engine looks at what was missed",
     )
     parser.add_argument(
-        "--pictures", type=int, default=4, metavar="N", help="frames to draw (default 4)"
+        "--pictures", type=whole_number, default=4, metavar="N", help="frames to draw (default 4)"
     )
 
 

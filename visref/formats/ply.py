@@ -24,6 +24,7 @@ from visref.findings import Code
 from visref.formats.numbers import read_numbers
 from visref.formats.placed import Mesh, Placed
 from visref.formats.polygons import triangulated
+from visref.numerals import whole_number
 from visref.scene import Int64, check_indices
 
 _TYPES = {
@@ -159,8 +160,8 @@ def _header(data: Bytes) -> tuple[str, list[_Element], int]:
                     else:
                         types = {name: order + kind for name, kind in _TYPES.items()}
                 case ["element", name, rows]:
-                    elements.append(_Element(name, int(rows)))
-                    if int(rows) < 0:
+                    elements.append(_Element(name, whole_number(rows)))
+                    if elements[-1].rows < 0:
                         raise ValueError
                 case ["property", "list", count, kind, name]:
                     if _TYPES[count][0] == "f":
@@ -174,7 +175,7 @@ def _header(data: Bytes) -> tuple[str, list[_Element], int]:
                     raise ValueError
         except (KeyError, ValueError, IndexError) as error:
             raise InputError(
-                f"'{' '.join(words)[:60]}' is not understood",
+                f"{' '.join(words)[:60]!a} is not understood",
                 place=f"line {number}",
                 fix="export the file anew",
             ) from error
