@@ -11,7 +11,7 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -131,6 +131,17 @@ def open_file(path: Path) -> BinaryIO:
     if stat.S_ISDIR(mode):
         raise InputError("this is a folder, not a file", fix="give the file itself")
     raise InputError("this is a pipe, a device or a socket", fix="give an ordinary file")
+
+
+def beside(file: Path, named: str) -> Path:
+    """The file that `file` names: relative to its folder, and by `..` outside it too, where
+    exporters put textures. Nothing of such a file is ever shown.
+
+    Raises InputError for an absolute name: it means something on one machine alone.
+    """
+    if PurePosixPath(named).is_absolute() or PureWindowsPath(named).anchor:
+        raise InputError("its name is absolute", fix="name it relative to this file")
+    return file.parent / named
 
 
 @contextmanager

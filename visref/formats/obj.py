@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.files import Bytes, map_file
+from visref.files import Bytes, beside, map_file
 from visref.findings import Code
 from visref.formats.numbers import is_number, parsed
 from visref.formats.placed import Mesh, Placed
@@ -34,9 +34,9 @@ _CHUNK_BYTES = 1 << 23
 
 # A line of text as Python's own: a string's head and its place in a list.
 _LINE_BYTES = 100
-# A face corner costs its int64 place and its share of a fan's triangle, which are held twice while
-# polygons become triangles; the shortest is " 1", two bytes. A vertex takes seven at least.
-_BYTES_OF_BYTE = 60
+# A vertex is three float64, twice while the chunks are joined. A face corner is its int64 vertex
+# and at most a triangle of three int64, both twice, and the triangle's face. A name is a string.
+_VERTEX_BYTES, _CORNER_BYTES, _NAME_BYTES = 48, 72, 200
 
 Marks = list[tuple[int, str]]
 
@@ -61,9 +61,8 @@ class _Reading:
 def read_obj(path: Path, *, budget: Budget) -> Placed:
     """The objects of an OBJ file. Raises InputError naming the line."""
     data = map_file(path)
-    budget.need("reading it", len(data) * _BYTES_OF_BYTE)
     reading = _Reading()
-    at = 0
+    at = corners = 0
     while at < len(data):
         chunk = data[at : at + _CHUNK_BYTES].tobytes()
         if at + len(chunk) < len(data):
@@ -75,6 +74,12 @@ def read_obj(path: Path, *, budget: Budget) -> Placed:
             chunk = chunk[:end]
         at += len(chunk)
         _read_chunk(reading, chunk)
+        corners += len(reading.corners[-1])
+        names = sum(map(len, reading.marks.values()))
+        budget.need(
+            f"its first {reading.vertex_count:,} vertices and {corners:,} corners of faces",
+            reading.vertex_count * _VERTEX_BYTES + corners * _CORNER_BYTES + names * _NAME_BYTES,
+        )
     vertices = np.concatenate([np.zeros((0, 3)), *reading.vertices])
     triangles, face = _triangles(reading, vertices)
     placed = Placed()
@@ -237,7 +242,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed, budget: Budget) -> NDA
     materials: dict[str, Alpha] = {}
     for _, named in reading.marks["mtllib"]:
         try:
-            data = map_file(path.parent / named)
+            data = map_file(beside(path, named))
         except InputError as error:
             reason = f"material file {named[:200]!a}: {error.problem}; all is opaque"
             placed.notes.append((Code.PARTLY_READ, reason))

@@ -24,6 +24,7 @@ from visref.scene import (
     Int64,
     Scene,
     check_indices,
+    clean_name,
     origin_of,
     placed_boxes,
     rounded,
@@ -126,8 +127,8 @@ class Placed:
         `group`: whether the name stands for all these instances together.
         """
         matrices = world_from_object.reshape(-1, 4, 4)
-        name = name or "object"
-        path = path or name
+        name = clean_name(name) or "object"
+        path = clean_name(path) or name
         if group:
             start = len(self.names)
             self.groups.append(Group(name, path, tuple(range(start, start + len(matrices)))))
@@ -180,6 +181,8 @@ def flatten(
             source=source,
             fix=f"at most {_MAX_INT32} of each can be held",
         )
+    # Repeated names get a mark each, and so a string each.
+    budget.claim("the objects' names", sum(map(len, placed.names)))
     budget.claim(
         f"{len(mesh_of_object):,} objects with {starts[-1]:,} triangles",
         vertices=int(vertex_starts[-1]),
@@ -203,7 +206,7 @@ def flatten(
     for index, mesh in enumerate(placed.meshes):
         users = order[groups[index] : groups[index + 1]]
         bases = mask_rows.add(mesh.masks, mirrored[users]) if mesh.masks is not None else None
-        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions)))
+        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions), len(mesh.triangles)))
         for at in range(0, len(users), block):
             chosen = users[at : at + block]
             rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from visref.errors import InputError
-from visref.files import Bytes, json_bytes, map_file, parse_json
+from visref.files import Bytes, beside, json_bytes, map_file, parse_json
 from visref.formats.gltf.extensions import MESHOPT, is_known
 from visref.memory import Budget
 
@@ -195,16 +195,17 @@ class Document:
             header, _, payload = text.partition(",")
             if not header.endswith(";base64"):
                 uri.fail("the data URI is not base64")
+            self.budget.claim("a data URI", len(payload), place=uri.place)
             try:
                 return np.frombuffer(base64.b64decode(payload, validate=True), np.uint8)
             except (binascii.Error, ValueError):
                 uri.fail("the data URI is not valid base64")
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
-            uri.fail(f"'{text[:60]}' is not a file beside this one", "download it first")
+            uri.fail(f"{ascii(text[:60])} is not a file beside this one", "download it first")
         try:
-            return map_file(self.path.parent / unquote(text))
+            return map_file(beside(self.path, unquote(text)))
         except InputError as error:
-            uri.fail(f"file '{text[:200]}': {error.problem}", "put the file there")
+            uri.fail(f"file {ascii(text[:200])}: {error.problem}", "put the file there")
 
     def _check_asset(self) -> None:
         version = self.root["asset"]["version"].text()

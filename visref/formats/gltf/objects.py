@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matric
 from visref.formats.placed import NO_MESH, Placed, below, compose
 from visref.memory import Budget
 from visref.scene import Float64
+from visref.wording import counted
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
 _TRS = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
@@ -40,6 +42,7 @@ def read_objects(document: Document) -> Placed:
         entry = entries[node]
         above, path = named.get(nodes.parent[node], ("", ""))
         named[node] = (_name(entry) or above, below(path, _name(entry)))
+        document.budget.claim("the nodes' paths", sys.getsizeof(named[node][1]))
         if "mesh" not in entry.value:
             continue
         mesh = document.entry("meshes", entry["mesh"])
@@ -125,12 +128,16 @@ def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
     mesh = None if index == NO_MESH else placed.meshes[index]
     triangles = 0 if mesh is None else len(mesh.triangles)
     vertices = 0 if mesh is None else len(mesh.positions)
-    what = f"{count:,} instances × {triangles:,} triangles"
-    document.budget.claim(what, objects=count, place=node.place)
-    # The triangles are claimed together, once all are known.
+    what = f"{counted(count, 'instance')} × {counted(triangles, 'triangle')}"
     document.budget.need(
-        what, vertices=count * vertices, triangles=count * triangles, place=node.place
+        what,
+        objects=count,
+        vertices=count * vertices,
+        triangles=count * triangles,
+        place=node.place,
     )
+    # The triangles are claimed together, once all are known.
+    document.budget.claim(what, objects=count, place=node.place)
 
 
 def _instances(document: Document, node: Json, world: Float64) -> Float64:
