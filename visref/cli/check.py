@@ -32,7 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> Exit:
     inputs = inputs_of(given)
-    recorded = read_visible_sets(given.visible, inputs.scene, inputs.frames, len(inputs.path))
+    recorded = read_visible_sets(
+        given.visible,
+        inputs.scene,
+        inputs.frames,
+        len(inputs.path),
+        max_memory=inputs.max_memory,
+    )
     tolerance = _raster(given.raster) if given.raster is not None else None
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
     return judge(given, inputs, [(given.visible.name, replay)])

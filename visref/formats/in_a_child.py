@@ -186,7 +186,7 @@ class _Answer:
 
     def _bytes(self, length: int) -> NDArray[np.uint8]:
         result = np.empty(length, np.uint8)
-        view, at = memoryview(result), 0
+        view, at = result.data, 0
         while at < length:
             read = self.stream.readinto(view[at:])  # type: ignore[attr-defined]
             if not read:
@@ -210,14 +210,20 @@ def answer(reader: str, file: str, memory: int, seconds: int, limit: int, given:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # whatever a library prints
     module, _, name = reader.partition(":")
+    taken = 0
     try:
         read = cast(
             Callable[[Path, Budget], Placed], getattr(importlib.import_module(module), name)
         )
-        _limit(memory, seconds)
+        taken = _limit(memory, seconds)
         _write(out, read(Path(file), Budget(limit, given)))
     except InputError as error:
-        _write_header(out, {"error": {name: getattr(error, name) for name in _ERROR}})
+        said = {name: getattr(error, name) for name in _ERROR}
+        # A library that gets no memory may say anything.
+        if _peak() - taken > memory // 2:
+            said["problem"] += f" (it took {shown_size(_peak() - taken)} of {shown_size(memory)})"
+            said["fix"] += ", or give more with --max-memory"
+        _write_header(out, {"error": said})
     except MemoryError:
         problem = f"reading it takes more than {shown_size(memory)}, half of the limit"
         fix = "give more with --max-memory, or make the scene smaller"
@@ -229,8 +235,15 @@ def answer(reader: str, file: str, memory: int, seconds: int, limit: int, given:
     os._exit(0)
 
 
-def _limit(memory: int, seconds: int) -> None:
-    """Limit this process for good."""
+def _peak() -> int:
+    """The most memory that this process had, in bytes; 0 where the system does not say."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmPeak")), 0)
+
+
+def _limit(memory: int, seconds: int) -> int:
+    """Limit this process for good. Returns the memory that it has at the start, in bytes."""
 
     def refuse(event: str, _: Any) -> None:
         if event.startswith(_REFUSED):
@@ -240,7 +253,7 @@ def _limit(memory: int, seconds: int) -> None:
     try:
         import resource
     except ImportError:  # a system without limits
-        return
+        return 0
     taken = 0
     statm = Path("/proc/self/statm")
     if statm.exists():
@@ -254,6 +267,7 @@ def _limit(memory: int, seconds: int) -> None:
         hard = resource.getrlimit(kind)[1]
         low = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(kind, (low, hard if kind == resource.RLIMIT_CPU else low))
+    return taken
 
 
 def _write(out: BinaryIO, placed: Placed) -> None:
@@ -280,7 +294,8 @@ def _write(out: BinaryIO, placed: Placed) -> None:
             (mesh.one_sided, "|u1"),
             (mesh.alpha, "|u1"),
         ):
-            out.write(memoryview(np.ascontiguousarray(values, stored).reshape(-1)).cast("B"))
+            flat: NDArray[Any] = np.ascontiguousarray(values, stored).reshape(-1)
+            out.write(flat.view(np.uint8).data)
     out.write(np.array(placed.mesh_of_object, "<i8").tobytes())
     matrices = np.concatenate([np.zeros((0, 4, 4)), *placed.world_from_object])
     out.write(matrices.astype("<f8").tobytes())

@@ -86,16 +86,8 @@ def load_scene(
         if not scene.triangle_count and file.suffix.lower() not in GLTF:
             raise InputError("there is no triangle in it", fix="give a file with a mesh")
         return scene
-    except InputError as error:
-        raise error.at(source=str(file)) from error
-    except RecursionError as error:
-        raise InputError(
-            "its nodes are nested too deep", source=str(file), fix="export the file anew"
-        ) from error
-    except MemoryError as error:
-        raise InputError(
-            "it needs more memory than there is", source=str(file), fix="give a smaller scene"
-        ) from error
+    except _FAILURES as error:
+        raise _refused(error, file) from error
 
 
 @_quiet_overflow
@@ -126,8 +118,8 @@ def load_path(
         _check_file(file)
         document = Document(file, budget)
         cameras = read_cameras(document, width=width, height=height, fps=fps)
-    except InputError as error:
-        raise error.at(source=str(file)) from error
+    except _FAILURES as error:
+        raise _refused(error, file) from error
     return CameraPath(cameras.frames, str(file))
 
 
@@ -164,6 +156,20 @@ def known_extensions() -> list[str]:
     return sorted(registered | {name for name in extensions() if name not in archives})
 
 
+_FAILURES = (InputError, RecursionError, MemoryError)
+
+
+def _refused(error: BaseException, file: Path) -> InputError:
+    """What a reader stopped at, in one line."""
+    if isinstance(error, InputError):
+        return error.at(source=str(file))
+    if isinstance(error, RecursionError):
+        problem, fix = "its nodes are nested too deep", "export the file anew"
+    else:
+        problem, fix = "it needs more memory than there is", "give a smaller scene"
+    return InputError(problem, source=str(file), fix=fix)
+
+
 def _read(reader: Reader, file: Path, budget: Budget) -> Placed:
     """What a reader makes of a file, with the budget if it asks for one."""
     called: Any = reader
@@ -197,7 +203,7 @@ def _reader(suffix: str) -> Reader:
         listed = f"known are {', '.join(known)}"
         hint = f"{did_you_mean(suffix[1:], known)} {listed}" if suffix else listed
         raise InputError(f"files ending in '{suffix}' are not known", fix=hint)
-    return read_with_trimesh
+    return cast(Reader, read_with_trimesh)
 
 
 def _check_file(file: Path) -> None:

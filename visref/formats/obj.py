@@ -62,7 +62,7 @@ def read_obj(path: Path, *, budget: Budget) -> Placed:
     """The objects of an OBJ file. Raises InputError naming the line."""
     data = map_file(path)
     reading = _Reading()
-    at = corners = 0
+    at = corner_count = 0
     while at < len(data):
         chunk = data[at : at + _CHUNK_BYTES].tobytes()
         if at + len(chunk) < len(data):
@@ -74,11 +74,13 @@ def read_obj(path: Path, *, budget: Budget) -> Placed:
             chunk = chunk[:end]
         at += len(chunk)
         _read_chunk(reading, chunk)
-        corners += len(reading.corners[-1])
-        names = sum(map(len, reading.marks.values()))
+        corner_count += len(reading.corners[-1])
+        name_count = sum(map(len, reading.marks.values()))
         budget.need(
-            f"its first {reading.vertex_count:,} vertices and {corners:,} corners of faces",
-            reading.vertex_count * _VERTEX_BYTES + corners * _CORNER_BYTES + names * _NAME_BYTES,
+            f"its first {reading.vertex_count:,} vertices and {corner_count:,} corners of faces",
+            reading.vertex_count * _VERTEX_BYTES
+            + corner_count * _CORNER_BYTES
+            + name_count * _NAME_BYTES,
         )
     vertices = np.concatenate([np.zeros((0, 3)), *reading.vertices])
     triangles, face = _triangles(reading, vertices)
@@ -100,8 +102,8 @@ def _read_chunk(reading: _Reading, chunk: bytes) -> None:
     """Read whole lines. Tokens are found by array arithmetic; only `o`, `g`, `usemtl` and
     `mtllib` lines are looked at one by one."""
     if (zero := chunk.find(0)) >= 0:
-        line = reading.line + chunk.count(b"\n", 0, zero)
-        raise InputError("a zero byte, and OBJ is text", place=f"line {line}", fix="export anew")
+        place = f"line {reading.line + chunk.count(bytes([10]), 0, zero)}"
+        raise InputError("a zero byte, and OBJ is text", place=place, fix="export anew")
     newlines = chunk.count(b"\n")
     text = (b"\n" + chunk + b"\n").replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
     raw = np.frombuffer(text, np.uint8)
@@ -188,7 +190,9 @@ def _numbers(
     values = parsed(text.tobytes(), dtype)
     if values is None or len(values) != len(starts):
         words = (raw[start:end].tobytes() for start, end in zip(starts, ends, strict=True))
-        bad, word = next((i, word) for i, word in enumerate(words) if not is_number(word, dtype))
+        bad, word = next(
+            ((i, word) for i, word in enumerate(words) if not is_number(word, dtype)), (0, b"")
+        )
         row = int(np.searchsorted(first, tokens[bad], side="right")) - 1
         raise InputError(
             f"{word[:40].decode('latin-1')!a} is not a number",

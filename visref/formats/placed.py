@@ -299,6 +299,10 @@ def _without_unused(
     if not len(triangles):
         return positions[:0], triangles
     low, high = int(triangles.min()), int(triangles.max())
+    if (high - low) // 8 > triangles.size:
+        # Few of many, so that a table of all would cost more than sorting those.
+        kept, places = np.unique(triangles, return_inverse=True)
+        return positions[kept], places.reshape(triangles.shape)
     used = np.zeros(high - low + 1, np.bool_)
     triangles = triangles.astype(np.int64) - low
     used[triangles] = True

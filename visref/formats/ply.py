@@ -210,7 +210,7 @@ def _columns(
     for element in elements:
         if element.properties:
             count = min(element.rows, len(body) - at) * len(element.properties)
-            what = f"{element.rows:,} rows of {ascii(element.name[:40])}"
+            what = f"{element.rows:,} rows of {element.name[:40]!a}"
             budget.need(what, 8 * count)
             read = _rows_alike(body, at, element)
             if read is None:

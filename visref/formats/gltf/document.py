@@ -201,11 +201,11 @@ class Document:
             except (binascii.Error, ValueError):
                 uri.fail("the data URI is not valid base64")
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
-            uri.fail(f"{ascii(text[:60])} is not a file beside this one", "download it first")
+            uri.fail(f"{text[:60]!a} is not a file beside this one", "download it first")
         try:
             return map_file(beside(self.path, unquote(text)))
         except InputError as error:
-            uri.fail(f"file {ascii(text[:200])}: {error.problem}", "put the file there")
+            uri.fail(f"file {text[:200]!a}: {error.problem}", "put the file there")
 
     def _check_asset(self) -> None:
         version = self.root["asset"]["version"].text()
