@@ -13,7 +13,8 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.errors import InputError
-from visref.files import map_file, parse_json
+from visref.files import json_bytes, map_file, parse_json
+from visref.memory import Budget
 from visref.scene import Float64
 
 PATH_FORMAT = "visref-path"
@@ -50,11 +51,14 @@ class CameraPath:
         return iter(self.frames)
 
     @classmethod
-    def load(cls, path: Path | str) -> CameraPath:
-        """Read a path file (JSON). Raises InputError naming the file and the place."""
+    def load(cls, path: Path | str, *, budget: Budget | None = None) -> CameraPath:
+        """Read a path file (JSON). Raises InputError naming the file and the place, and where it
+        does not fit `budget` (by default that of the machine)."""
         source = str(path)
         try:
-            return cls.from_json(parse_json(map_file(Path(path)).tobytes()), source=source)
+            data = map_file(Path(path))
+            (budget or Budget.of(None)).need("its JSON", json_bytes(data))
+            return cls.from_json(parse_json(data.tobytes()), source=source)
         except InputError as error:
             raise error.at(source=source) from error
 

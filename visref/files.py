@@ -5,12 +5,14 @@ Writing without halves: everything is written beside its place, then renamed int
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ Bytes = NDArray[np.uint8]
 
 # Not the target's own name, which may be as long as names get.
 _PREFIX = ".visref-unfinished-"
+_BLOCK = 1 << 24
 
 
 def _refuse(path: Path, reason: str, fix: str) -> InputError:
@@ -101,18 +104,71 @@ def replacing_folder(path: Path | str, *, marker: str) -> Iterator[Path]:
 def map_file(path: Path) -> Bytes:
     """A file's bytes, (n,) uint8, mapped: what nobody looks at is not read.
 
-    Raises InputError, without the file's name, if it is missing, empty or unreadable.
+    Raises InputError, without the file's name, if it is missing, empty, unreadable, or no
+    ordinary file.
     """
-    try:
-        if path.is_dir():
-            raise InputError("this is a folder, not a file", fix="give the file itself")
-        if path.stat().st_size == 0:
+    with open_file(path) as file:
+        if os.fstat(file.fileno()).st_size == 0:
             raise InputError("the file is empty", fix="give a complete file")
-        return np.memmap(path, np.uint8, mode="r")
+        with _reading():
+            return np.memmap(file, np.uint8, mode="r")
+
+
+def open_file(path: Path) -> BinaryIO:
+    """An ordinary file, open for reading. A pipe, a device or a socket is not waited for.
+
+    Raises InputError, without the file's name, if it is missing, unreadable, or no such file.
+    """
+    # Opened first and looked at then, so that nobody can exchange it between the two; without
+    # O_NONBLOCK a pipe that nobody writes to would never open.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
+    with _reading():
+        number = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    mode = os.fstat(number).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(number, "rb")
+    os.close(number)
+    if stat.S_ISDIR(mode):
+        raise InputError("this is a folder, not a file", fix="give the file itself")
+    raise InputError("this is a pipe, a device or a socket", fix="give an ordinary file")
+
+
+def beside(file: Path, named: str) -> Path:
+    """The file that `file` names: relative to its folder, and by `..` outside it too, where
+    exporters put textures. Nothing of such a file is ever shown.
+
+    Raises InputError for an absolute name: it means something on one machine alone.
+    """
+    if PurePosixPath(named).is_absolute() or PureWindowsPath(named).anchor:
+        raise InputError("its name is absolute", fix="name it relative to this file")
+    return file.parent / named
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
         raise InputError(
-            f"cannot read the file: {error.strerror}", fix="check its name and permissions"
+            f"cannot read the file: {error.strerror or error}", fix="check its name and permissions"
         ) from error
+    except ValueError as error:
+        # A zero in the name, or half of a character ("\ud800" in JSON).
+        raise InputError("no file can have this name", fix="name a file that there is") from error
+
+
+def json_bytes(data: Bytes) -> int:
+    """How much memory a JSON text, (n,) uint8, takes as Python's objects, at most.
+
+    The text twice (bytes and characters); for each bracket an empty list or dictionary, 64 bytes;
+    for each comma and colon a value, at most 56 for a string's head, and 8 for its place. A
+    dictionary's table takes 60 more for each of its entries.
+    """
+    count = np.zeros(256, np.int64)
+    for at in range(0, len(data), _BLOCK):  # bincount makes int64 of what it counts
+        count += np.bincount(data[at : at + _BLOCK], minlength=256)
+    opened = int(count[ord("[")] + count[ord("{")])
+    return 2 * len(data) + 64 * (opened + int(count[ord(",")])) + 124 * int(count[ord(":")])
 
 
 def parse_json(data: bytes) -> Any:

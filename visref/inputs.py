@@ -15,6 +15,8 @@ from visref.errors import InputError
 from visref.findings import Finding
 from visref.formats import GLTF, load_path, load_scene
 from visref.generators import Generator, find_generator
+from visref.memory import SAMPLE_BYTES, Budget
+from visref.numerals import whole_number
 from visref.options import OptionValue
 from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
@@ -26,7 +28,8 @@ class Inputs:
 
     `engine` is a spec of `make_engine`; `threads` None means all cores; `settings` are recorded
     as JSON with a run, and `notes` are findings about the input. The path becomes relative to
-    the scene's origin.
+    the scene's origin. `max_memory`: bytes that whatever else is read beside them may take, None
+    for a share of what is free.
     """
 
     scene: Scene
@@ -36,6 +39,7 @@ class Inputs:
     threads: int | None = None
     settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[Finding, ...] = ()
+    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", self.path.relative_to(self.scene.origin))
@@ -53,26 +57,50 @@ def open_inputs(
     threads: int | None = None,
     cull_backfaces: bool = False,
     lenient: bool = False,
+    max_memory: int | None = None,
 ) -> Inputs:
-    """Read what a command works on. Raises InputError for anything wrong with it."""
+    """Read what a command works on. Raises InputError for anything wrong with it, and where it
+    would take more than `max_memory` bytes (None: a share of what is free)."""
     if threads is not None and threads < 1:
         raise InputError(f"--threads is {threads}", fix="give 1 or more")
     # An unknown engine is said before a large scene is read.
     check_engine(engine)
-    loaded, own_path, notes = open_scene(scene, cull_backfaces=cull_backfaces, lenient=lenient)
+    loaded, own_path, notes = open_scene(
+        scene, cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
+    )
     if path is not None:
-        cameras = load_path(path)
+        cameras = load_path(path, max_memory=max_memory)
     elif own_path is not None:
         cameras = own_path
     elif Path(scene).suffix.lower() in GLTF:
-        cameras = load_path(scene)
+        cameras = load_path(scene, max_memory=max_memory)
     else:
         raise InputError("the scene has no camera path", source=scene, fix="give --path")
     settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
     if generated := generated_with(scene):
         settings["generated"] = generated
     picked = picked_frames(frames, len(cameras))
-    return Inputs(loaded, cameras, picked, engine, threads, settings, notes)
+    _refuse_huge_frames(cameras, picked, Budget.of(max_memory), path or scene)
+    return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory)
+
+
+def _refuse_huge_frames(path: CameraPath, frames: range, budget: Budget, source: str) -> None:
+    """Frames are cast one at a time, so each has to fit by itself."""
+    for frame in frames:
+        for camera in path.views(frame):
+            try:
+                budget.need(
+                    f"an image of {camera.width} × {camera.height} samples",
+                    camera.samples * SAMPLE_BYTES,
+                    place=f"frames[{frame}]",
+                )
+            except InputError as error:
+                raise InputError(
+                    error.problem,
+                    source=source,
+                    place=error.place,
+                    fix="give fewer pixels, or more with --max-memory",
+                ) from error
 
 
 def open_scene(
@@ -81,15 +109,18 @@ def open_scene(
     cull_backfaces: bool = False,
     lenient: bool = False,
     kept_in: Path | None = None,
+    max_memory: int | None = None,
 ) -> tuple[Scene, CameraPath | None, tuple[Finding, ...]]:
     """Load a file, or generate a scene by name; with its own path if it is generated.
 
     A generated scene goes through files in `kept_in`, and is read from there the next time;
-    without it, through files that are not kept.
+    without it, through files that are not kept. `max_memory` as in `load_scene`.
     """
     generator = _generator(spec)
     if generator is None:
-        loaded = load_scene(spec, cull_backfaces=cull_backfaces, lenient=lenient)
+        loaded = load_scene(
+            spec, cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
+        )
         return loaded, None, _findings(loaded)
     with ExitStack() as closing:
         if kept_in is None:
@@ -97,7 +128,9 @@ def open_scene(
             files = generator.write(Path(closing.enter_context(temporary)))
         else:
             files = _kept(generator, kept_in)
-        loaded = load_scene(files[0], cull_backfaces=cull_backfaces, lenient=lenient)
+        loaded = load_scene(
+            files[0], cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
+        )
         path = load_path(files[1])
     # Records name what was asked for, not the files that it went through.
     path = replace(path, source=spec).relative_to(loaded.origin)
@@ -136,7 +169,7 @@ def picked_frames(text: str | None, count: int) -> range:
         return range(count)
     parts = text.split(":")
     try:
-        numbers = [int(part) if part else None for part in parts]
+        numbers = [whole_number(part) if part else None for part in parts]
         if len(numbers) == 1 and numbers[0] is not None:
             picked = range(count)[numbers[0] : numbers[0] + 1 or None]
         elif 2 <= len(numbers) <= 3:

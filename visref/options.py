@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from visref.errors import InputError
+from visref.numerals import decimal_number, whole_number
 from visref.wording import did_you_mean
 
 OptionValue = bool | int | float | str
@@ -47,11 +48,19 @@ def read_options(spec: str, known: Mapping[str, Option], text: str) -> dict[str,
 _TRUTHS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
+_READ: dict[type, Callable[[str], OptionValue]] = {
+    bool: lambda text: _TRUTHS[text.lower()],
+    int: whole_number,
+    float: decimal_number,
+    str: str,
+}
+
+
 def _value(spec: str, name: str, text: str, option: Option) -> OptionValue:
     kind = type(option.default)
     value: OptionValue
     try:
-        value = _TRUTHS[text.lower()] if kind is bool else kind(text)
+        value = _READ[kind](text)
     except (KeyError, ValueError) as error:
         raise InputError(
             f"'{name}={text}' in '{spec}' is not a {kind.__name__}",

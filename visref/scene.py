@@ -184,8 +184,8 @@ class Scene:
             object_offsets=np.array(offsets, np.int64),
             names=unique_names([name for name, _, _ in objects]),
             source=source,
-            given_names=tuple(name for name, _, _ in objects),
-            paths=tuple(name for name, _, _ in objects),
+            given_names=tuple(clean_name(name) for name, _, _ in objects),
+            paths=tuple(clean_name(name) for name, _, _ in objects),
         )
 
     @property
@@ -354,8 +354,19 @@ def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int
     )
 
 
+def clean_name(name: str) -> str:
+    """A name as every file can hold it: a zero, and half of a character that takes two ("\\ud800"
+    in JSON), become U+FFFD."""
+    if name.isascii() and "\0" not in name:
+        return name
+    whole = name.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+    return whole.replace("\0", "\ufffd")
+
+
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names with repeats marked `#2`, `#3`, … in order, skipping marks already taken."""
+    """The names, made clean (`clean_name`), with repeats marked `#2`, `#3`, … in order, skipping
+    marks already taken."""
+    names = [clean_name(name) for name in names]
     taken = set(names)
     given: set[str] = set()
     next_mark: dict[str, int] = {}

@@ -9,6 +9,8 @@ import pytest
 
 from visref.errors import InputError
 from visref.formats import load_scene
+from visref.formats.collada import parse_collada
+from visref.memory import Budget
 
 pytest.importorskip("collada", reason="the extra 'collada' is not installed")
 
@@ -141,8 +143,10 @@ def test_index_out_of_range_is_an_error(tmp_path):
 
 def test_without_its_library_it_is_refused(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "collada", None)
+    file = tmp_path / "scene.dae"
+    file.write_text(dae(f'<node id="a">{INSTANCE}</node>'))
     with pytest.raises(InputError, match="reading COLLADA needs pycollada"):
-        load(tmp_path, dae(f'<node id="a">{INSTANCE}</node>'))
+        parse_collada(file, Budget.of(None))
 
 
 def test_geometry_that_the_library_cannot_read_is_an_error(tmp_path):

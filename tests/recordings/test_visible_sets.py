@@ -141,7 +141,7 @@ def test_bad_recording_is_one_clear_line_naming_the_file(name, tmp_path):
 
 @pytest.mark.parametrize("ending", ["jsonl", "csv", "parquet"])
 def test_missing_file_is_a_clear_error(ending, tmp_path):
-    with pytest.raises(InputError, match="cannot read it"):
+    with pytest.raises(InputError, match="cannot read the file"):
         read_visible_sets(tmp_path / f"none.{ending}", SCENE, range(1), 1)
 
 
@@ -165,5 +165,5 @@ def test_parquet_that_lost_its_middle_is_a_clear_error(tmp_path):
 def test_parquet_ids_must_be_whole(tmp_path):
     table = pa.table({"frame": np.array([0]), "object_id": np.array([0.5])})
     pq.write_table(table, tmp_path / "v.parquet")
-    with pytest.raises(InputError, match=r"object_id is 0\.5"):
+    with pytest.raises(InputError, match="object_id is of type double"):
         read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)

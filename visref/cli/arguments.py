@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 
 from visref.inputs import Inputs, open_inputs
+from visref.memory import parse_size
+from visref.numerals import whole_number
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
 
@@ -26,7 +28,7 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME[:option=value]",
         help=f"{', '.join(available(ENGINES))} (default {DEFAULT_ENGINE})",
     )
-    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--threads", type=whole_number, metavar="N", help="default: all cores")
     parser.add_argument(
         "--cull-backfaces",
         action="store_true",
@@ -35,6 +37,21 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lenient", action="store_true", help="drop triangles with a NaN or infinite vertex"
     )
+    add_memory_argument(parser)
+
+
+def add_memory_argument(parser: argparse.ArgumentParser) -> None:
+    """For every command that reads a scene; `memory_of` reads it."""
+    parser.add_argument(
+        "--max-memory",
+        metavar="SIZE",
+        help="refuse inputs that need more, such as 2G (default: 3/4 of what is free)",
+    )
+
+
+def memory_of(given: argparse.Namespace) -> int | None:
+    """Bytes of --max-memory, None where it is not given. Raises InputError for no size."""
+    return None if given.max_memory is None else parse_size(given.max_memory)
 
 
 def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +64,7 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         help="a truth file, instead of casting again; its engine looks at what was missed",
     )
     parser.add_argument(
-        "--pictures", type=int, default=4, metavar="N", help="frames to draw (default 4)"
+        "--pictures", type=whole_number, default=4, metavar="N", help="frames to draw (default 4)"
     )
 
 
@@ -61,4 +78,5 @@ def inputs_of(given: argparse.Namespace) -> Inputs:
         threads=given.threads,
         cull_backfaces=given.cull_backfaces,
         lenient=given.lenient,
+        max_memory=memory_of(given),
     )

@@ -10,6 +10,7 @@ from visref.cli.judged import judge
 from visref.culler import Promise, RasterTolerance
 from visref.errors import InputError
 from visref.judging.status import Exit
+from visref.numerals import decimal_number, whole_number
 from visref.recordings.visible_sets import Replay, read_visible_sets
 
 
@@ -31,7 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> Exit:
     inputs = inputs_of(given)
-    recorded = read_visible_sets(given.visible, inputs.scene, inputs.frames, len(inputs.path))
+    recorded = read_visible_sets(
+        given.visible,
+        inputs.scene,
+        inputs.frames,
+        len(inputs.path),
+        max_memory=inputs.max_memory,
+    )
     tolerance = _raster(given.raster) if given.raster is not None else None
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
     return judge(given, inputs, [(given.visible.name, replay)])
@@ -42,8 +49,8 @@ def _raster(text: str) -> RasterTolerance:
     try:
         if set(values) != {"snap", "depth"}:
             raise ValueError
-        snap_px = float(values["snap"])
-        depth_bits = None if values["depth"] == "float" else int(values["depth"])
+        snap_px = decimal_number(values["snap"])
+        depth_bits = None if values["depth"] == "float" else whole_number(values["depth"])
         if not 0.0 <= snap_px < 1.0 or (depth_bits is not None and not 8 <= depth_bits <= 32):
             raise ValueError
     except ValueError as error:

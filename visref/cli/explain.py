@@ -9,13 +9,14 @@ from typing import Any
 
 from visref.cli.terminal import OUT
 from visref.judging.status import Exit
+from visref.numerals import whole_number
 from visref.run_folder.explain import draw_neighbourhood, explain
 from visref.run_folder.layout import slug
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN")
-    parser.add_argument("--frame", type=int, required=True, metavar="F")
+    parser.add_argument("--frame", type=whole_number, required=True, metavar="F")
     parser.add_argument("--object", required=True, metavar="O", help="object id or name")
     parser.add_argument("--culler", metavar="NAME", help="default: every culler that missed it")
     parser.add_argument(

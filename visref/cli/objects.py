@@ -9,6 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from visref.cli.arguments import add_memory_argument, memory_of
 from visref.cli.terminal import OUT
 from visref.inputs import open_scene
 from visref.judging.status import Exit
@@ -17,10 +18,11 @@ from visref.judging.status import Exit
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE")
     parser.add_argument("--json", action="store_true", help="for programs")
+    add_memory_argument(parser)
 
 
 def run(given: argparse.Namespace) -> Exit:
-    scene, _, _ = open_scene(given.scene)
+    scene, _, _ = open_scene(given.scene, max_memory=memory_of(given))
     sizes = np.diff(scene.object_offsets).tolist()
     if given.json:
         rows = [

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.judging.status import Exit
+from visref.numerals import whole_number
 from visref.papers import load_paper, paper_names
 from visref.tables import run_all, write_tables
 
@@ -19,12 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"repeat for several; {', '.join(paper_names())} (default: all)",
     )
     parser.add_argument(
-        "--frames", type=int, metavar="N", help="only N frames of each path, for a quick look"
+        "--frames",
+        type=whole_number,
+        metavar="N",
+        help="only N frames of each path, for a quick look",
     )
     parser.add_argument(
         "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
     )
-    parser.add_argument("--threads", type=int, metavar="N", help="default: all cores")
+    parser.add_argument("--threads", type=whole_number, metavar="N", help="default: all cores")
     parser.add_argument(
         "--out",
         type=Path,

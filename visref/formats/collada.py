@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visref.errors import InputError
+from visref.files import map_file
 from visref.findings import Code
-from visref.formats.placed import Mesh, Placed, compose
+from visref.formats.in_a_child import read_in_a_child
+from visref.formats.placed import Mesh, Placed, below, compose
 from visref.formats.polygons import triangulated
+from visref.memory import Budget
 from visref.scene import Float64, Int64, check_indices
 
 # y_up_from_axis, by rows: what the new x, y and z are made of (COLLADA 1.4, "up_axis").
@@ -27,11 +31,16 @@ _Y_UP = {
 }
 
 
-def read_collada(path: Path) -> Placed:
+def read_collada(path: Path, *, budget: Budget) -> Placed:
     """The objects of a .dae or zipped .zae file: each instance of a geometry.
 
     Raises InputError where the file cannot be read, or pycollada is not installed.
     """
+    return read_in_a_child("visref.formats.collada:parse_collada", path, budget)
+
+
+def parse_collada(path: Path, budget: Budget) -> Placed:
+    """`read_collada`, in this process."""
     try:
         import collada
         from collada.common import DaeBrokenRefError, DaeUnsupportedError
@@ -41,40 +50,45 @@ def read_collada(path: Path) -> Placed:
         ) from error
     try:
         document = collada.Collada(
-            io.BytesIO(_text(path)), ignore=[DaeBrokenRefError, DaeUnsupportedError]
+            io.BytesIO(_text(path, budget)), ignore=[DaeBrokenRefError, DaeUnsupportedError]
         )
-    except InputError:
+    except (InputError, MemoryError, RecursionError):
         raise
     except Exception as error:  # pycollada and its XML parser fail in their own many ways.
         raise InputError(
             f"this is not valid COLLADA: {error}", fix="export the file anew"
         ) from error
-    return _Reader(collada, document).placed
+    return _Reader(collada, document, budget).placed
 
 
-def _text(path: Path) -> bytes:
+def _text(path: Path, budget: Budget) -> bytes:
     if path.suffix.lower() != ".zae":
-        return path.read_bytes()
+        return map_file(path).tobytes()
     try:
         with zipfile.ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".dae")]
             if not names:
                 raise InputError("the archive has no .dae file", fix="give a .dae file")
+            size = archive.getinfo(names[0]).file_size
+            budget.need(f"'{names[0][:80]}', unzipped,", size)
             return archive.read(names[0])
-    except zipfile.BadZipFile as error:
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise InputError(f"not a zip archive: {error}", fix="give a .dae file") from error
 
 
 class _Reader:
     """Walks the node tree, a geometry read once for each binding of its materials."""
 
-    def __init__(self, collada: Any, document: Any) -> None:
+    def __init__(self, collada: Any, document: Any, budget: Budget) -> None:
         self.collada = collada
+        self.budget = budget
         self.placed = Placed()
         self.known: dict[tuple[Any, ...], int] = {}
         self.skinned = self.see_through = 0
         if document.scene is None:
             raise InputError("the file has no scene", fix="export the file anew")
+        count = self.count(document.scene.nodes)
+        budget.claim(f"{count:,} instances of its geometries", objects=count)
         for node in document.scene.nodes:
             self.walk(node, (), _world_from_file(document.assetInfo))
         for error in map(str, document.errors):
@@ -95,6 +109,28 @@ class _Reader:
             notes.append(
                 (Code.ANIMATION_IGNORED, f"{len(document.animations)} animations are not played")
             )
+
+    def count(self, roots: list[Any]) -> int:
+        """How many nodes the walk meets, each as often as it is named: nodes that name one twice
+        double it at every level."""
+        met: dict[int, int] = {}
+        waiting = [(root, False) for root in roots]
+        while waiting:
+            node, done = waiting.pop()
+            children = self.children(node)
+            if done:
+                met[id(node)] = 1 + sum(met[id(child)] for child in children)
+            elif id(node) not in met:
+                met[id(node)] = 1  # until its children are counted: pycollada lets no cycle through
+                waiting.append((node, True))
+                waiting.extend((child, False) for child in children)
+        return sum(met[id(root)] for root in roots)
+
+    def children(self, node: Any) -> list[Any]:
+        if not isinstance(node, self.collada.scene.Node):
+            return []
+        owner = node.node if isinstance(node, self.collada.scene.NodeNode) else node
+        return list(owner.children)
 
     def walk(self, node: Any, names: tuple[str, ...], world_from_parent: Float64) -> None:
         scene = self.collada.scene
@@ -124,7 +160,9 @@ class _Reader:
             self.placed.meshes.append(self.mesh(geometry, effects))
         above = [name for name in names[:-1] if name]
         own = (names[-1] if names else "") or geometry.name or geometry.id or ""
-        path = "/".join([*above, own] if own else above)
+        path = ""
+        for name in (*above, own):
+            path = below(path, name)
         self.placed.add(own or (above[-1] if above else ""), self.known[key], world, path=path)
 
     def mesh(self, geometry: Any, effects: dict[str, Any]) -> Mesh:

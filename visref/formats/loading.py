@@ -6,15 +6,17 @@ extension nobody has registered goes through trimesh. Readers are imported when 
 
 from __future__ import annotations
 
+import inspect
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.formats.placed import Placed, flatten
+from visref.memory import Budget
 from visref.scene import Scene
 from visref.wording import did_you_mean
 
@@ -34,7 +36,11 @@ _quiet_overflow = np.errstate(over="ignore", invalid="ignore")
 class Reader(Protocol):
     """What an entry point of `visref.scene_formats` names; the point's own name is the file
     extension in small letters, without its dot. A reader of several extensions has several
-    points."""
+    points.
+
+    A reader that has a parameter `budget` gets a `visref.memory.Budget`, and claims what the file
+    expands to before it allocates it. The objects that it places are claimed for it in any case,
+    before they become a scene."""
 
     def __call__(self, path: Path) -> Placed:
         """The objects of a file that exists and is not empty. Raises InputError for whatever
@@ -43,62 +49,77 @@ class Reader(Protocol):
 
 
 @_quiet_overflow
-def load_scene(path: Path | str, *, cull_backfaces: bool = False, lenient: bool = False) -> Scene:
+def load_scene(
+    path: Path | str,
+    *,
+    cull_backfaces: bool = False,
+    lenient: bool = False,
+    max_memory: int | None = None,
+) -> Scene:
     """A scene from a file of any known format (`docs/formats.md`).
 
     `cull_backfaces`: triangles whose material is not double-sided become `one_sided` (without
     it none is). `lenient`: triangles with a NaN or infinite vertex are dropped and counted in
-    `Scene.notes`, instead of an error.
+    `Scene.notes`, instead of an error. `max_memory`: bytes that the scene may take, by default
+    a share of what is free (`visref.memory.default_budget`).
 
-    Raises InputError, naming the file and the place, for whatever is wrong with the file.
+    Raises InputError, naming the file and the place, for whatever is wrong with the file, and
+    where it expands to more than the limit.
     """
     file = Path(path)
+    budget = Budget.of(max_memory)
     try:
         _check_file(file)
-        placed = _reader(file.suffix.lower())(file)
+        placed = _read(_reader(file.suffix.lower()), file, budget)
         if not isinstance(placed, Placed):
             raise InputError(
                 f"the reader of '{file.suffix}' files returned no visref.formats.Placed",
                 fix="mend that reader",
             )
-        scene = flatten(placed, source=str(file), cull_backfaces=cull_backfaces, lenient=lenient)
+        scene = flatten(
+            placed,
+            source=str(file),
+            cull_backfaces=cull_backfaces,
+            lenient=lenient,
+            budget=budget,
+        )
         if not scene.triangle_count and file.suffix.lower() not in GLTF:
             raise InputError("there is no triangle in it", fix="give a file with a mesh")
         return scene
-    except InputError as error:
-        raise error.at(source=str(file)) from error
-    except RecursionError as error:
-        raise InputError(
-            "its nodes are nested too deep", source=str(file), fix="export the file anew"
-        ) from error
-    except MemoryError as error:
-        raise InputError(
-            "it needs more memory than there is", source=str(file), fix="give a smaller scene"
-        ) from error
+    except _FAILURES as error:
+        raise _refused(error, file) from error
 
 
 @_quiet_overflow
 def load_path(
-    path: Path | str, *, width: int = 1280, height: int = 960, fps: float | None = None
+    path: Path | str,
+    *,
+    width: int = 1280,
+    height: int = 960,
+    fps: float | None = None,
+    max_memory: int | None = None,
 ) -> CameraPath:
     """A camera path from a path file (JSON), or from the cameras of a glTF or GLB file.
 
     `width`, `height` and `fps` are for glTF alone, which says nothing of pixels: the image's
-    size, and frames a second of its animation (None: one at each keyframe).
+    size, and frames a second of its animation (None: one at each keyframe). `max_memory` as in
+    `load_scene`.
 
     Raises InputError naming the file and the place.
     """
     file = Path(path)
+    budget = Budget.of(max_memory)
     if file.suffix.lower() not in GLTF:
-        return CameraPath.load(file)
+        return CameraPath.load(file, budget=budget)
     from visref.formats.gltf.cameras import read_cameras
     from visref.formats.gltf.document import Document
 
     try:
         _check_file(file)
-        cameras = read_cameras(Document(file), width=width, height=height, fps=fps)
-    except InputError as error:
-        raise error.at(source=str(file)) from error
+        document = Document(file, budget)
+        cameras = read_cameras(document, width=width, height=height, fps=fps)
+    except _FAILURES as error:
+        raise _refused(error, file) from error
     return CameraPath(cameras.frames, str(file))
 
 
@@ -117,7 +138,13 @@ def scene_from_trimesh(
     from visref.formats.through_trimesh import from_trimesh
 
     placed = from_trimesh(loaded)
-    return flatten(placed, source=source, cull_backfaces=cull_backfaces, lenient=lenient)
+    return flatten(
+        placed,
+        source=source,
+        cull_backfaces=cull_backfaces,
+        lenient=lenient,
+        budget=Budget.of(None),
+    )
 
 
 def known_extensions() -> list[str]:
@@ -127,6 +154,28 @@ def known_extensions() -> list[str]:
     registered = {point.name for point in entry_points(group=FORMATS)}
     archives = {ending[1:] for ending in _ARCHIVES}
     return sorted(registered | {name for name in extensions() if name not in archives})
+
+
+_FAILURES = (InputError, RecursionError, MemoryError)
+
+
+def _refused(error: BaseException, file: Path) -> InputError:
+    """What a reader stopped at, in one line."""
+    if isinstance(error, InputError):
+        return error.at(source=str(file))
+    if isinstance(error, RecursionError):
+        problem, fix = "its nodes are nested too deep", "export the file anew"
+    else:
+        problem, fix = "it needs more memory than there is", "give a smaller scene"
+    return InputError(problem, source=str(file), fix=fix)
+
+
+def _read(reader: Reader, file: Path, budget: Budget) -> Placed:
+    """What a reader makes of a file, with the budget if it asks for one."""
+    called: Any = reader
+    if "budget" in inspect.signature(called).parameters:
+        return cast(Placed, called(file, budget=budget))
+    return reader(file)
 
 
 def _reader(suffix: str) -> Reader:
@@ -154,7 +203,7 @@ def _reader(suffix: str) -> Reader:
         listed = f"known are {', '.join(known)}"
         hint = f"{did_you_mean(suffix[1:], known)} {listed}" if suffix else listed
         raise InputError(f"files ending in '{suffix}' are not known", fix=hint)
-    return read_with_trimesh
+    return cast(Reader, read_with_trimesh)
 
 
 def _check_file(file: Path) -> None:

@@ -12,7 +12,6 @@ writers disagree whether 0 or 1 is opaque.)
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,14 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.files import map_file
+from visref.files import Bytes, beside, map_file
 from visref.findings import Code
+from visref.formats.numbers import is_number, parsed
 from visref.formats.placed import Mesh, Placed
 from visref.formats.polygons import triangulated
+from visref.memory import Budget
+from visref.numerals import decimal_number
 from visref.scene import Alpha, Int64, check_indices
 
 # Bytes at a time: the index arrays of a chunk take some twenty times as much.
 _CHUNK_BYTES = 1 << 23
+
+# A line of text as Python's own: a string's head and its place in a list.
+_LINE_BYTES = 100
+# A vertex is three float64, twice while the chunks are joined. A face corner is its int64 vertex
+# and at most a triangle of three int64, both twice, and the triangle's face. A name is a string.
+_VERTEX_BYTES, _CORNER_BYTES, _NAME_BYTES = 48, 72, 200
 
 Marks = list[tuple[int, str]]
 
@@ -50,11 +58,11 @@ class _Reading:
     line: int = 1
 
 
-def read_obj(path: Path) -> Placed:
+def read_obj(path: Path, *, budget: Budget) -> Placed:
     """The objects of an OBJ file. Raises InputError naming the line."""
     data = map_file(path)
     reading = _Reading()
-    at = 0
+    at = corner_count = 0
     while at < len(data):
         chunk = data[at : at + _CHUNK_BYTES].tobytes()
         if at + len(chunk) < len(data):
@@ -66,10 +74,18 @@ def read_obj(path: Path) -> Placed:
             chunk = chunk[:end]
         at += len(chunk)
         _read_chunk(reading, chunk)
+        corner_count += len(reading.corners[-1])
+        name_count = sum(map(len, reading.marks.values()))
+        budget.need(
+            f"its first {reading.vertex_count:,} vertices and {corner_count:,} corners of faces",
+            reading.vertex_count * _VERTEX_BYTES
+            + corner_count * _CORNER_BYTES
+            + name_count * _NAME_BYTES,
+        )
     vertices = np.concatenate([np.zeros((0, 3)), *reading.vertices])
     triangles, face = _triangles(reading, vertices)
     placed = Placed()
-    alpha = _alpha(reading, path, placed)[face]
+    alpha = _alpha(reading, path, placed, budget)[face]
     names, owner = _objects(reading, face)
     order = np.argsort(owner, kind="stable")
     offsets = np.searchsorted(owner[order], np.arange(len(names) + 1))
@@ -85,6 +101,9 @@ def read_obj(path: Path) -> Placed:
 def _read_chunk(reading: _Reading, chunk: bytes) -> None:
     """Read whole lines. Tokens are found by array arithmetic; only `o`, `g`, `usemtl` and
     `mtllib` lines are looked at one by one."""
+    if (zero := chunk.find(0)) >= 0:
+        place = f"line {reading.line + chunk.count(bytes([10]), 0, zero)}"
+        raise InputError("a zero byte, and OBJ is text", place=place, fix="export anew")
     newlines = chunk.count(b"\n")
     text = (b"\n" + chunk + b"\n").replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
     raw = np.frombuffer(text, np.uint8)
@@ -168,29 +187,19 @@ def _numbers(
     places = np.repeat(starts, lengths) + _ranges(lengths)
     text = raw[places]
     text[np.cumsum(lengths) - 1] = ord(" ")
-    with warnings.catch_warnings():
-        # NumPy stops at what is no number, and older versions only warn.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        try:
-            values: NDArray[Any] = np.fromstring(text.tobytes(), dtype, sep=" ")
-        except ValueError:
-            values = np.zeros(0, dtype)
-    if len(values) != len(starts):
-        bad = next(i for i in range(len(starts)) if not _is_number(raw[starts[i] : ends[i]], dtype))
+    values = parsed(text.tobytes(), dtype)
+    if values is None or len(values) != len(starts):
+        words = (raw[start:end].tobytes() for start, end in zip(starts, ends, strict=True))
+        bad, word = next(
+            ((i, word) for i, word in enumerate(words) if not is_number(word, dtype)), (0, b"")
+        )
         row = int(np.searchsorted(first, tokens[bad], side="right")) - 1
-        word = raw[starts[bad] : ends[bad]].tobytes().decode("utf-8", "replace")
         raise InputError(
-            f"'{word[:40]}' is not a number", place=f"line {line_of[row]}", fix="mend the line"
+            f"{word[:40].decode('latin-1')!a} is not a number",
+            place=f"line {line_of[row]}",
+            fix="mend the line",
         )
     return values
-
-
-def _is_number(word: NDArray[np.uint8], dtype: type) -> bool:
-    try:
-        (int if dtype is np.int64 else float)(word.tobytes())
-    except ValueError:
-        return False
-    return True
 
 
 def _triangles(reading: _Reading, vertices: NDArray[np.float64]) -> tuple[Int64, Int64]:
@@ -228,18 +237,22 @@ def _objects(reading: _Reading, face: Int64) -> tuple[list[str], Int64]:
     return names, table[piece]
 
 
-def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
+def _lines(data: Bytes) -> int:
+    return 1 + int(np.count_nonzero((data == 10) | (data == 13)))
+
+
+def _alpha(reading: _Reading, path: Path, placed: Placed, budget: Budget) -> NDArray[np.uint8]:
     """(f,) uint8 of each face, by the materials of the MTL files; a missing one is a note."""
     materials: dict[str, Alpha] = {}
     for _, named in reading.marks["mtllib"]:
-        file = path.parent / named
         try:
-            text = file.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            placed.notes.append(
-                (Code.PARTLY_READ, f"material file '{named}' is missing: all is opaque")
-            )
+            data = map_file(beside(path, named))
+        except InputError as error:
+            reason = f"material file {named[:200]!a}: {error.problem}; all is opaque"
+            placed.notes.append((Code.PARTLY_READ, reason))
             continue
+        budget.need(f"material file {named[:200]!a}", 2 * len(data) + _LINE_BYTES * _lines(data))
+        text = data.tobytes().decode("utf-8", "replace")
         current = ""
         for line in text.splitlines():
             words = line.split()
@@ -261,8 +274,6 @@ def _alpha(reading: _Reading, path: Path, placed: Placed) -> NDArray[np.uint8]:
 
 def _value(words: list[str]) -> float:
     try:
-        return float(words[-1])
+        return decimal_number(words[-1], finite=False)
     except ValueError as error:
-        raise InputError(
-            f"'{words[-1][:40]}' is not a number", place="the material file", fix="mend the line"
-        ) from error
+        raise InputError(str(error), place="the material file", fix="mend the line") from error

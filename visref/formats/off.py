@@ -21,15 +21,21 @@ from visref.files import map_file
 from visref.formats.numbers import read_numbers
 from visref.formats.placed import Mesh, Placed
 from visref.formats.polygons import triangulated
+from visref.memory import Budget
 from visref.scene import Float64, Int64, check_indices
 
 # Optional: texture coordinates, colours, normals. A "4" or an "n" would be other spaces.
 _HEADER = re.compile(rb"(ST)?C?N?OFF(?=\s|$)")
 
 
-def read_off(path: Path) -> Placed:
+def read_off(path: Path, *, budget: Budget) -> Placed:
     """The object of an OFF file. Raises InputError where it is cut, or not such a file."""
-    text = re.sub(rb"#[^\r\n]*", b"", map_file(path).tobytes())
+    data = map_file(path)
+    lines_at_most = int(np.count_nonzero((data == 10) | (data == 13)))
+    # The text thrice, a number of eight bytes for every two of text, and up to ten int64 for a
+    # corner that takes as many; 41 for each line that is a string of its own.
+    budget.need("reading it", 47 * len(data) + 41 * lines_at_most)
+    text = re.sub(rb"#[^\r\n]*", b"", data.tobytes())
     start = _HEADER.match(text.lstrip())
     if start is None:
         raise InputError("this is not an OFF file of three dimensions", fix="check it")

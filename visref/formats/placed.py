@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from visref.errors import InputError
 from visref.findings import Code
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
+from visref.memory import Budget
 from visref.scene import (
     Alpha,
     Float64,
@@ -23,6 +24,7 @@ from visref.scene import (
     Int64,
     Scene,
     check_indices,
+    clean_name,
     origin_of,
     placed_boxes,
     rounded,
@@ -125,8 +127,8 @@ class Placed:
         `group`: whether the name stands for all these instances together.
         """
         matrices = world_from_object.reshape(-1, 4, 4)
-        name = name or "object"
-        path = path or name
+        name = clean_name(name) or "object"
+        path = clean_name(path) or name
         if group:
             start = len(self.names)
             self.groups.append(Group(name, path, tuple(range(start, start + len(matrices)))))
@@ -154,7 +156,9 @@ def compose(a: Float64, b: Float64) -> Float64:
     return result
 
 
-def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool) -> Scene:
+def flatten(
+    placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool, budget: Budget
+) -> Scene:
     """The Scene of all objects, every vertex transformed in float64 and rounded once, relative
     to the scene's origin.
 
@@ -162,7 +166,8 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     whether `one_sided` takes effect. `lenient`: triangles with a vertex that is not finite
     are dropped and counted in a note, instead of an error.
 
-    Raises InputError where there is no object, or a vertex is NaN or infinite.
+    Raises InputError where there is no object, a vertex is NaN or infinite, or the scene does not
+    fit `budget`.
     """
     if not placed.names:
         raise InputError("there is no mesh in it", source=source, fix="give a file with a mesh")
@@ -176,6 +181,13 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
             source=source,
             fix=f"at most {_MAX_INT32} of each can be held",
         )
+    # Repeated names get a mark each, and so a string each.
+    budget.claim("the objects' names", sum(map(len, placed.names)))
+    budget.claim(
+        f"{len(mesh_of_object):,} objects with {starts[-1]:,} triangles",
+        vertices=int(vertex_starts[-1]),
+        triangles=int(starts[-1]),
+    )
     origin = origin_of(
         placed_boxes(
             (mesh.positions, worlds[mesh_of_object == index])
@@ -194,7 +206,7 @@ def flatten(placed: Placed, *, source: str, cull_backfaces: bool, lenient: bool)
     for index, mesh in enumerate(placed.meshes):
         users = order[groups[index] : groups[index + 1]]
         bases = mask_rows.add(mesh.masks, mirrored[users]) if mesh.masks is not None else None
-        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions)))
+        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions), len(mesh.triangles)))
         for at in range(0, len(users), block):
             chosen = users[at : at + block]
             rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))
@@ -287,6 +299,10 @@ def _without_unused(
     if not len(triangles):
         return positions[:0], triangles
     low, high = int(triangles.min()), int(triangles.max())
+    if (high - low) // 8 > triangles.size:
+        # Few of many, so that a table of all would cost more than sorting those.
+        kept, places = np.unique(triangles, return_inverse=True)
+        return positions[kept], places.reshape(triangles.shape)
     used = np.zeros(high - low + 1, np.bool_)
     triangles = triangles.astype(np.int64) - low
     used[triangles] = True

@@ -24,6 +24,8 @@ from visref.findings import Code
 from visref.formats.numbers import read_numbers
 from visref.formats.placed import Mesh, Placed
 from visref.formats.polygons import triangulated
+from visref.memory import Budget
+from visref.numerals import whole_number
 from visref.scene import Int64, check_indices
 
 _TYPES = {
@@ -45,6 +47,9 @@ _TYPES = {
     "float64": "f8",
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+# A vertex is three float64 twice. A corner of a face is its int64 vertex, and at most a triangle of
+# three int64, both twice, and the triangle's face.
+_VERTEX_BYTES, _CORNER_BYTES = 48, 72
 _INDICES = ("vertex_indices", "vertex_index")
 
 
@@ -72,21 +77,27 @@ class _Column:
     counts: Int64
 
 
-def read_ply(path: Path) -> Placed:
+def read_ply(path: Path, *, budget: Budget) -> Placed:
     """The object of a PLY file. Raises InputError where it is cut, or not PLY."""
     data = map_file(path)
     order, elements, start = _header(data)
     if order:
         body = data[start:]
     else:
-        # The same rows, every number in them a float64.
+        # The same rows, every number in them a float64: eight bytes for two of text.
+        budget.need("its text", 6 * (len(data) - start))
         body = read_numbers(data[start:].tobytes()).astype("<f8").view(np.uint8)
-    columns = _columns(body, elements)
+    columns = _columns(body, elements, budget)
     try:
         xyz = [columns["vertex", axis].values.astype(np.float64) for axis in "xyz"]
     except KeyError as error:
         raise InputError("its vertices have no x, y and z", fix="export the file anew") from error
     positions = np.stack(xyz, axis=1)
+    corners = sum(len(c.values) for (_, name), c in columns.items() if name in _INDICES)
+    budget.need(
+        f"{len(positions):,} vertices and {corners:,} corners of faces",
+        len(positions) * _VERTEX_BYTES + corners * _CORNER_BYTES,
+    )
     triangles = np.concatenate([_faces(columns, positions), _strips(columns, len(positions))])
     placed = Placed(meshes=[Mesh.plain(positions, triangles)])
     placed.add(path.name, 0, np.eye(4))
@@ -159,8 +170,8 @@ def _header(data: Bytes) -> tuple[str, list[_Element], int]:
                     else:
                         types = {name: order + kind for name, kind in _TYPES.items()}
                 case ["element", name, rows]:
-                    elements.append(_Element(name, int(rows)))
-                    if int(rows) < 0:
+                    elements.append(_Element(name, whole_number(rows)))
+                    if elements[-1].rows < 0:
                         raise ValueError
                 case ["property", "list", count, kind, name]:
                     if _TYPES[count][0] == "f":
@@ -174,7 +185,7 @@ def _header(data: Bytes) -> tuple[str, list[_Element], int]:
                     raise ValueError
         except (KeyError, ValueError, IndexError) as error:
             raise InputError(
-                f"'{' '.join(words)[:60]}' is not understood",
+                f"{' '.join(words)[:60]!a} is not understood",
                 place=f"line {number}",
                 fix="export the file anew",
             ) from error
@@ -190,13 +201,22 @@ def _cut(element: _Element, row: int) -> InputError:
     )
 
 
-def _columns(body: Bytes, elements: list[_Element]) -> dict[tuple[str, str], _Column]:
+def _columns(
+    body: Bytes, elements: list[_Element], budget: Budget
+) -> dict[tuple[str, str], _Column]:
     """Every property by its element's and its own name."""
     columns: dict[tuple[str, str], _Column] = {}
     at = 0
     for element in elements:
         if element.properties:
-            read = _rows_alike(body, at, element) or _rows_one_by_one(body, at, element)
+            count = min(element.rows, len(body) - at) * len(element.properties)
+            what = f"{element.rows:,} rows of {element.name[:40]!a}"
+            budget.need(what, 8 * count)
+            read = _rows_alike(body, at, element)
+            if read is None:
+                # Two of Python's integers each, in lists, and then in arrays.
+                budget.need(what, 96 * count)
+                read = _rows_one_by_one(body, at, element)
             at, found = read
             columns |= {(element.name, name): column for name, column in found.items()}
     if at != len(body):

@@ -24,6 +24,8 @@ from visref.scene import Float64, Int64
 _BLOCK_CORNERS = 1 << 19
 # Beyond this a vertex is refused or dropped later (`flatten`), and no area needs to be right.
 _FINITE = float(np.finfo(np.float32).max)
+# Clipping ears takes time with the square of the corners, in the worst case: seconds at this many.
+_MAX_CLIPPED = 20_000
 _ROUNDING = 2.0**-53
 
 
@@ -61,6 +63,12 @@ def triangulated(
             wrong &= ~other
         for index in np.flatnonzero(wrong):
             polygon = polygons[index]
+            if count > _MAX_CLIPPED:
+                raise InputError(
+                    f"the polygon of {count} corners is not convex",
+                    place=place(int(polygon)),
+                    fix=f"cut it into polygons of at most {_MAX_CLIPPED} corners",
+                )
             clipped = _clipped(points[index])
             if clipped is None:
                 raise InputError(
@@ -95,8 +103,13 @@ def _fans(points: Float64) -> tuple[Float64, Float64]:
     are along the Newell normals."""
     fans = np.cross(points[:, 1:-1], points[:, 2:])
     normals = np.zeros((len(points), 3))
-    for i in range(fans.shape[1]):  # in one order on every machine
-        normals += fans[:, i]
+    # In one order on every machine, be it by one call for each corner or for each polygon.
+    if len(points) > fans.shape[1]:
+        for i in range(fans.shape[1]):
+            normals += fans[:, i]
+    else:
+        for i, fan in enumerate(fans):
+            normals[i] += np.cumsum(fan, axis=0)[-1]
     return fans, normals
 
 

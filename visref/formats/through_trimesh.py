@@ -14,7 +14,9 @@ import trimesh
 
 from visref.errors import InputError
 from visref.findings import Code
+from visref.formats.in_a_child import read_in_a_child
 from visref.formats.placed import NO_MESH, Mesh, Placed, below, compose
+from visref.memory import Budget
 from visref.scene import Alpha, check_indices
 
 
@@ -29,9 +31,19 @@ def can_read(extension: str) -> bool:
     return extension in trimesh.exchange.load.mesh_loaders or extension in extensions()
 
 
-def read_with_trimesh(path: Path) -> Placed:
+def read_with_trimesh(path: Path, *, budget: Budget) -> Placed:
     """The objects of a file in any of trimesh's formats. Raises InputError where it fails, or
     needs a package that is not installed."""
+    if path.suffix.lower() == ".stl":
+        # Triangles one after another, which cannot become more than they are in the file: 50
+        # bytes each, or more as text, where Python's own strings take ten times that.
+        budget.need("reading it", 12 * path.stat().st_size)
+        return parse_with_trimesh(path, budget)
+    return read_in_a_child("visref.formats.through_trimesh:parse_with_trimesh", path, budget)
+
+
+def parse_with_trimesh(path: Path, budget: Budget) -> Placed:
+    """`read_with_trimesh`, in this process."""
     suffix = path.suffix.lower()
     said = _Said(logging.WARNING)
     logger = logging.getLogger("trimesh")
@@ -42,6 +54,8 @@ def read_with_trimesh(path: Path) -> Placed:
         raise InputError(
             f"reading '{suffix}' files needs a package: {error}", fix="install it with pip"
         ) from error
+    except (MemoryError, RecursionError):
+        raise
     except Exception as error:  # trimesh's readers fail in as many ways as there are formats.
         kind = type(error).__name__
         raise InputError(
@@ -50,6 +64,7 @@ def read_with_trimesh(path: Path) -> Placed:
         ) from error
     finally:
         logger.removeHandler(said)
+    budget.claim(f"{len(loaded.graph.nodes):,} nodes", objects=len(loaded.graph.nodes))
     placed = from_trimesh(loaded)
     placed.notes.extend((Code.PARTLY_READ, f"trimesh says: {line}") for line in said.lines)
     return placed

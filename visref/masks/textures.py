@@ -13,11 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from visref.errors import InputError
 from visref.masks.png16 import alpha_of_16_bit_png
+from visref.memory import Budget
 
 # A few kilobytes of PNG can stand for gigabytes. 8192 x 8192 is WebGPU's default limit of a
 # texture's side; as RGBA that is 256 MiB while it is decoded.
 MAX_PIXELS = 1 << 26
+
+# Decoded by Pillow, and where a channel has 16 bits its lines twice more and the alpha.
+_PIXEL_BYTES = 4 + 8 + 8 + 2
 
 _SIGNATURES = (
     (b"\x89PNG\r\n\x1a\n", "PNG"),
@@ -42,14 +47,15 @@ class AlphaImage:
     scale: int
 
 
-def decode_alpha(data: bytes, mime: str | None = None) -> AlphaImage:
+def decode_alpha(data: bytes, mime: str | None = None, budget: Budget | None = None) -> AlphaImage:
     """The alpha of an image file's bytes; all `scale` where the format or file has none.
 
     What the file is, its first bytes say; `mime` only names what they do not. Palettes with
     transparency, transparent colours and 16 bits a channel are read as PNG defines them. Of an
     animation this is the first picture.
 
-    Raises UndecodableImage: another format, damaged data, more than MAX_PIXELS pixels.
+    Raises UndecodableImage: another format, damaged data, more than MAX_PIXELS pixels; and
+    InputError where decoding it does not fit `budget`.
     """
     kind = _kind(data)
     if kind not in _DECODED:
@@ -65,9 +71,12 @@ def decode_alpha(data: bytes, mime: str | None = None) -> AlphaImage:
                 raise UndecodableImage(
                     f"{width} x {height} pixels, more than {MAX_PIXELS >> 20} Mi are not decoded"
                 )
+            if budget is not None:
+                what = f"an image of {width} × {height} pixels"
+                budget.need(what, width * height * _PIXEL_BYTES)
             image.load()
             return _alpha_of(image, data)
-    except UndecodableImage:
+    except (UndecodableImage, InputError):
         raise
     # Pillow's decoders answer damaged data with any of these.
     except (

@@ -7,17 +7,12 @@ with columns `frame` and `object_id` or `object`. Frames come in any order, each
 
 from __future__ import annotations
 
-import csv
-import re
 import reprlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
@@ -28,16 +23,12 @@ from visref.culler import (
     QueryStats,
     Raster,
     RasterTolerance,
-    is_count,
-    is_duration,
 )
 from visref.errors import InputError
-from visref.files import parse_json
+from visref.memory import Budget
 from visref.recordings.names import Names
+from visref.recordings.rows import READERS, Row
 from visref.scene import Int32, Scene, Units
-
-_WHOLE = re.compile(r"\s*[+-]?[0-9]+\s*")
-_COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,49 +83,51 @@ class Replay(Culler):
 
 
 def read_visible_sets(
-    path: Path | str, scene: Scene, frames: Sequence[int], path_length: int
+    path: Path | str,
+    scene: Scene,
+    frames: Sequence[int],
+    path_length: int,
+    *,
+    max_memory: int | None = None,
 ) -> VisibleSets:
     """Read a recording that has at least `frames` of a path of `path_length` frames.
 
+    `max_memory`: bytes that it may take, by default a share of what is free.
+
     Raises InputError naming file and line for an unknown name or id, a missing, repeated or
-    unexpected frame, or a file of another form.
+    unexpected frame, a file of another form, or one that takes more than the limit.
     """
     source = str(path)
-    readers = {".jsonl": _json_lines, ".ndjson": _json_lines, ".csv": _csv, ".parquet": _parquet}
-    reader = readers.get(Path(path).suffix.lower())
+    reader = READERS.get(Path(path).suffix.lower())
     if reader is None:
         raise InputError(
             "recorded visible sets are .jsonl, .csv or .parquet", source=source, fix="rename it"
         )
     try:
-        rows = list(reader(Path(path)))
+        rows = list(reader(Path(path), Budget.of(max_memory)))
     except InputError as error:
         raise error.at(source=source) from error
     except OSError as error:
         raise InputError(
             f"cannot read it: {error.strerror}", source=source, fix="check its name"
         ) from error
+    except MemoryError as error:
+        raise InputError(
+            "it needs more memory than there is", source=source, fix="record fewer frames at once"
+        ) from error
     except UnicodeDecodeError as error:
         raise InputError("it is not UTF-8 text", source=source, fix="write it anew") from error
     return _gather(rows, scene, frames, path_length, source)
 
 
-@dataclass(frozen=True)
-class _Row:
-    place: str
-    frame: int
-    objects: list[int | str]
-    stats: QueryStats
-
-
 def _gather(
-    rows: Iterable[_Row], scene: Scene, frames: Sequence[int], path_length: int, source: str
+    rows: Iterable[Row], scene: Scene, frames: Sequence[int], path_length: int, source: str
 ) -> VisibleSets:
-    by_frame: dict[int, _Row] = {}
+    by_frame: dict[int, Row] = {}
     for row in rows:
         if not 0 <= row.frame < path_length:
             raise InputError(
-                f"frame {row.frame} is not on the path (0…{path_length - 1})",
+                f"frame {reprlib.repr(row.frame)} is not on the path (0…{path_length - 1})",
                 source=source,
                 place=row.place,
                 fix="record the frames of this path",
@@ -204,143 +197,9 @@ def _units(
 def _object_id(entry: int, scene: Scene, source: str, place: str) -> int:
     if not 0 <= entry < scene.object_count:
         raise InputError(
-            f"object id {entry} is not in the scene (0…{scene.object_count - 1})",
+            f"object id {reprlib.repr(entry)} is not in the scene (0…{scene.object_count - 1})",
             source=source,
             place=place,
             fix="ids are dense, in the scene graph's depth-first order",
         )
     return entry
-
-
-def _json_lines(path: Path) -> Iterator[_Row]:
-    with path.open("rb") as lines:
-        for number, line in enumerate(lines, start=1):
-            place = f"line {number}"
-            if not line.strip():
-                continue
-            try:
-                row = parse_json(line)
-            except InputError as error:
-                raise InputError(
-                    error.problem, place=place, fix="write an object a line"
-                ) from error
-            if not isinstance(row, dict) or "frame" not in row or "visible" not in row:
-                raise InputError(
-                    "a line needs 'frame' and 'visible'",
-                    place=place,
-                    fix='write {"frame": 0, "visible": [3, "name"]}',
-                )
-            if isinstance(row["frame"], bool) or not isinstance(row["frame"], int):
-                raise InputError(f"frame is {row['frame']!r}", place=place, fix="give an integer")
-            visible = row["visible"]
-            if not isinstance(visible, list) or not all(
-                isinstance(entry, (int, str)) and not isinstance(entry, bool) for entry in visible
-            ):
-                raise InputError(
-                    "visible is not a list of ids and names", place=place, fix="write [3, 'name']"
-                )
-            yield _Row(place, row["frame"], visible, _stats(row.get("stats", {}), place))
-
-
-def _stats(values: Any, place: str) -> QueryStats:
-    if not isinstance(values, dict):
-        raise InputError("stats is not an object", place=place, fix="write {…}")
-    stats = QueryStats()
-    for name, value in values.items():
-        if name == "ms" and isinstance(value, dict) and all(map(is_duration, value.values())):
-            stats.ms = {phase: float(ms) for phase, ms in value.items()}
-        elif name in _COUNTERS and is_count(value):
-            setattr(stats, name, value)
-        else:
-            raise InputError(
-                f"stats has {name!r}: {value!r}",
-                place=place,
-                fix='"ms" holds milliseconds by phase; known counters, whole numbers, are '
-                + ", ".join(sorted(_COUNTERS)),
-            )
-    return stats
-
-
-def _csv(path: Path) -> Iterator[_Row]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.DictReader(file)
-        columns = reader.fieldnames or []
-        column = _object_column(list(columns))
-        frames: dict[int, tuple[str, list[int | str]]] = {}
-        while (row := _csv_row(reader)) is not None:
-            place = f"line {reader.line_num}"
-            if None in row or None in row.values():
-                raise InputError(
-                    "the row has not as many fields as the header",
-                    place=place,
-                    fix="quote names that hold commas",
-                )
-            frame = _whole(row["frame"], "frame", place)
-            objects = frames.setdefault(frame, (place, []))[1]
-            value = row[column]
-            # A frame in which nothing was drawn is a row with an empty object.
-            if value:
-                by_id = column == "object_id"
-                objects.append(_whole(value, column, place) if by_id else value)
-    for frame, (place, objects) in frames.items():
-        yield _Row(place, frame, objects, QueryStats())
-
-
-def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
-    try:
-        return next(reader, None)
-    except csv.Error as error:
-        raise InputError(
-            f"not valid CSV: {error}", place=f"line {reader.line_num}", fix="write it anew"
-        ) from error
-
-
-def _parquet(path: Path) -> Iterator[_Row]:
-    if path.is_dir():
-        raise InputError("this is a folder, not a file", fix="give the file itself")
-    if not path.exists():
-        raise InputError("cannot read it: no such file", fix="check its name")
-    try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(
-            "it is not a Parquet file, or not a whole one", fix="write it anew"
-        ) from error
-    column = _object_column(table.column_names)
-    frames: dict[int, list[int | str]] = {}
-    for index, (frame, value) in enumerate(
-        zip(table["frame"].to_pylist(), table[column].to_pylist(), strict=True)
-    ):
-        place = f"row {index}"
-        objects = frames.setdefault(_whole(frame, "frame", place), [])
-        if value is not None:
-            if column == "object" and not isinstance(value, str):
-                raise InputError(
-                    f"object is {value!r}", place=place, fix="write names as text, or object_id"
-                )
-            objects.append(_whole(value, column, place) if column == "object_id" else value)
-    for frame, objects in frames.items():
-        yield _Row(f"frame {frame}", frame, objects, QueryStats())
-
-
-def _object_column(columns: list[str]) -> str:
-    if "frame" in columns:
-        for column in ("object_id", "object"):
-            if column in columns:
-                return column
-    raise InputError(
-        f"columns are {', '.join(columns) or 'missing'}",
-        place="header",
-        fix="give 'frame' and 'object_id' or 'object'",
-    )
-
-
-def _whole(value: Any, column: str, place: str) -> int:
-    try:
-        if isinstance(value, int) and not isinstance(value, bool):
-            return value
-        if isinstance(value, str) and _WHOLE.fullmatch(value):
-            return int(value)
-    except ValueError:  # longer than Python reads
-        pass
-    raise InputError(f"{column} is {reprlib.repr(value)}", place=place, fix="give an integer")

@@ -36,6 +36,9 @@ def read_raw(
         accessor.fail(f"componentType {component} is not allowed for {reference.place}")
     count = accessor["count"].integer(1, MAX_COUNT)
     shape, dtype = (count, _WIDTHS[kind]), np.dtype(_DTYPES[component])
+    # As it is, and once more as float64 or int64.
+    size = shape[0] * shape[1] * (dtype.itemsize + 8)
+    document.budget.need(f"{count:,} values", size, place=accessor.place)
     view = accessor.get("bufferView")
     if view is not None:
         data, stride = document.view(view)

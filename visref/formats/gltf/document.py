@@ -14,8 +14,9 @@ from urllib.parse import unquote
 import numpy as np
 
 from visref.errors import InputError
-from visref.files import Bytes, map_file, parse_json
+from visref.files import Bytes, beside, json_bytes, map_file, parse_json
 from visref.formats.gltf.extensions import MESHOPT, is_known
+from visref.memory import Budget
 
 _GLB_MAGIC = b"glTF"
 _CHUNK_JSON = 0x4E4F534A
@@ -105,19 +106,21 @@ class Json:
 
 class Document:
     """An open glTF or GLB file. Bytes are mapped, not read: images that no mask
-    needs cost nothing.
+    needs cost nothing. `budget`: what is decoded or made up out of nothing is claimed there.
 
     Raises InputError (without the file's name; `visref.formats` adds it).
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, budget: Budget | None = None) -> None:
         self.path = path
+        self.budget = Budget.of(None) if budget is None else budget
         data = map_file(path)
         self._chunk: Bytes | None = None
         if data[:4].tobytes() == _GLB_MAGIC:
             text, self._chunk = _chunks(data)
         else:
             text = data
+        self.budget.claim("its JSON", json_bytes(text))
         self.root = Json(parse_json(text.tobytes()), "")
         self._buffers: dict[int, Bytes] = {}
         self._lists: dict[str, list[Json]] = {}
@@ -192,16 +195,17 @@ class Document:
             header, _, payload = text.partition(",")
             if not header.endswith(";base64"):
                 uri.fail("the data URI is not base64")
+            self.budget.claim("a data URI", len(payload), place=uri.place)
             try:
                 return np.frombuffer(base64.b64decode(payload, validate=True), np.uint8)
             except (binascii.Error, ValueError):
                 uri.fail("the data URI is not valid base64")
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
-            uri.fail(f"'{text[:60]}' is not a file beside this one", "download it first")
+            uri.fail(f"{text[:60]!a} is not a file beside this one", "download it first")
         try:
-            return map_file(self.path.parent / unquote(text))
+            return map_file(beside(self.path, unquote(text)))
         except InputError as error:
-            uri.fail(f"file '{text[:200]}': {error.problem}", "put the file there")
+            uri.fail(f"file {text[:200]!a}: {error.problem}", "put the file there")
 
     def _check_asset(self) -> None:
         version = self.root["asset"]["version"].text()

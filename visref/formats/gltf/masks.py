@@ -118,6 +118,8 @@ class MaskReader:
             return MaskedMaterial(index, factor, level, uniform=1.0)
         try:
             texture = self._texture(info)
+        except _TooLarge:
+            raise
         except UndecodableImage as error:
             return MaskedMaterial(index, factor, level, unknown=str(error))
         except InputError as error:
@@ -161,10 +163,22 @@ class MaskReader:
 
 
 def _decoded(document: Document, image: Json) -> AlphaImage:
-    found = decode_alpha(*document.image(image))
-    if np.all(found.alpha == found.alpha[0, 0]):
-        return AlphaImage(found.alpha[:1, :1].copy(), found.scale)
+    data, mime = document.image(image)
+    try:
+        found = decode_alpha(data, mime, document.budget)
+        if np.all(found.alpha == found.alpha[0, 0]):
+            return AlphaImage(found.alpha[:1, :1].copy(), found.scale)
+        document.budget.claim("the alpha of its images", found.alpha.nbytes)
+    except UndecodableImage:
+        raise
+    except InputError as error:
+        # Not one that cannot be looked up: what is undecided must not hang on the free memory.
+        raise _TooLarge(error.problem, fix=error.fix, place=image.place) from error
     return found
+
+
+class _TooLarge(InputError):
+    """An image that could be decoded, with more memory."""
 
 
 def _base_alpha(material: Json) -> tuple[float, Json | None]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.formats.gltf.accessors import UNSIGNED, decode, read_floats, read_raw
+from visref.formats.gltf.accessors import MAX_COUNT, UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.extensions import MESHOPT
 from visref.formats.gltf.masks import MaskReader
@@ -25,6 +25,12 @@ from visref.masks.instances import MeshMasks
 from visref.scene import Alpha, Float64, check_indices
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+# A Mesh's vertex is three float64 at most; a triangle three int64 and two bytes; masked, it has
+# three float64 texture coordinates of two, and three of alpha.
+_VERTEX_BYTES, _TRIANGLE_BYTES, _MASKED_BYTES = 24, 26, 72
+# What the decoder allocates: a corner table of six uint32 for a face, beside the face; values of
+# up to four attributes for a point.
+_DRACO_POINT_BYTES, _DRACO_FACE_BYTES = 64, 48
 _DRACO = "KHR_draco_mesh_compression"
 
 
@@ -68,6 +74,7 @@ class _Primitive:
         kind = _TRIANGLES if mode is None else mode.integer(0, _FAN)
         if kind < _TRIANGLES:
             return Mesh.joined([])
+        self.claim(kind)
         positions = self.attribute("POSITION", ("VEC3",))
         if positions is None:
             return Mesh.joined([])  # Section 3.7.2: without positions there is nothing to draw.
@@ -76,6 +83,27 @@ class _Primitive:
         if skin is not None:
             positions = self.skinned(positions, skin)
         return self.with_material(positions, triangles)
+
+    def claim(self, kind: int) -> None:
+        """Claim the Mesh, which many primitives may make of the same few bytes."""
+        corners = vertices = 0
+        position = self.json["attributes"].get("POSITION")
+        if position is not None:
+            accessor = self.document.entry("accessors", position)
+            corners = vertices = accessor["count"].integer(1, MAX_COUNT)
+        indices = self.json.get("indices")
+        if indices is not None:
+            corners = self.document.entry("accessors", indices)["count"].integer(1, MAX_COUNT)
+        if self.draco is not None:
+            corners = self.draco.faces.size
+        triangles = corners // 3 if kind == _TRIANGLES else corners
+        bytes_each = _TRIANGLE_BYTES
+        if self.json.get("material") is not None:
+            bytes_each += _MASKED_BYTES
+        what = f"{vertices:,} vertices and {triangles:,} triangles"
+        size = vertices * _VERTEX_BYTES + triangles * _TRIANGLE_BYTES
+        self.document.budget.need(what, size + triangles * bytes_each, place=self.json.place)
+        self.document.budget.claim(what, size, place=self.json.place)
 
     def attribute(self, name: str, kinds: tuple[str, ...]) -> NDArray[Any] | None:
         """An attribute's (v, width) values, None where the primitive lacks it."""
@@ -244,6 +272,12 @@ class _Draco:
                 fix="run: pip install DracoPy",
             ) from error
         data, _ = document.view(extension["bufferView"])
+        points, faces = draco_counts(data[:64].tobytes())
+        document.budget.need(
+            f"{points:,} vertices and {faces:,} triangles, compressed with Draco,",
+            points * _DRACO_POINT_BYTES + faces * _DRACO_FACE_BYTES,
+            place=extension.place,
+        )
         try:
             self.mesh = DracoPy.decode(data.tobytes())
             self.faces: NDArray[Any] = np.asarray(self.mesh.faces)
@@ -265,6 +299,27 @@ class _Draco:
         if not found:
             self.ids[name].fail(f"the compressed data has no attribute {wanted}")
         return np.asarray(found[0]["data"]).reshape(-1, found[0]["num_components"])
+
+
+def draco_counts(data: bytes) -> tuple[int, int]:
+    """The vertices and faces that compressed data announce, 0 where they do not say so up front.
+
+    Source: Draco bitstream specification, version 2.2, "Header" and "Connectivity".
+    """
+    if len(data) < 12 or data[:5] != b"DRACO" or data[10] & 0x80:
+        return 0, 0
+    at = 11 + (data[8] == 1)  # an edgebreaker's kind of traversal stands first
+    values = []
+    for _ in range(2):
+        value = shift = 0
+        while at < len(data):
+            value |= (data[at] & 0x7F) << shift
+            at, shift = at + 1, shift + 7
+            if data[at - 1] < 0x80:
+                break
+        values.append(value)
+    points, faces = values if data[8] == 1 else values[::-1]
+    return points, faces
 
 
 def _textured(material: Json) -> bool:

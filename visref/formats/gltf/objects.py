@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 
 from visref.findings import Code
-from visref.formats.gltf.accessors import read_floats
+from visref.formats.gltf.accessors import MAX_COUNT, read_floats
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import open_questions
 from visref.formats.gltf.meshes import read_mesh
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.formats.placed import NO_MESH, Placed, below, compose
+from visref.memory import Budget
 from visref.scene import Float64
+from visref.wording import counted
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
+_TRS = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
 
-def read_gltf(path: Path) -> Placed:
+def read_gltf(path: Path, *, budget: Budget) -> Placed:
     """The objects of a .glb, .gltf or .vrm file. Raises InputError naming the place."""
-    return read_objects(Document(path))
+    return read_objects(Document(path, budget))
 
 
 def read_objects(document: Document) -> Placed:
@@ -38,6 +42,7 @@ def read_objects(document: Document) -> Placed:
         entry = entries[node]
         above, path = named.get(nodes.parent[node], ("", ""))
         named[node] = (_name(entry) or above, below(path, _name(entry)))
+        document.budget.claim("the nodes' paths", sys.getsizeof(named[node][1]))
         if "mesh" not in entry.value:
             continue
         mesh = document.entry("meshes", entry["mesh"])
@@ -56,6 +61,7 @@ def read_objects(document: Document) -> Placed:
             joints = None if skin is None else _joints(document, skin, world_from_node)
             index = known[key] = len(placed.meshes)
             placed.meshes.append(read_mesh(document, mesh, weights, joints, masks))
+        _claim(document, placed, index, entry)
         # A skinned mesh stands where its joints are, wherever its node is.
         world = world_from_node[node] if skin is None else np.eye(4)
         own = _name(entry) or _name(mesh)
@@ -107,6 +113,33 @@ def _joints(document: Document, skin: Json, world_from_node: Float64) -> Float64
     return compose(worlds, joint_from_mesh)
 
 
+def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
+    """Refuse a node's instances before they are made, where their scene would not fit."""
+    extension = node.extension(_INSTANCING)
+    count = 1
+    if extension is not None:
+        attributes = extension["attributes"]
+        counts = [
+            document.entry("accessors", attributes[name])["count"].integer(1, MAX_COUNT)
+            for name in _TRS
+            if attributes.get(name) is not None
+        ]
+        count = max(counts, default=1)
+    mesh = None if index == NO_MESH else placed.meshes[index]
+    triangles = 0 if mesh is None else len(mesh.triangles)
+    vertices = 0 if mesh is None else len(mesh.positions)
+    what = f"{counted(count, 'instance')} × {counted(triangles, 'triangle')}"
+    document.budget.need(
+        what,
+        objects=count,
+        vertices=count * vertices,
+        triangles=count * triangles,
+        place=node.place,
+    )
+    # The triangles are claimed together, once all are known.
+    document.budget.claim(what, objects=count, place=node.place)
+
+
 def _instances(document: Document, node: Json, world: Float64) -> Float64:
     """(k, 4, 4) float64: one matrix, or those of EXT_mesh_gpu_instancing."""
     extension = node.extension(_INSTANCING)
@@ -115,7 +148,7 @@ def _instances(document: Document, node: Json, world: Float64) -> Float64:
     attributes = extension["attributes"]
     found = {
         name: read_floats(document, attributes[name], (kind,), integers=True).astype(np.float64)
-        for name, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3"))
+        for name, kind in _TRS.items()
         if attributes.get(name) is not None
     }
     counts = {len(values) for values in found.values()}

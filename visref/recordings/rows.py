@@ -1,0 +1,231 @@
+"""The rows of a recording of visible sets, from JSON Lines, CSV and Parquet: `READERS`.
+
+What they take is claimed before it is made; whoever wrote the file need not mean well.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import reprlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from visref.culler import QueryStats, is_count, is_duration
+from visref.errors import InputError
+from visref.files import json_bytes, map_file, open_file, parse_json
+from visref.memory import Budget
+from visref.numerals import whole_number
+from visref.scene import clean_name
+
+_COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
+# Rows at a time: what a batch takes beside the rows kept is small.
+_BATCH = 1 << 16
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a recording says of one frame, and where: the ids and names of what was drawn."""
+
+    place: str
+    frame: int
+    objects: list[int | str]
+    stats: QueryStats
+
+
+def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
+    with open_file(path) as lines:
+        for number in count(1):
+            place = f"line {number}"
+            longest = budget.left // 4
+            line = lines.readline(longest)
+            if not line:
+                return
+            if not line.strip():
+                continue
+            size = json_bytes(np.frombuffer(line, np.uint8))
+            if len(line) == longest:
+                size = budget.left + 1
+            # Parsed, and an entry's tuple and place in three lists.
+            budget.claim("its lines up to here", size + 160 * line.count(b","), place=place)
+            try:
+                row = parse_json(line)
+            except InputError as error:
+                raise InputError(
+                    error.problem, place=place, fix="write an object a line"
+                ) from error
+            if not isinstance(row, dict) or "frame" not in row or "visible" not in row:
+                raise InputError(
+                    "a line needs 'frame' and 'visible'",
+                    place=place,
+                    fix='write {"frame": 0, "visible": [3, "name"]}',
+                )
+            if isinstance(row["frame"], bool) or not isinstance(row["frame"], int):
+                raise InputError(
+                    f"frame is {reprlib.repr(row['frame'])}", place=place, fix="give an integer"
+                )
+            visible = row["visible"]
+            if not isinstance(visible, list) or not all(
+                isinstance(entry, (int, str)) and not isinstance(entry, bool) for entry in visible
+            ):
+                raise InputError(
+                    "visible is not a list of ids and names", place=place, fix="write [3, 'name']"
+                )
+            visible = [clean_name(entry) if isinstance(entry, str) else entry for entry in visible]
+            yield Row(place, row["frame"], visible, _stats(row.get("stats", {}), place))
+
+
+def _stats(values: Any, place: str) -> QueryStats:
+    if not isinstance(values, dict):
+        raise InputError("stats is not an object", place=place, fix="write {…}")
+    stats = QueryStats()
+    for name, value in values.items():
+        if name == "ms" and isinstance(value, dict) and all(map(is_duration, value.values())):
+            stats.ms = {phase: float(ms) for phase, ms in value.items()}
+        elif name in _COUNTERS and is_count(value):
+            setattr(stats, name, value)
+        else:
+            raise InputError(
+                f"stats has {reprlib.repr(name)}: {reprlib.repr(value)}",
+                place=place,
+                fix='"ms" holds milliseconds by phase; known counters, whole numbers, are '
+                + ", ".join(sorted(_COUNTERS)),
+            )
+    return stats
+
+
+def _csv(path: Path, budget: Budget) -> Iterator[Row]:
+    data = map_file(path)
+    # The text twice, as bytes and characters; a row's object, its tuple and places.
+    rows = np.count_nonzero((data == 10) | (data == 13))
+    budget.claim("its rows", 5 * len(data) + 300 * int(rows))
+    with io.TextIOWrapper(io.BytesIO(data.tobytes()), encoding="utf-8-sig", newline="") as file:
+        reader = csv.DictReader(file)
+        columns = reader.fieldnames or []
+        column = _object_column(list(columns))
+        frames: dict[int, tuple[str, list[int | str]]] = {}
+        while (row := _csv_row(reader)) is not None:
+            place = f"line {reader.line_num}"
+            if None in row or None in row.values():
+                raise InputError(
+                    "the row has not as many fields as the header",
+                    place=place,
+                    fix="quote names that hold commas",
+                )
+            frame = _whole(row["frame"], "frame", place)
+            objects = frames.setdefault(frame, (place, []))[1]
+            value = row[column]
+            # A frame in which nothing was drawn is a row with an empty object.
+            if value:
+                by_id = column == "object_id"
+                objects.append(_whole(value, column, place) if by_id else clean_name(value))
+    for frame, (place, objects) in frames.items():
+        yield Row(place, frame, objects, QueryStats())
+
+
+def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
+    try:
+        return next(reader, None)
+    except csv.Error as error:
+        raise InputError(
+            f"not valid CSV: {error}", place=f"line {reader.line_num}", fix="write it anew"
+        ) from error
+
+
+def _parquet(path: Path, budget: Budget) -> Iterator[Row]:
+    data = map_file(path)
+    frames: dict[int, list[int | str]] = {}
+    index = 0
+    try:
+        with pq.ParquetFile(pa.BufferReader(pa.py_buffer(data))) as file:
+            column = _object_column(file.schema_arrow.names)
+            _check_types(file.schema_arrow, column)
+            metadata = file.metadata
+            # Counted by the file itself, and again by what comes out of it.
+            budget.need(f"its {metadata.num_rows:,} rows", 200 * max(0, metadata.num_rows))
+        # A name that is repeated stays one name.
+        strings = ["object"] if column == "object" else []
+        source = pa.BufferReader(pa.py_buffer(data))
+        with pq.ParquetFile(source, read_dictionary=strings) as file:
+            for batch in file.iter_batches(batch_size=_BATCH, columns=["frame", column]):
+                budget.claim(f"its first {index + len(batch):,} rows", 200 * len(batch))
+                names = batch.column(column)
+                budget.need("the names in it", names.nbytes * 5)
+                for frame, value in zip(
+                    _listed(batch.column("frame")), _listed(names), strict=True
+                ):
+                    place = f"row {index}"
+                    index += 1
+                    objects = frames.setdefault(_whole(frame, "frame", place), [])
+                    if value is not None:
+                        by_id = column == "object_id"
+                        objects.append(_whole(value, column, place) if by_id else value)
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise InputError(
+            "it is not a Parquet file, or not a whole one", fix="write it anew"
+        ) from error
+    for frame, objects in frames.items():
+        yield Row(f"frame {frame}", frame, objects, QueryStats())
+
+
+def _check_types(schema: Any, column: str) -> None:
+    for name in ("frame", column):
+        if schema.names.count(name) != 1:
+            raise InputError(f"it has several columns '{name}'", place="header", fix="keep one")
+        kind = schema.field(name).type
+        if pa.types.is_dictionary(kind):
+            kind = kind.value_type
+        text = pa.types.is_string(kind) or pa.types.is_large_string(kind)
+        number = name != "object" and pa.types.is_integer(kind)
+        if not (text or number or (name == column and pa.types.is_null(kind))):
+            raise InputError(
+                f"{name} is of type {str(kind)[:80]}",
+                place="header",
+                fix="write names as text, or object_id" if name == "object" else "give integers",
+            )
+
+
+def _listed(array: Any) -> list[Any]:
+    """A column's values; those of a dictionary are made once each."""
+    if not pa.types.is_dictionary(array.type):
+        return [clean_name(v) if isinstance(v, str) else v for v in array.to_pylist()]
+    known = _listed(array.dictionary)
+    return [None if i is None else known[i] for i in array.indices.to_pylist()]
+
+
+def _object_column(columns: list[str]) -> str:
+    if "frame" in columns:
+        for column in ("object_id", "object"):
+            if column in columns:
+                return column
+    raise InputError(
+        f"columns are {', '.join(columns) or 'missing'}",
+        place="header",
+        fix="give 'frame' and 'object_id' or 'object'",
+    )
+
+
+def _whole(value: Any, column: str, place: str) -> int:
+    try:
+        if isinstance(value, int) and not isinstance(value, bool):
+            return value
+        if isinstance(value, str):
+            return whole_number(value.strip(" \t"))
+    except ValueError:
+        pass
+    raise InputError(f"{column} is {reprlib.repr(value)}", place=place, fix="give an integer")
+
+
+READERS: dict[str, Callable[[Path, Budget], Iterator[Row]]] = {
+    ".jsonl": _json_lines,
+    ".ndjson": _json_lines,
+    ".csv": _csv,
+    ".parquet": _parquet,
+}
