@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.frozen import Shared, frozen
 
 Float64 = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ MAX_SAMPLES = 1 << 28
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(Shared):
     """One frame's view: a pose, a projection and a grid of samples.
 
     `world_from_camera`: (4, 4) float64, columns right, up, back, eye; orthonormal to 1e-6 and
@@ -53,7 +54,8 @@ class Camera:
     the frame that this camera is; a frame's only view need not have a name. `origin`: the point
     of the world that the pose is relative to, (3,) float64; see `relative_to`.
 
-    Raises InputError where a value breaks these rules.
+    Raises InputError where a value breaks these rules. All arrays, computed ones too, are read-only
+    and cannot be made writable (`visref.frozen`).
     """
 
     world_from_camera: Float64
@@ -72,8 +74,7 @@ class Camera:
     def __post_init__(self) -> None:
         matrix = np.array(self.world_from_camera, dtype=np.float64)
         _check_pose(matrix)
-        matrix.flags.writeable = False
-        object.__setattr__(self, "world_from_camera", matrix)
+        object.__setattr__(self, "world_from_camera", frozen(matrix))
         for name in ("width", "height"):
             side = getattr(self, name)
             if not 1 <= side <= MAX_IMAGE_SIDE:
@@ -144,12 +145,12 @@ class Camera:
     @cached_property
     def eye(self) -> Float64:
         """e: (3,) float64, the camera's origin in world space."""
-        return self.world_from_camera[:3, 3].copy()
+        return frozen(self.world_from_camera[:3, 3].copy())
 
     @cached_property
     def forward(self) -> Float64:
         """F: (3,) float64, the direction along which view depth grows."""
-        return -self.world_from_camera[:3, 2]
+        return frozen(-self.world_from_camera[:3, 2])
 
     @cached_property
     def _step(self) -> float:
@@ -161,24 +162,24 @@ class Camera:
     @cached_property
     def right_step(self) -> Float64:
         """R: (3,) float64, what one unit of `a` adds to a ray (half a pixel)."""
-        return self.world_from_camera[:3, 0] * self._step
+        return frozen(self.world_from_camera[:3, 0] * self._step)
 
     @cached_property
     def up_step(self) -> Float64:
         """U: (3,) float64, what one unit of `b` adds to a ray (half a pixel)."""
-        return self.world_from_camera[:3, 1] * self._step
+        return frozen(self.world_from_camera[:3, 1] * self._step)
 
     @cached_property
     def column_a(self) -> Float64:
         """a of every pixel column: (width,) float64, integers unless the lens is shifted."""
         x = np.arange(self.width, dtype=np.float64)
-        return 2.0 * (x + self.shift_x_px) + 1.0 - self.width
+        return frozen(2.0 * (x + self.shift_x_px) + 1.0 - self.width)
 
     @cached_property
     def row_b(self) -> Float64:
         """b of every pixel row: (height,) float64, integers unless the lens is shifted."""
         y = np.arange(self.height, dtype=np.float64)
-        return self.height - 2.0 * (y + self.shift_y_px) - 1.0
+        return frozen(self.height - 2.0 * (y + self.shift_y_px) - 1.0)
 
     def ray(self, x: int, y: int) -> tuple[Float64, Float64]:
         """Origin and direction of one sample's ray, (3,) float64 each; t is view depth."""
@@ -195,7 +196,7 @@ class Camera:
         result = np.eye(4)
         result[:3, :3] = rotation
         result[:3, 3] = -rotation @ self.eye
-        return result
+        return frozen(result)
 
     def clip_from_camera(self, far: float | None = None) -> Float64:
         """The OpenGL projection, (4, 4) float64: pixel centres fall on the samples.

@@ -702,7 +702,7 @@ def test_stats_of_one_frame_do_not_change_with_the_next(tmp_path):
 def test_rasteriser_without_a_proper_picture_stops_its_culler_alone(picture):
     class Painted(Raster):
         # Half a pixel of snap excuses every small object, if the picture lacks it.
-        tolerance = RasterTolerance(0.9)
+        tolerance = RasterTolerance(0.5)
 
         def item_buffer(self, camera):
             return picture(camera)

@@ -35,6 +35,7 @@ from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, judge
 from visref.judging.limits import LOOKED_AT, hidden_by_limits
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.judging.rasters import looser, raster_of
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
 from visref.judging.winding import inside_out
@@ -145,10 +146,6 @@ class Referee:
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
-            for job in jobs:
-                # A rasteriser may declare more for each camera that it sees.
-                if job.culler.raster is not None:
-                    job.record.raster = job.culler.raster.tolerance
             if self.examine and self._engine is not None:
                 # Afterwards: nobody needs the engine's arrays any more.
                 picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]
@@ -169,7 +166,8 @@ class Referee:
         record = CullerRecord(spec, _promise(spec, culler))
         outcome.cullers.append(record)
         try:
-            units = culler.prepare(self.scene)
+            # Here and below a plug-in gets records of its own, and is not asked for its own later.
+            units = Units.owned(culler.prepare(self.scene.handed_out()))
             units.check(self.scene, source=spec)
             if units.kind == OBJECT and not units.are_objects(self.scene):
                 units = replace(units, kind="unit")
@@ -231,11 +229,15 @@ class Referee:
         """One culler's answer for one view, judged. Truths that it needs go to `casts`."""
         try:
             drawn_set = self._cull(job, camera, frame)
+            # A rasteriser may declare more for each camera that it sees: once a frame.
+            raster = raster_of(job.culler)
         except InputError:
             raise
         except Exception as error:  # a plug-in may raise anything; the others go on
             self._fail(job.record, outcome, frame, error)
             return
+        if raster is not None:
+            job.record.raster = looser(job.record.raster, raster.tolerance)
         drawn_units = drawn_set.unit_ids
         drawn = job.units.mask(drawn_units, self.scene.triangle_count)
         rows = self.recorded.frames[frame] if self.recorded else None
@@ -252,7 +254,7 @@ class Referee:
                     job.units,
                     drawn_units,
                     exact=self._arithmetic,
-                    raster=job.culler.raster,
+                    raster=raster,
                     drawn=drawn,
                     seen=seen,
                     only_visible=not job.record.promise.may_draw_hidden,
@@ -297,9 +299,9 @@ class Referee:
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
         with Stopwatch() as watch:
             if job.culler.joint:
-                drawn_set = job.culler.cull_joint((camera,))
+                drawn_set = job.culler.cull_joint((camera.handed_out(),))
             else:
-                drawn_set = job.culler.cull(camera)
+                drawn_set = job.culler.cull(camera.handed_out())
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError(f"frame {frame}: cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units, culler=job.spec, frame=frame)
