@@ -133,13 +133,15 @@ def check_tolerance(declared: object) -> RasterTolerance:
         raise ValueError(f"snap_px is a {type(snap).__name__}, not a number")
     if bits is not None and (not isinstance(bits, int) or isinstance(bits, bool)):
         raise ValueError(f"depth_bits is a {type(bits).__name__}, not a whole number or None")
-    # NaN compares false. An int is compared as it is: it may be too large for a float.
+    # A subclass may compare as it likes. NaN compares false; an int may be too large for a float.
+    snap = int(snap) if isinstance(snap, int) else float(snap)
+    bits = None if bits is None else int(bits)
     least, most = LEAST_DEPTH_BITS, MOST_DEPTH_BITS
     if not 0.0 <= snap <= MOST_SNAP_PX:
         raise ValueError(f"a snap of {reprlib.repr(snap)} px is not from 0 to {MOST_SNAP_PX}")
     if bits is not None and not least <= bits <= most:
         raise ValueError(f"{reprlib.repr(bits)} bits of depth are not from {least} to {most}")
-    return RasterTolerance(float(snap), None if bits is None else int(bits))
+    return RasterTolerance(float(snap), bits)
 
 
 class Raster(ABC):

@@ -116,7 +116,7 @@ def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, 
 
 
 def raster_json(record: CullerRecord) -> dict[str, object] | None:
-    """What a culler's rasteriser declares, and what that excused, as it stands in `verdict.json`."""
+    """What a culler's rasteriser declares and what that excused, as in `verdict.json`."""
     if record.raster is None:
         return None
     return {

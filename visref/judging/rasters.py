@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import Culler, CullerError, Raster, RasterTolerance, check_tolerance
+from visref.judging.restored import settings_restored
 from visref.scene import Int32
 from visref.visibility import BACKGROUND
 
@@ -33,7 +34,8 @@ class JudgedRaster(Raster):
         has no picture. Raises CullerError for what is no (height, width) array of integers from
         `BACKGROUND` to `triangle_count` - 1."""
         try:
-            given: object = self.item_buffer(camera.handed_out())
+            with settings_restored():
+                given: object = self.item_buffer(camera.handed_out())
             if given is None:
                 return None
             # A copy: the plug-in may write into its own later. No list: what is wrong with one

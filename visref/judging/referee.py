@@ -36,6 +36,7 @@ from visref.judging.judge import Counts, FrameVerdict, judge
 from visref.judging.limits import LOOKED_AT, hidden_by_limits
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rasters import looser, raster_of
+from visref.judging.restored import settings_restored
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
 from visref.judging.winding import inside_out
@@ -167,7 +168,8 @@ class Referee:
         outcome.cullers.append(record)
         try:
             # Here and below a plug-in gets records of its own, and is not asked for its own later.
-            units = Units.owned(culler.prepare(self.scene.handed_out()))
+            with settings_restored():
+                units = Units.owned(culler.prepare(self.scene.handed_out()))
             units.check(self.scene, source=spec)
             if units.kind == OBJECT and not units.are_objects(self.scene):
                 units = replace(units, kind="unit")
@@ -187,7 +189,8 @@ class Referee:
 
     def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
         try:
-            culler.close()
+            with settings_restored():
+                culler.close()
         except Exception as error:  # a plug-in may raise anything; the others are closed too
             record = next((r for r in outcome.cullers if r.spec == spec), None)
             if record is not None:
@@ -230,7 +233,8 @@ class Referee:
         try:
             drawn_set = self._cull(job, camera, frame)
             # A rasteriser may declare more for each camera that it sees: once a frame.
-            raster = raster_of(job.culler)
+            with settings_restored():
+                raster = raster_of(job.culler)
         except InputError:
             raise
         except Exception as error:  # a plug-in may raise anything; the others go on
@@ -297,7 +301,7 @@ class Referee:
         return truth, seen
 
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
-        with Stopwatch() as watch:
+        with settings_restored(), Stopwatch() as watch:
             if job.culler.joint:
                 drawn_set = job.culler.cull_joint((camera.handed_out(),))
             else:
