@@ -278,7 +278,8 @@ def own_units(culler):
 
 OWN = {  # to what is the plug-in's own: of no effect on anybody
     "eye": ("cull", eye_in_place), "forward": ("cull", forward_in_place),
-    "columns": ("cull", columns), "pose": ("cull", pose), "far": ("cull", far), "names": ("later", names),
+    "columns": ("cull", columns), "pose": ("cull", pose), "far": ("cull", far),
+    "names": ("later", names),
     "units": ("later", own_units),
 }  # fmt: skip
 
