@@ -19,14 +19,16 @@ from __future__ import annotations
 
 import importlib
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
+from visref.frozen import Shared, frozen
 
 Float64 = NDArray[np.float64]
 
@@ -42,7 +44,7 @@ MAX_SAMPLES = 1 << 28
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(Shared):
     """One frame's view: a pose, a projection and a grid of samples.
 
     `world_from_camera`: (4, 4) float64, columns right, up, back, eye; orthonormal to 1e-6 and
@@ -53,7 +55,8 @@ class Camera:
     the frame that this camera is; a frame's only view need not have a name. `origin`: the point
     of the world that the pose is relative to, (3,) float64; see `relative_to`.
 
-    Raises InputError where a value breaks these rules.
+    Raises InputError where a value breaks these rules. All arrays, computed ones too, are read-only
+    and cannot be made writable (`visref.frozen`), but for a camera that was `handed_out`.
     """
 
     world_from_camera: Float64
@@ -68,12 +71,13 @@ class Camera:
     cut: bool = False
     view: str = ""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # Whether the arrays are nobody else's; see `handed_out`.
+    _own: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         matrix = np.array(self.world_from_camera, dtype=np.float64)
         _check_pose(matrix)
-        matrix.flags.writeable = False
-        object.__setattr__(self, "world_from_camera", matrix)
+        object.__setattr__(self, "world_from_camera", frozen(matrix))
         for name in ("width", "height"):
             side = getattr(self, name)
             if not 1 <= side <= MAX_IMAGE_SIDE:
@@ -132,6 +136,24 @@ class Camera:
         matrix[:3, 3] = (matrix[:3, 3] + np.array(self.origin)) - np.array(wanted)
         return replace(self, world_from_camera=matrix, origin=wanted)
 
+    def handed_out(self) -> Camera:
+        """A camera of its own for a plug-in: its arrays are copies, which it may write to as it
+        likes (camera-relative coordinates in place, say)."""
+        own = object.__new__(Camera)
+        own.__dict__.update({f.name: getattr(self, f.name) for f in fields(self)})
+        own.__dict__.update(world_from_camera=self.world_from_camera.copy(), _own=True)
+        return own
+
+    def _kept(self, array: Float64) -> Float64:
+        """An array as this camera keeps it."""
+        return array if self._own else frozen(array)
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        if state.get("_own"):
+            self.__dict__.update(state)
+        else:
+            super().__setstate__(state)
+
     @property
     def is_perspective(self) -> bool:
         return self.yfov is not None
@@ -144,12 +166,12 @@ class Camera:
     @cached_property
     def eye(self) -> Float64:
         """e: (3,) float64, the camera's origin in world space."""
-        return self.world_from_camera[:3, 3].copy()
+        return self._kept(self.world_from_camera[:3, 3].copy())
 
     @cached_property
     def forward(self) -> Float64:
         """F: (3,) float64, the direction along which view depth grows."""
-        return -self.world_from_camera[:3, 2]
+        return self._kept(-self.world_from_camera[:3, 2])
 
     @cached_property
     def _step(self) -> float:
@@ -161,24 +183,24 @@ class Camera:
     @cached_property
     def right_step(self) -> Float64:
         """R: (3,) float64, what one unit of `a` adds to a ray (half a pixel)."""
-        return self.world_from_camera[:3, 0] * self._step
+        return self._kept(self.world_from_camera[:3, 0] * self._step)
 
     @cached_property
     def up_step(self) -> Float64:
         """U: (3,) float64, what one unit of `b` adds to a ray (half a pixel)."""
-        return self.world_from_camera[:3, 1] * self._step
+        return self._kept(self.world_from_camera[:3, 1] * self._step)
 
     @cached_property
     def column_a(self) -> Float64:
         """a of every pixel column: (width,) float64, integers unless the lens is shifted."""
         x = np.arange(self.width, dtype=np.float64)
-        return 2.0 * (x + self.shift_x_px) + 1.0 - self.width
+        return self._kept(2.0 * (x + self.shift_x_px) + 1.0 - self.width)
 
     @cached_property
     def row_b(self) -> Float64:
         """b of every pixel row: (height,) float64, integers unless the lens is shifted."""
         y = np.arange(self.height, dtype=np.float64)
-        return self.height - 2.0 * (y + self.shift_y_px) - 1.0
+        return self._kept(self.height - 2.0 * (y + self.shift_y_px) - 1.0)
 
     def ray(self, x: int, y: int) -> tuple[Float64, Float64]:
         """Origin and direction of one sample's ray, (3,) float64 each; t is view depth."""
@@ -195,7 +217,7 @@ class Camera:
         result = np.eye(4)
         result[:3, :3] = rotation
         result[:3, 3] = -rotation @ self.eye
-        return result
+        return self._kept(result)
 
     def clip_from_camera(self, far: float | None = None) -> Float64:
         """The OpenGL projection, (4, 4) float64: pixel centres fall on the samples.

@@ -14,6 +14,7 @@ The referee recomputes everything else and trusts no plug-in.
 
 from __future__ import annotations
 
+import reprlib
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -106,10 +107,44 @@ class RasterTolerance:
     `snap_px`: the greatest distance, in pixels, that a vertex moves when it is snapped to the
     sub-pixel grid, plus the float32 transform's error. `depth_bits`: of a fixed-point depth
     buffer, None for float32 depth.
+
+    A verdict takes at most `MOST_SNAP_PX` of snap and at least `LEAST_DEPTH_BITS` of depth
+    (`check_tolerance`): who declares more excuses himself.
     """
 
     snap_px: float
     depth_bits: int | None = 24
+
+
+# Half a pixel is the most that a rounding to whole pixels moves a vertex along an axis; every GL
+# has at least four sub-pixel bits. No GL has a depth buffer of fewer than 16 bits, or more than 32.
+MOST_SNAP_PX = 0.5
+LEAST_DEPTH_BITS, MOST_DEPTH_BITS = 16, 32
+
+
+def check_tolerance(declared: object) -> RasterTolerance:
+    """A copy, in plain numbers, of what a rasteriser declares, whoever declares it: a plug-in or a
+    command line. Raises ValueError, which says what is wrong, for anything out of bounds."""
+    if not isinstance(declared, RasterTolerance):
+        raise ValueError(f"a {type(declared).__name__} is no RasterTolerance")
+    snap: object = declared.snap_px
+    bits: object = declared.depth_bits
+    # numpy's numbers stand for Python's.
+    snap = snap.item() if isinstance(snap, np.generic) else snap
+    bits = bits.item() if isinstance(bits, np.generic) else bits
+    if not isinstance(snap, (int, float)) or isinstance(snap, bool):
+        raise ValueError(f"snap_px is a {type(snap).__name__}, not a number")
+    if bits is not None and (not isinstance(bits, int) or isinstance(bits, bool)):
+        raise ValueError(f"depth_bits is a {type(bits).__name__}, not a whole number or None")
+    # A subclass may compare as it likes. NaN compares false; an int may be too large for a float.
+    snap = int(snap) if isinstance(snap, int) else float(snap)
+    bits = None if bits is None else int(bits)
+    least, most = LEAST_DEPTH_BITS, MOST_DEPTH_BITS
+    if not 0.0 <= snap <= MOST_SNAP_PX:
+        raise ValueError(f"a snap of {reprlib.repr(snap)} px is not from 0 to {MOST_SNAP_PX}")
+    if bits is not None and not least <= bits <= most:
+        raise ValueError(f"{reprlib.repr(bits)} bits of depth are not from {least} to {most}")
+    return RasterTolerance(float(snap), bits)
 
 
 class Raster(ABC):

@@ -8,10 +8,11 @@ Reading files is `visref.formats`' work.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
+from visref.frozen import Shared, frozen
 from visref.masks.store import Masks
 
 Int32 = NDArray[np.int32]
@@ -46,7 +48,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(Shared):
     """Objects made of triangles.
 
     `vertices`: (v, 3) float32, world space less `origin`, every one finite.
@@ -68,7 +70,8 @@ class Scene:
     `masks`: the alpha masks, a row for each triangle, or None. A MASK triangle without one,
     because its `masks.row` is -1 or there are no `masks`, may be solid or a hole anywhere.
 
-    Raises InputError where a value breaks these rules. The arrays become read-only.
+    Raises InputError where a value breaks these rules. All arrays, computed ones too, are read-only
+    and cannot be made writable (`visref.frozen`).
     """
 
     vertices: Float32
@@ -101,9 +104,9 @@ class Scene:
         put(self, "paths", tuple(self.paths) or tuple(self.names))
         self._check()
         for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha", "origin"):
-            getattr(self, name).flags.writeable = False
+            put(self, name, frozen(getattr(self, name)))
         if self.moved is not None:
-            self.moved.flags.writeable = False
+            put(self, "moved", frozen(self.moved))
 
     def _check(self) -> None:
         offsets: Int64 = self.object_offsets
@@ -200,11 +203,11 @@ class Scene:
     def object_of_triangle(self) -> Int32:
         """(t,) int32, the object id of each triangle."""
         ids = np.arange(self.object_count, dtype=np.int32)
-        return np.repeat(ids, np.diff(self.object_offsets))
+        return frozen(np.repeat(ids, np.diff(self.object_offsets)))
 
     @cached_property
-    def id_of_name(self) -> dict[str, int]:
-        return {name: index for index, name in enumerate(self.names)}
+    def id_of_name(self) -> Mapping[str, int]:
+        return MappingProxyType({name: index for index, name in enumerate(self.names)})
 
     @cached_property
     def has_blend(self) -> bool:
@@ -218,7 +221,7 @@ class Scene:
     def object_bounds(self) -> Float64:
         """(n, 2, 3) float64, each object's least and greatest corner (exact: they are float32
         values); an object without triangles has (+inf, -inf)."""
-        return self.bounds_of(self.object_units())
+        return frozen(self.bounds_of(self.object_units()))
 
     def bounds_of(self, units: Units) -> Float64:
         """(u, 2, 3) float64, each unit's least and greatest corner, (+inf, -inf) if empty."""
@@ -232,9 +235,9 @@ class Scene:
     def bounds(self) -> Float64:
         """(2, 3) float64, the box of all triangles; zeros for an empty scene."""
         if not self.triangle_count:
-            return np.zeros((2, 3))
+            return frozen(np.zeros((2, 3)))
         boxes = self.object_bounds
-        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        return frozen(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
 
     @cached_property
     def core_bounds(self) -> Float64:
@@ -244,11 +247,16 @@ class Scene:
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        return core_of(self.object_bounds[np.diff(self.object_offsets) > 0])
+        return frozen(core_of(self.object_bounds[np.diff(self.object_offsets) > 0]))
 
     def object_units(self) -> Units:
         """The default units: an object each."""
-        return Units(self.object_offsets, np.arange(self.triangle_count, dtype=np.int32))
+        return self._object_units.handed_out()
+
+    @cached_property
+    def _object_units(self) -> Units:
+        every = frozen(np.arange(self.triangle_count, dtype=np.int32))
+        return Units(self.object_offsets, every)
 
     @cached_property
     def digest(self) -> str:
@@ -276,7 +284,7 @@ OBJECT = "object"
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
+class Units(Shared):
     """What a culler decides about: lists of triangles that may overlap.
 
     `offsets`: (u + 1,) int64, `triangles`: int32 triangle ids; unit i has
@@ -295,7 +303,14 @@ class Units:
     @cached_property
     def sizes(self) -> Int64:
         """(u,) int64, triangles in each unit."""
-        return np.diff(self.offsets)
+        return frozen(np.diff(self.offsets))
+
+    def owned(self) -> Units:
+        """The same units in arrays of their own that cannot be made writable, whoever holds these.
+        Raises TypeError where these are no arrays of numbers."""
+        if not isinstance(self.offsets, np.ndarray) or not isinstance(self.triangles, np.ndarray):
+            raise TypeError("the units' offsets and triangles are not both arrays")
+        return Units(frozen(self.offsets), frozen(self.triangles), self.kind)
 
     def are_objects(self, scene: Scene) -> bool:
         """Whether unit i is object i of `scene`, triangle for triangle."""

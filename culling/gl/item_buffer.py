@@ -9,14 +9,14 @@ be looked up, may be drawn over these, whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.culler import Raster, RasterTolerance
+from visref.culler import MOST_SNAP_PX, Raster, RasterTolerance
 from visref.scene import Int32, Scene
 from visref.visibility import BACKGROUND
 from visref_culling.gl.device import Device, State, Target, UsesDevice, device
@@ -202,6 +202,8 @@ class GLRaster(UsesDevice, Raster):
         """Widen the tolerance to hold for this camera too."""
         view = View.of(camera, self.scene, device().subpixel_bits)
         declared = view.tolerance(self.depth_bits)
+        if declared.snap_px > MOST_SNAP_PX:  # so far off, it is excused no further
+            declared = replace(declared, snap_px=MOST_SNAP_PX)
         if declared.snap_px > self.tolerance.snap_px:
             self.tolerance = declared
 

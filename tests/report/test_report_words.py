@@ -127,6 +127,8 @@ def test_what_was_excused_is_counted_with_the_tolerance_that_excused_it(runs):
     assert "2 within the rasteriser's tolerance (snap 0.004 px, 24 bits of depth)" in (
         culler_sentence(excused)
     )
+    counted = culler_sentence(replace(excused, excused_samples=7))
+    assert "24 bits of depth) with 7 samples lost" in counted
     assert declared(RasterTolerance(0.25, None)) == "snap 0.250 px, float depth"
 
 

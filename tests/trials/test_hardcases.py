@@ -154,6 +154,10 @@ def test_no_culler_misses_a_visible_object_on_any_case() -> None:
         for spec, cell in table.cells[case.name].items()
         if spec != HASTY and cell.state is not State.RIGHT
     }
+    # A pixel is 2e-8 units wide there and float32 vertices land several pixels off: more than the
+    # half pixel that any rasteriser may excuse. It promises nothing, so that is measured.
+    lost = at_fault.pop(("t-junction-gap", "three-pass"))
+    assert lost == "measured: 1 sample, 1 object; 1 within raster tolerance"
     assert at_fault == {}
     # And the table can tell: the culler that is broken on purpose stands convicted.
     hasty = table.column(HASTY)

@@ -7,7 +7,14 @@ from pathlib import Path
 
 from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inputs_of
 from visref.cli.judged import judge
-from visref.culler import Promise, RasterTolerance
+from visref.culler import (
+    LEAST_DEPTH_BITS,
+    MOST_DEPTH_BITS,
+    MOST_SNAP_PX,
+    Promise,
+    RasterTolerance,
+    check_tolerance,
+)
 from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.numerals import decimal_number, whole_number
@@ -46,16 +53,18 @@ def run(given: argparse.Namespace) -> Exit:
 
 def _raster(text: str) -> RasterTolerance:
     values = dict(part.partition("=")[::2] for part in text.split(","))
+    fix = (
+        f"write snap=0.004,depth=24 (at most {MOST_SNAP_PX} pixels; {LEAST_DEPTH_BITS} to "
+        f"{MOST_DEPTH_BITS} bits, or float)"
+    )
     try:
-        if set(values) != {"snap", "depth"}:
+        if set(values) != {"snap", "depth"} or text.count(",") != 1:
             raise ValueError
-        snap_px = decimal_number(values["snap"])
-        depth_bits = None if values["depth"] == "float" else whole_number(values["depth"])
-        if not 0.0 <= snap_px < 1.0 or (depth_bits is not None and not 8 <= depth_bits <= 32):
-            raise ValueError
+        bits = None if values["depth"] == "float" else whole_number(values["depth"])
+        declared = RasterTolerance(decimal_number(values["snap"]), bits)
     except ValueError as error:
-        raise InputError(
-            f"--raster {text} is not understood",
-            fix="write snap=0.004,depth=24 (pixels below 1; 8 to 32 bits, or float)",
-        ) from error
-    return RasterTolerance(snap_px, depth_bits)
+        raise InputError(f"--raster {text} is not understood", fix=fix) from error
+    try:
+        return check_tolerance(declared)
+    except ValueError as error:
+        raise InputError(f"--raster {text}: {error}", fix=fix) from error

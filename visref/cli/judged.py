@@ -131,7 +131,8 @@ def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
         )
     if totals.within_raster_tolerance:
         excused = words.count(totals.within_raster_tolerance)
-        parts.append(f"{excused} excused by {words.tolerance(record.raster)}.")
+        lost = words.lost_by_it(record.excused_samples)
+        parts.append(f"{excused} excused by {words.tolerance(record.raster)}{lost}.")
     return " ".join(filter(None, parts))
 
 

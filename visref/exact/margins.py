@@ -20,6 +20,7 @@ nothing: the object must be absent from the rasteriser's own unculled picture be
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numba
@@ -31,11 +32,13 @@ from visref.culler import RasterTolerance
 from visref.exact.depth_buffer import (
     NO_DEPTH_BUFFER,
     DepthBuffer,
+    counted,
     depth_buffer,
     key_error,
+    resolved,
     with_doubtful_range,
 )
-from visref.exact.filters import NOTHING, SET_UP_SIZE, View, set_up, view_of
+from visref.exact.filters import NOTHING, PROJECT, SET_UP_SIZE, View, set_up, view_of
 from visref.exact.nearby import Nearby, near_samples
 from visref.exact.polygons import (
     CLIPPED,
@@ -48,7 +51,7 @@ from visref.exact.polygons import (
     screen_polygon,
 )
 from visref.exact.scene import ExactScene
-from visref.exact.screen import X0, X1, Y0, Y1
+from visref.exact.screen import CLIP_SLACK, X0, X1, Y0, Y1
 from visref.scene import Alpha, Float64, Int64
 
 # Margins are looked for this far; a witness that holds a whole pixel around it is firm.
@@ -99,14 +102,18 @@ def surviving(
     samples: Int64,
     objects: Int64,
     tolerance: RasterTolerance,
+    *,
+    nearest: float | None = None,
 ) -> NDArray[np.bool_]:
     """Whether a rasteriser of this tolerance must show each object at its sample: (k,) bool.
 
     True only where no displacement and no depth error that it declares could lose the object
-    there; see the module's text for which way doubt falls.
+    there; see the module's text for which way doubt falls. With `nearest`, the least view depth
+    at which anything is seen, only depths that the buffer resolves are in doubt
+    (`depth_buffer.resolved`): so where nobody has seen the rasteriser's own picture.
     """
     radius = tolerance.snap_px
-    found = _find(exact_scene, camera, samples, objects, radius, tolerance)
+    found = _find(exact_scene, camera, samples, objects, radius, tolerance, nearest)
     return (found.cover > radius) & ~found.lost
 
 
@@ -117,6 +124,7 @@ def _find(
     objects: Int64,
     radius: float,
     tolerance: RasterTolerance | None,
+    nearest: float | None = None,
 ) -> _Findings:
     """`_examine` for samples (k,) and objects (k,), in parallel."""
     scene = exact_scene.scene
@@ -125,6 +133,9 @@ def _find(
     if tolerance is not None:
         depth = depth_buffer(camera, exact_scene, tolerance)
         view = with_doubtful_range(view, exact_scene, depth)
+        if nearest is not None:
+            depth = resolved(depth, exact_scene)
+            view = _with_projectable_near(view, exact_scene, nearest)
     samples = np.asarray(samples, np.int64)
     objects = np.asarray(objects, np.int64)
     opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
@@ -148,6 +159,24 @@ def _find(
 
     exact_scene.in_parallel(part_of, np.arange(len(samples)))
     return found
+
+
+def _with_projectable_near(view: View, exact_scene: ExactScene, nearest: float) -> View:
+    """The view with near moved out to where float64 projects what crosses it to a sixteenth of a
+    pixel, but no further than half way to what is seen nearest.
+
+    Nearer to the eye a corner's place on the screen has no bound, and a floor under the eye would
+    be in doubt all over the screen.
+    """
+    if not view.perspective:
+        return view
+    size = float(np.abs(exact_scene.scene.bounds - view.e).max())
+    z_error = PROJECT * view.z_norm * size
+    # A corner at depth t stands a = x_norm * size / t aside, which is off by a * z_error / t; and
+    # `screen_polygon` wants z_error < t * CLIP_SLACK / 2.
+    aside = max(view.x_norm, view.y_norm) * size
+    least = max(math.sqrt(16.0 * aside * z_error), 4.0 * z_error / CLIP_SLACK)
+    return view._replace(near=max(view.near, min(least, 0.5 * nearest)))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -265,8 +294,9 @@ def _examine(
                 if thick:
                     continue
             if with_depth:
-                doubt = depth.step * depth.scale + key_error(corners[t], view, depth)
                 low, high = key_range(x, y, radius + slop, polygons[near], count)
+                doubt = depth.step * depth.scale + key_error(corners[t], view, depth)
+                doubt = counted(doubt, high, depth)
                 if low - doubt > depth.first or high + doubt < depth.last:
                     continue
             places[near], counts[near], slops[near] = t, count, slop
@@ -322,9 +352,8 @@ def _examine(
         step = 0.0
         if with_depth:
             step = depth.step * depth.scale
-            lost[index] = (
-                greatest + error + step >= depth.first or least - error - step <= depth.last
-            )
+            doubt = counted(error + step, least, depth)
+            lost[index] = greatest + doubt >= depth.first or least - doubt <= depth.last
         next_key = -np.inf
         for other in range(near):
             if object_of[places[other]] == mine:
@@ -333,6 +362,7 @@ def _examine(
             low, high = key_range(x, y, radius + slops[other], polygons[other], count)
             if with_depth:
                 doubt = step + error + key_error(corners[places[other]], view, depth)
+                doubt = counted(doubt, least, depth)
                 if high + doubt >= least:
                     lost[index] = True
                 continue

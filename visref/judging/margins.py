@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.camera import Camera
-from visref.culler import CullerError, Raster
-from visref.exact import ExactScene, surviving, witness_margins
+from visref.culler import Raster
+from visref.exact import ExactScene, resolves, surviving, witness_margins
 from visref.judging.disputes import Rulings
 from visref.judging.frame import SettledFrame
+from visref.judging.rasters import JudgedRaster
 from visref.picking import distinct
-from visref.scene import Int32, Int64, Scene
-from visref.visibility import BACKGROUND
+from visref.scene import Int32, Int64
 
 # How many of a missed object's samples are asked for their margins; the best one is reported.
 # Of a frame that misses hundreds of objects, fewer of each: a margin takes about a millisecond.
@@ -28,7 +27,7 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
     """The frame's rulings, with what is known of each object that loses samples.
 
     `raster` is the rasteriser behind the culler's depth buffer, None if it has none. Raises
-    CullerError where its picture is none.
+    CullerError where what it declares is out of bounds, or its picture is none.
     """
     rulings, camera = frame.rulings, frame.truth.camera
     losing = np.flatnonzero(frame.walk.lost > 0)
@@ -40,17 +39,8 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
     margin_px, margin_depth = witness_margins(exact, camera, samples, objects)
     within: set[int] = set()
     if raster is not None:
-        survives = surviving(exact, camera, samples, objects, raster.tolerance)
-        excused = np.setdiff1d(losing, objects[survives])
-        if len(excused):
-            # The tolerance speaks of every sample, so look at the ones left out above too.
-            more, theirs = (part[np.isin(lost[1], excused)] for part in lost)
-            again = surviving(exact, camera, more, theirs, raster.tolerance)
-            excused = np.setdiff1d(excused, theirs[again])
-        if len(excused):
-            shown = _triangles_shown(frame.scene, camera, raster)
-            excused = np.setdiff1d(excused, _of_units_that_show(frame, excused, shown))
-            within = {int(o) for o in excused}
+        judged = raster if isinstance(raster, JudgedRaster) else JudgedRaster(raster)
+        within = {int(o) for o in _excused(exact, frame, judged, losing, lost, (samples, objects))}
     best: dict[int, int] = {}
     margins: dict[int, tuple[float, float]] = {}
     order = np.lexsort((samples, -margin_px, objects))
@@ -60,24 +50,43 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
     return replace(rulings, within_raster=frozenset(within), best_sample=best, margins=margins)
 
 
-def _triangles_shown(scene: Scene, camera: Camera, raster: Raster) -> Int32:
-    """The triangles in the rasteriser's own unculled picture, none if it has no picture. Raises
-    CullerError where it is no such picture."""
-    try:
-        picture = raster.item_buffer(camera)
-    except Exception as error:  # a plug-in may raise anything
-        raise CullerError(f"item_buffer() raised {type(error).__name__}: {error}") from error
-    if picture is None:
-        return np.zeros(0, np.int32)
-    seen = np.unique(picture)
-    if not (
-        picture.shape == (camera.height, camera.width)
-        and np.issubdtype(picture.dtype, np.integer)
-        and BACKGROUND <= seen[0] <= seen[-1] < scene.triangle_count
-    ):
-        raise CullerError("item_buffer() is no picture of the scene's triangle ids")
-    shown: Int32 = seen[seen >= 0].astype(np.int32)
-    return shown
+def _excused(
+    exact: ExactScene,
+    frame: SettledFrame,
+    raster: JudgedRaster,
+    losing: NDArray[np.int64],
+    lost: tuple[Int64, Int64],
+    picked: tuple[Int64, Int64],
+) -> NDArray[np.int64]:
+    """Those of the objects `losing` samples that the rasteriser may have lost by itself.
+    `lost`: every (sample, object) pair; `picked`: some of each object, which are asked first."""
+    camera, tolerance = frame.truth.camera, raster.tolerance
+    nearest = float(frame.seen.nearest.min())
+
+    def without_survivors(
+        objects: NDArray[np.int64], pairs: tuple[Int64, Int64], nearest: float | None
+    ) -> NDArray[np.int64]:
+        sample, obj = (part[np.isin(pairs[1], objects)] for part in pairs)
+        survives = surviving(exact, camera, sample, obj, tolerance, nearest=nearest)
+        return np.setdiff1d(objects, obj[survives])
+
+    excused = losing
+    # The tolerance speaks of every sample, so what is left is asked of those not picked too.
+    for pairs in (picked, lost):
+        if len(excused):
+            excused = without_survivors(excused, pairs, None)
+    if not len(excused):
+        return excused
+    shown = raster.triangles_shown(camera, frame.scene.triangle_count)
+    if shown is not None:
+        excused = np.setdiff1d(excused, _of_units_that_show(frame, excused, shown))
+    if shown is None or not resolves(camera, exact, tolerance, nearest):
+        # Nobody has seen what such a buffer makes of these depths: a picture of a frame in which
+        # it tells no depth from another shows nothing.
+        for pairs in (picked, lost):
+            if len(excused):
+                excused = without_survivors(excused, pairs, nearest)
+    return excused
 
 
 def _of_units_that_show(

@@ -36,7 +36,7 @@ class FrameRecord:
 @dataclass
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
-    tolerance that its rasteriser declares, None without one."""
+    tolerance that its rasteriser declares (the loosest of its frames), None without one."""
 
     spec: str
     promise: Promise
@@ -49,6 +49,12 @@ class CullerRecord:
     @property
     def totals(self) -> Counts:
         return sum((record.verdict.counts for record in self.frames), Counts())
+
+    @property
+    def excused_samples(self) -> int:
+        """Samples lost within the rasteriser's tolerance, of a tied one once for each object."""
+        misses = (miss for record in self.frames for miss in record.verdict.misses)
+        return sum(miss.samples for miss in misses if miss.kind is MissKind.WITHIN_RASTER)
 
     @property
     def exit(self) -> Exit:
@@ -109,6 +115,17 @@ def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, 
     }
 
 
+def raster_json(record: CullerRecord) -> dict[str, object] | None:
+    """What a culler's rasteriser declares and what that excused, as in `verdict.json`."""
+    if record.raster is None:
+        return None
+    return {
+        **vars(record.raster),
+        "objects": record.totals.within_raster_tolerance,
+        "samples": record.excused_samples,
+    }
+
+
 def _finite(margin: float | None) -> float | None:
     """JSON has no infinity: a margin that nothing limits is null, like one not computed."""
     return margin if margin is not None and math.isfinite(margin) else None
@@ -130,6 +147,7 @@ def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> d
             "ages": {},
             "causes": [],
             "worst": worst,
+            "raster": raster_json(record),
         }
     return {
         "status": outcome.status.value,

@@ -36,6 +36,8 @@ from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, judge
 from visref.judging.limits import LOOKED_AT, hidden_by_limits
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.judging.rasters import looser, raster_of
+from visref.judging.restored import settings_restored
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
 from visref.judging.winding import inside_out
@@ -146,10 +148,6 @@ class Referee:
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
-            for job in jobs:
-                # A rasteriser may declare more for each camera that it sees.
-                if job.culler.raster is not None:
-                    job.record.raster = job.culler.raster.tolerance
             if self.examine and self._engine is not None:
                 # Afterwards: nobody needs the engine's arrays any more.
                 picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]
@@ -170,10 +168,12 @@ class Referee:
         record = CullerRecord(spec, Promise.CONSERVATIVE)
         outcome.cullers.append(record)
         try:
-            record.promise = _promise(culler)
-            units = _checked(culler.prepare(self.scene), self.scene)
-            # `prepare` may have settled what the options promise.
-            record.promise = _promise(culler)
+            # Here and below a plug-in gets records of its own, and is not asked for its own later.
+            with settings_restored():
+                record.promise = _promise(culler)
+                units = _checked(culler.prepare(self.scene.handed_out()), self.scene)
+                # `prepare` may have settled what the options promise.
+                record.promise = _promise(culler)
         except NothingToJudge as error:
             record.failed = True
             outcome.findings.append(Finding(Code.NO_GL, str(error), culler=spec))
@@ -188,7 +188,8 @@ class Referee:
 
     def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
         try:
-            culler.close()
+            with settings_restored():
+                culler.close()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plug-in may raise anything; the others are closed too
@@ -232,11 +233,16 @@ class Referee:
         """One culler's answer for one view, judged. Truths that it needs go to `casts`."""
         try:
             drawn_set = self._cull(job, camera, frame)
+            # A rasteriser may declare more for each camera that it sees: once a frame.
+            with settings_restored():
+                raster = raster_of(job.culler)
         except (InputError, KeyboardInterrupt):
             raise
         except BaseException as error:  # a plug-in may raise anything; the others go on
             self._fail(job.record, outcome, frame, error)
             return
+        if raster is not None:
+            job.record.raster = looser(job.record.raster, raster.tolerance)
         drawn_units = drawn_set.unit_ids
         drawn = job.units.mask(drawn_units, self.scene.triangle_count)
         rows = self.recorded.frames[frame] if self.recorded else None
@@ -253,7 +259,7 @@ class Referee:
                     job.units,
                     drawn_units,
                     exact=self._arithmetic,
-                    raster=job.culler.raster,
+                    raster=raster,
                     drawn=drawn,
                     seen=seen,
                     only_visible=not job.record.promise.may_draw_hidden,
@@ -296,11 +302,11 @@ class Referee:
         return truth, seen
 
     def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
-        with Stopwatch() as watch:
+        with settings_restored(), Stopwatch() as watch:
             if job.culler.joint:
-                drawn_set = job.culler.cull_joint((camera,))
+                drawn_set = job.culler.cull_joint((camera.handed_out(),))
             else:
-                drawn_set = job.culler.cull(camera)
+                drawn_set = job.culler.cull(camera.handed_out())
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError("cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units)
@@ -356,6 +362,7 @@ def _checked(units: object, scene: Scene) -> Units:
         units.check(scene, source="")
     except InputError as error:  # not the user's: the culler made them
         raise CullerError(str(error)) from error
+    units = units.owned()
     if units.kind == OBJECT and not units.are_objects(scene):
         units = replace(units, kind="unit")
     return units

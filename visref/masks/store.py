@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.frozen import Shared, frozen
 from visref.masks.materials import MaskMaterial, Wrap
 
 if TYPE_CHECKING:
@@ -65,12 +66,12 @@ class MaskArrays(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Masks:
+class Masks(Shared):
     """Alpha masks of a scene's triangles.
 
     `row`: (t,) int32, for each triangle its row in the arrays of masked triangles, -1 for one
     that is not masked. `arrays`: see `MaskArrays`. `reasons`: why lookups cannot be done, each
-    once. All arrays are read-only.
+    once. All arrays are read-only, and stay so (`visref.frozen`).
     """
 
     row: NDArray[np.int32]
@@ -78,8 +79,8 @@ class Masks:
     reasons: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for array in (self.row, *self.arrays):
-            array.flags.writeable = False
+        object.__setattr__(self, "row", frozen(self.row))
+        object.__setattr__(self, "arrays", MaskArrays(*map(frozen, self.arrays)))
 
     @classmethod
     def build(

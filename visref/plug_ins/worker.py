@@ -10,7 +10,6 @@ import signal
 import socket
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from visref.camera import Camera
@@ -112,9 +111,7 @@ class _Worker:
 
 
 def _cameras(question: Message) -> list[Camera]:
-    # Made anew, so that their arrays are read-only here too.
-    cameras = pickle.loads(question.arrays["cameras"].tobytes())
-    return [replace(camera) for camera in cameras]
+    return list(pickle.loads(question.arrays["cameras"].tobytes()))
 
 
 def _die_with_the_judge() -> None:

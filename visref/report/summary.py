@@ -100,6 +100,7 @@ class CullerSummary:
     status: Status
     promise: Promise
     raster: RasterTolerance | None
+    excused_samples: int | None
     failed: bool
     rounded: bool
     unit_kind: str
@@ -152,6 +153,7 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
         status=Status(verdict.status),
         promise=Promise(verdict.promise),
         raster=facts.raster,
+        excused_samples=verdict.excused_samples,
         failed=any(f.culler == culler and f.code in broke_down for f in run.verdict.findings),
         unit_kind=verdict.unit_kind,
         rounded=any(f.code == Code.VERTICES_ROUNDED for f in run.verdict.findings),

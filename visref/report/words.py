@@ -230,7 +230,10 @@ def _found(row: CullerSummary) -> list[str]:
 def _cleared(row: CullerSummary) -> str:
     """What was missed and is no violation, and by what it is excused."""
     counts = row.counts
-    excused = f"{count(counts.within_raster_tolerance)} within {tolerance(row.raster)}"
+    excused = (
+        f"{count(counts.within_raster_tolerance)} within {tolerance(row.raster)}"
+        f"{lost_by_it(row.excused_samples)}"
+    )
     cleared = [
         counted(counts.ties, "tie") if counts.ties else "",
         excused if counts.within_raster_tolerance else "",
@@ -252,6 +255,11 @@ def tolerance(raster: RasterTolerance | None) -> str:
     if raster is None:
         return "the rasteriser's tolerance"
     return f"the rasteriser's tolerance ({declared(raster)})"
+
+
+def lost_by_it(samples: int | None) -> str:
+    """How many samples a tolerance excused, to stand behind it; None where it is not recorded."""
+    return "" if samples is None else f" with {counted(samples, 'sample')} lost"
 
 
 def declared(raster: RasterTolerance) -> str:

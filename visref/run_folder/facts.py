@@ -167,8 +167,22 @@ def _culler(culler: Fields, version: int) -> CullerVerdict:
         ages=_ages(culler.inner("ages")) if version >= 2 else {},
         causes=tuple(cause.plain() for cause in culler.each("causes")) if version >= 2 else (),
         worst=None if culler.is_null("worst") else _witness(culler.inner("worst"), version),
+        excused_samples=_excused_samples(culler) if version >= 2 else None,
         **counts,
     )
+
+
+def _excused_samples(culler: Fields) -> int | None:
+    """How many samples the rasteriser's tolerance excused; None without one, or where a record
+    does not say."""
+    if "raster" not in culler.plain() or culler.is_null("raster"):
+        return None
+    raster = culler.inner("raster")
+    raster.number("snap_px")
+    if not raster.is_null("depth_bits"):
+        raster.whole("depth_bits", least=1)
+    raster.whole("objects")
+    return raster.whole("samples")
 
 
 def _ages(ages: Fields) -> dict[int, int]:

@@ -224,7 +224,8 @@ class FindingRow:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CullerVerdict(Sums):
     """What verdict.json says of one culler; counts are sums over its judged `frames`. `ages`:
-    misses by age in frames; `causes`: why things were missed."""
+    misses by age in frames; `causes`: why things were missed. `excused_samples`: samples lost
+    within the rasteriser's tolerance, None without one or where it is not recorded."""
 
     status: str
     promise: str
@@ -233,6 +234,7 @@ class CullerVerdict(Sums):
     ages: dict[int, int]
     causes: tuple[dict[str, Any], ...]
     worst: Witness | None
+    excused_samples: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
