@@ -170,12 +170,13 @@ def fill_rays(
     count: int,
     grid: SampleGrid,
     origin: NDArray[Any],
+    scale: float,
     start_depth: float,
 ) -> None:
     """Origins and directions of `count` samples from `start` on, into `rays` (n, 6) float32.
 
-    Computed in float64 and rounded once. Origins are relative to the scene's own `origin`
-    and lie on the rays at view depth `start_depth`.
+    Computed in float64 and rounded once. Origins are relative to the scene's own `origin`,
+    times `scale`, a power of two, and lie on the rays at view depth `start_depth`.
     """
     m = grid.axes
     width = len(grid.column_a)
@@ -190,7 +191,7 @@ def fill_rays(
             else:
                 d = m[1, i]
                 o = eye[i] + (side[i] + start_depth * d)
-            rays[k, i] = np.float32(o)
+            rays[k, i] = np.float32(scale * o)
             rays[k, 3 + i] = np.float32(d)
         x += 1
         if x == width:
