@@ -8,8 +8,10 @@ numbers, by the brute force of `tests.fuzz_verdicts`, which shares no code with 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,8 +22,10 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
+from visref.engines.embree import EmbreeEngine
 from visref.engines.known_samples import PER_OCTAVE, known_samples, misses, of_each_size
 from visref.errors import InputError
+from visref.findings import Code
 from visref.judging.referee import Referee
 from visref.scene import Scene
 
@@ -242,3 +246,58 @@ def test_every_size_is_asked_for_evenly():
     ones = chosen[(chosen >= 103) & (chosen < 1108)] - 103
     assert len(ones) == PER_OCTAVE
     assert np.all(np.abs(np.diff(ones) - 1005 / PER_OCTAVE) <= 1.0)
+
+
+def findings(spec: str, scene: Scene, power: int) -> list[str]:
+    cameras = tuple(camera_times(camera, 2.0**power) for camera in CAMERAS)
+    outcome = Referee(scene, lambda: engine_or_skip(spec, scene), examine=True).run(
+        CameraPath(cameras), range(len(cameras)), [("all", Draws(np.arange(scene.object_count)))]
+    )
+    return [f.message for f in outcome.findings if f.code is Code.ENGINE_WRONG]
+
+
+@pytest.mark.parametrize("spec", ["embree", "open3d"])
+def test_a_view_whose_rays_round_by_more_than_what_they_look_at_is_a_finding(spec):
+    """An orthographic ray starts where the world does, 2^30 screws away."""
+    (message,) = findings(spec, beside_a_world(-46), -46)
+    assert "known samples, in 3 frames" in message
+    assert findings("exact", beside_a_world(-46), -46) == []
+    assert findings(spec, beside_a_world(-20), -20) == findings(spec, BASE, 0) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_view_convicts_who_sees_nothing_or_the_farthest_and_nobody_else(seed):
+    """A brute force in the library's place."""
+    scene = random_soup(seed)
+
+    class Given(EmbreeEngine):
+        answer: ClassVar[Callable[[list], int]]
+
+        def _nearest(self, rays):
+            if not hasattr(self, "asking"):
+                return super()._nearest(rays)
+            found = []
+            for ray in rays.astype(float):
+                hits = []
+                for t, ids in enumerate(scene.triangles):
+                    corners = scene.vertices[ids].astype(float) - ray[:3]
+                    volumes = [
+                        np.linalg.det([ray[3:], corners[i - 2], corners[i - 1]]) for i in range(3)
+                    ]
+                    if min(volumes) > 0 or max(volumes) < 0:
+                        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+                        depth = normal @ corners[0] / (normal @ ray[3:])
+                        hits += [(depth, t)] if depth > 0 else []
+                found.append(type(self).answer(sorted(hits)))
+            return np.array(found, np.int32)
+
+    engine = Given(scene)
+    engine.asking = True
+    for camera in CAMERAS:
+        Given.answer = staticmethod(lambda hits: hits[0][1])
+        wrong, asked = engine.known_wrong(camera)
+        assert len(wrong) == 0 < asked
+        Given.answer = staticmethod(lambda hits: -1)
+        assert len(engine.known_wrong(camera)[0]) == asked
+        Given.answer = staticmethod(lambda hits: hits[-1][1])
+        assert len(engine.known_wrong(camera)[0]) > 0

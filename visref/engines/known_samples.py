@@ -4,6 +4,9 @@ A library computes with products of three lengths. Where a scene mixes magnitude
 10^-12 in a world of 10^12), no one scale keeps all of them within float32's exponents, and the
 library then misses what it was given, without a word. So it is asked first: for triangles of each
 size, along rays through their interior, so clear of the edges that rounding cannot matter.
+
+A view may be such that rays which start afar round by more than what they look at. So the same
+triangles, where a view shows them large enough, are asked for by the view's own rays too.
 """
 
 from __future__ import annotations
@@ -15,10 +18,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float32, Float64, Int32
+from visref.camera import Camera
+from visref.scene import Float32, Float64, Int32, Int64
 
 # Triangles asked for in each octave of size, evenly by id.
 PER_OCTAVE = 8
+# More where a view is asked, which shows few of them.
+PER_OCTAVE_IN_VIEW = 128
 # More than there are exponents of float32, -148 to 128, twice the greater one.
 OCTAVES = 320
 # Where the rays start before the triangle, as shares of its size: a ray that starts closer has
@@ -27,6 +33,9 @@ DISTANCES = (1.0, 2.0**-6)
 # How far a hit must be from each edge: this share of the corners' distances, and of the
 # greatest coordinate by ROUNDING.
 INTERIOR = 1.0 / 8.0
+# How much deeper than a known hit's centre an answer must lie to be wrong, as a share of the
+# distance from the eye: 2^-53 times the dozen operations that make that depth is far below.
+DEPTH_ROUNDING = 2.0**-40
 # Some 16 roundings (2^-24) of differences that are at most 2 sqrt(3) of a coordinate come to
 # 2^-18.2, as in `visref.engines.rays.DEPTH_SLACK`.
 ROUNDING = 2.0**-18
@@ -84,6 +93,31 @@ def misses(known: KnownSamples, answer: Int32, vertices: Float32, triangles: Int
     vague = ~(heights.min(axis=1) > ROUNDING * np.abs(corners).max(axis=(1, 2)))
     seen[other] = ~behind | vague
     return np.flatnonzero(~seen).astype(np.int32)
+
+
+def points_in_view(corners: Float64, camera: Camera) -> tuple[Int64, Float64, Float64, Float64]:
+    """Where a view shows triangles, (k, 3, 3) float64 corners in its coordinates, so that their
+    centres are a pixel or more from each edge: (m,) int64 indices, and of each the image point a,
+    b of its centre and the view depth there. They lie between near and far."""
+    basis = np.stack([camera.forward, camera.right_step, camera.up_step])
+    place = (corners - camera.eye) @ np.linalg.inv(basis)
+    depth = place[..., 0]
+    inside = ((depth >= camera.near) & (depth <= camera.far)).all(axis=1)
+    centre = place.mean(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if camera.is_perspective:
+            place, centre = place / place[..., :1], centre / centre[:, :1]
+        image, point = place[..., 1:], centre[:, 1:]
+        for k in range(3):
+            edge = image[:, k - 1] - image[:, k - 2]
+            way = point - image[:, k - 2]
+            # A pixel is 2 wide.
+            apart = np.abs(edge[:, 0] * way[:, 1] - edge[:, 1] * way[:, 0])
+            inside &= apart >= 2.0 * np.hypot(*edge.T)
+    inside &= (point[:, 0] >= camera.column_a.min()) & (point[:, 0] <= camera.column_a.max())
+    inside &= (point[:, 1] >= camera.row_b.min()) & (point[:, 1] <= camera.row_b.max())
+    found = np.flatnonzero(inside)
+    return found, point[found, 0], point[found, 1], depth.mean(axis=1)[found]
 
 
 @numba.njit(cache=True, nogil=True)

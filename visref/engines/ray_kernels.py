@@ -262,6 +262,21 @@ def resolve(
     return pending
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def least_depths(which: NDArray[Any], mesh: Triangles, grid: SampleGrid) -> NDArray[np.float64]:
+    """The least view depth, but for rounding, at which point i of a scattered grid meets the plane
+    of triangle `which[i]`, (k,) int32 (`BACKGROUND`: infinity): (k,) float64."""
+    result = np.empty(len(which))
+    for i in range(len(which)):
+        result[i] = np.inf
+        if which[i] >= 0:
+            facet = _facet(mesh, grid, which[i])
+            depth, error = _depth_interval(facet, grid, grid.column_a[i], grid.row_b[i])
+            # An edge-on plane may be met anywhere.
+            result[i] = depth - error if error < np.inf else -np.inf
+    return result
+
+
 @numba.njit(inline="always")
 def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
     """The edge's function of (a, b): (constant, a's, b's). Its sign says on which side of the

@@ -19,6 +19,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from itertools import count
 from typing import Any, TypeVar
 
@@ -28,7 +29,14 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.known_samples import known_samples, misses
+from visref.engines.known_samples import (
+    DEPTH_ROUNDING,
+    PER_OCTAVE_IN_VIEW,
+    known_samples,
+    misses,
+    of_each_size,
+    points_in_view,
+)
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
@@ -113,6 +121,27 @@ class RayEngine(TruthEngine):
             place=f"object '{self.scene.names[self.scene.object_of_triangle[first]]}'",
             fix="use the engine 'exact'; float32 cannot hold such different sizes at once",
         )
+
+    def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
+        """Which triangles a view shows by a pixel or more around their centres while its ray there
+        meets nothing, or only what lies behind: (k,) int32; and how many were asked for."""
+        if not len(self._solid):
+            return np.zeros(0, np.int32), 0
+        camera = camera.relative_to(self.scene.origin)
+        corners = self.scene.vertices[self.scene.triangles[self._picked]].astype(np.float64)
+        index, a, b, depth = points_in_view(corners, camera)
+        grid = sample_grid(camera)._replace(column_a=a, row_b=b, scattered=True)
+        if not len(index):
+            return np.zeros(0, np.int32), 0
+        rays = np.empty((len(index), 6), np.float32)
+        start = self._start(grid)[0]
+        ray_kernels.fill_rays(rays, 0, len(index), grid, self.rebase, self.scale, start)
+        answer = self._nearest(rays)
+        met = np.where(answer >= 0, self._solid[answer], BACKGROUND)
+        least = ray_kernels.least_depths(met, self._mesh, grid)
+        away = np.abs(corners[index] - camera.eye).max(axis=(1, 2))
+        wrong = (met != self._picked[index]) & (least > depth + DEPTH_ROUNDING * away)
+        return self._picked[index[wrong]], len(index)
 
     def frame(self, camera: Camera) -> FrameTruth:
         camera = camera.relative_to(self.scene.origin)
@@ -210,6 +239,14 @@ class RayEngine(TruthEngine):
             return pending
 
         return sum(self._on_all(work, min(self._casting_workers, len(starts))))
+
+    @cached_property
+    def _picked(self) -> Int32:
+        """The opaque triangles that `known_wrong` asks for, (k,) int32 ids."""
+        triangles = self.scene.triangles[self._solid]
+        chosen = of_each_size(self.scene.vertices, triangles, PER_OCTAVE_IN_VIEW)
+        picked: Int32 = self._solid[chosen]
+        return picked
 
     @property
     def _casting_workers(self) -> int:

@@ -33,7 +33,7 @@ from visref.findings import Code, Finding
 from visref.judging.culler_findings import culler_findings
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, judge
-from visref.judging.limits import LOOKED_AT, hidden_by_limits
+from visref.judging.limits import LOOKED_AT, hidden_by_limits, known_to_be_wrong
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
@@ -155,6 +155,7 @@ class Referee:
                 kind = type(self._engine)
                 outcome.findings[:0] = [
                     *hidden_by_limits(self._engine, self.scene, picked),
+                    *known_to_be_wrong(self._engine, self.scene, picked),
                     *inside_out(kind, self.scene, picked, threads=self.threads),
                 ]
         finally:
