@@ -280,7 +280,7 @@ def test_a_view_convicts_who_sees_nothing_or_the_farthest_and_nobody_else(seed):
             for ray in rays.astype(float):
                 hits = []
                 for t, ids in enumerate(scene.triangles):
-                    corners = scene.vertices[ids].astype(float) - ray[:3]
+                    corners = (scene.vertices[ids] - self.rebase) * self.scale - ray[:3]
                     volumes = [
                         np.linalg.det([ray[3:], corners[i - 2], corners[i - 1]]) for i in range(3)
                     ]
