@@ -24,9 +24,14 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
+from visref.errors import InputError
 from visref.scene import Float32, Float64, Scene
 
 FLOAT32_UNIT = 2.0**-24
+
+# Float32's normal exponents, -126 to 127, less 24 bits on either side: what a driver flushes to
+# zero then is no more than a rounding, and no product of a clip coordinate overflows.
+LEAST_LENGTH, GREATEST_LENGTH = 2.0**-102, 2.0**103
 
 # Part 2: the division (2 roundings, of numbers up to half the side), the viewport's product and
 # sum (2), and the three products and sums of a plane equation over the image.
@@ -54,6 +59,8 @@ class View:
 
     @classmethod
     def of(cls, camera: Camera, scene: Scene, subpixel_bits: int) -> View:
+        """Raises InputError where lengths do not fit float32's exponents."""
+        _check_lengths(camera, scene)
         far = camera.far
         if not camera.is_perspective and math.isinf(far):
             corners = scene.bounds - camera.eye
@@ -158,3 +165,19 @@ class View:
             ndc /= nearest
         window: Float64 = np.clip(0.5 * (ndc - self.depth_shift_ndc) + 0.5, 0.0, 1.0)
         return window
+
+
+def _check_lengths(camera: Camera, scene: Scene) -> None:
+    """Raise InputError where GL would flush or overflow lengths, without a word."""
+    away = float(np.abs(scene.bounds - camera.eye).max())
+    greatest = max(away, float(np.abs(camera.eye).max()), float(np.abs(scene.bounds).max()))
+    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    least = pixel * away if camera.is_perspective else pixel
+    # An empty scene has nothing to draw.
+    if away > 0.0 and not (greatest < GREATEST_LENGTH and least > LEAST_LENGTH):
+        raise InputError(
+            f"lengths from {least:.3g} (a pixel) to {greatest:.3g} (the scene, seen from the eye) "
+            f"are beyond the float32 of OpenGL",
+            source=scene.source,
+            fix=f"scale scene and path to within {LEAST_LENGTH:.0e} and {GREATEST_LENGTH:.0e}",
+        )

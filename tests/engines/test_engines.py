@@ -631,14 +631,6 @@ def test_without_open3d_the_message_names_the_extra(monkeypatch: pytest.MonkeyPa
         Open3DEngine(random_soup(1))
 
 
-def test_coordinates_that_embree_ignores_are_refused(make: Make) -> None:
-    huge = Part(
-        np.array([[-1e30, -1e30, -1], [1e30, -1e30, -1], [0, 1e30, -1]]), np.array([[0, 1, 2]])
-    )
-    with pytest.raises(InputError, match="beyond 1e\\+18"):
-        make(build(huge))
-
-
 def test_an_engine_is_exact_by_its_own_word_whatever_its_name():
     """A plug-in engine that is exact has no blind spots, live or from its own truth file."""
 

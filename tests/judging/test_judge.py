@@ -318,7 +318,7 @@ def test_glass_before_its_own_wall_is_lost_though_the_wall_is_drawn():
     assert [(m.samples, m.owned, m.partly) for m in whole.misses] == [(2, 2, True)]
 
 
-def test_disputes_are_the_samples_that_no_drawn_triangle_shows():
+def test_disputes_are_the_samples_that_no_drawn_triangle_shows_and_those_left_open():
     scene = soup([1, 1, 1, 1])
     frame = truth([[0, 1, 2, -1]], ties=[(1, 0)], doubt=[(2, 3)])
 
@@ -326,7 +326,8 @@ def test_disputes_are_the_samples_that_no_drawn_triangle_shows():
         return find_disputes(settled(scene, frame, scene.object_units(), drawn).walk).tolist()
 
     assert disputed(0, 3) == []
-    assert disputed(2) == [0, 1]
+    assert disputed(2) == [0, 1, 2]
+    assert disputed(2, 3) == [0, 1]
     assert disputed() == [0, 1, 2]
 
 

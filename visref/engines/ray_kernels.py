@@ -170,12 +170,13 @@ def fill_rays(
     count: int,
     grid: SampleGrid,
     origin: NDArray[Any],
+    scale: float,
     start_depth: float,
 ) -> None:
     """Origins and directions of `count` samples from `start` on, into `rays` (n, 6) float32.
 
-    Computed in float64 and rounded once. Origins are relative to the scene's own `origin`
-    and lie on the rays at view depth `start_depth`.
+    Computed in float64 and rounded once. Origins are relative to the scene's own `origin`,
+    times `scale`, a power of two, and lie on the rays at view depth `start_depth`.
     """
     m = grid.axes
     width = len(grid.column_a)
@@ -190,7 +191,7 @@ def fill_rays(
             else:
                 d = m[1, i]
                 o = eye[i] + (side[i] + start_depth * d)
-            rays[k, i] = np.float32(o)
+            rays[k, i] = np.float32(scale * o)
             rays[k, 3 + i] = np.float32(d)
         x += 1
         if x == width:
@@ -259,6 +260,21 @@ def resolve(
             x = 0
             y += 1
     return pending
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def least_depths(which: NDArray[Any], mesh: Triangles, grid: SampleGrid) -> NDArray[np.float64]:
+    """The least view depth, but for rounding, at which point i of a scattered grid meets the plane
+    of triangle `which[i]`, (k,) int32 (`BACKGROUND`: infinity): (k,) float64."""
+    result = np.empty(len(which))
+    for i in range(len(which)):
+        result[i] = np.inf
+        if which[i] >= 0:
+            facet = _facet(mesh, grid, which[i])
+            depth, error = _depth_interval(facet, grid, grid.column_a[i], grid.row_b[i])
+            # An edge-on plane may be met anywhere.
+            result[i] = depth - error if error < np.inf else -np.inf
+    return result
 
 
 @numba.njit(inline="always")

@@ -9,7 +9,9 @@ triangles against samples in float64; nothing is recast, so nothing behind a hit
 Numeric policy: owners are the library's, good to its float32 rounding, so a sample within that
 of an edge, or of a crossing of two surfaces, may go to a neighbour. Depths, near, far and sides
 are float64. To keep float32 rounding small, the scene is moved so that it lies about the
-origin, and rays start just before the scene or the near plane, however far the eye is.
+origin, and rays start just before the scene or the near plane, however far the eye is. To keep
+within float32's exponents it is scaled by a power of two, which rounds nothing, and known samples
+tell whether that was enough.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from itertools import count
 from typing import Any, TypeVar
 
@@ -26,6 +29,14 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
+from visref.engines.known_samples import (
+    DEPTH_ROUNDING,
+    PER_OCTAVE_IN_VIEW,
+    known_samples,
+    misses,
+    of_each_size,
+    points_in_view,
+)
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
@@ -49,15 +60,16 @@ Layers = tuple[NDArray[Any], ...]
 # come to 2^-18.2. Rays start this much early; hits that this lets in are sorted out in float64.
 DEPTH_SLACK = 2.0**-18
 
-# Embree ignores triangles beyond this (its FLT_LARGE, 1.844e18); with room for the rebasing.
-GREATEST_COORDINATE = 1e18
-
 
 class RayEngine(TruthEngine):
     """A truth engine over a ray library; subclasses say how rays are cast.
 
     `rebase`: (3,) float64, what is subtracted from the scene before it becomes float32 again;
-    `rebase_exact` says that no vertex was rounded by it.
+    `rebase_exact` says that no vertex was rounded by it. `scale`: a power of two by which the rest
+    is multiplied, so that the greatest coordinate that the library gets is between 1/2 and 1:
+    it multiplies lengths, and ignores what lies beyond some 1e18.
+
+    Raises InputError where the library does not see what it was given (`known_samples`).
     """
 
     # Samples in a tile: rays and answers of one tile stay in a core's cache.
@@ -67,26 +79,20 @@ class RayEngine(TruthEngine):
         super().__init__(scene, threads=threads)
         self._workers = threads or available_threads()
         self.rebase = origin_of(scene.object_bounds[np.diff(scene.object_offsets) > 0])
-        local = (scene.vertices - self.rebase).astype(np.float32)
-        self.rebase_exact = _is_exact(scene.vertices, local, self.rebase)
+        local, self.scale, self.rebase_exact = _local(scene.vertices, self.rebase)
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
         self._masked = _of_alpha(scene, Alpha.MASK)
         self._blended = _of_alpha(scene, Alpha.BLEND)
         self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
-        self._reach = float(np.abs(local).max(initial=0.0))
-        if self._reach > GREATEST_COORDINATE:
-            raise InputError(
-                f"a coordinate is beyond {GREATEST_COORDINATE:g}",
-                source=scene.source,
-                fix="scale the scene down, or use the engine 'exact'",
-            )
+        self._reach = float(np.abs(local).max(initial=0.0)) / self.scale
         self._triangle: Int32 = np.empty(0, np.int32)
         self._depth: Float64 = np.empty(0)
         self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
         if len(self._solid):
             self._build(local, scene.triangles[self._solid])
+            self._check_sight(local, scene.triangles[self._solid])
 
     @abstractmethod
     def _build(self, vertices: Float32, triangles: Int32) -> None:
@@ -98,6 +104,44 @@ class RayEngine(TruthEngine):
 
         `rays`: (n, 6), origins and directions. Hits count from parameter 0 on, closed.
         """
+
+    def _check_sight(self, vertices: Float32, triangles: Int32) -> None:
+        """Raise InputError if the library, as built, gets a known sample wrong."""
+        known = known_samples(vertices, triangles)
+        wrong = misses(known, self._nearest(known.rays), vertices, triangles)
+        if not len(wrong):
+            return
+        first = int(self._solid[known.primitive[wrong[0]]])
+        corners = self.scene.vertices[self.scene.triangles[first]].astype(np.float64)
+        raise InputError(
+            f"the engine '{self.name}' does not see all of it: it misses {len(wrong)} of "
+            f"{len(known.primitive)} known samples, first one on a triangle of size "
+            f"{np.ptp(corners, axis=0).max():.3g} in a scene that reaches to {self._reach:.3g}",
+            source=self.scene.source,
+            place=f"object '{self.scene.names[self.scene.object_of_triangle[first]]}'",
+            fix="use the engine 'exact'; float32 cannot hold such different sizes at once",
+        )
+
+    def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
+        """Which triangles a view shows by a pixel or more around their centres while its ray there
+        meets nothing, or only what lies behind: (k,) int32; and how many were asked for."""
+        if not len(self._solid):
+            return np.zeros(0, np.int32), 0
+        camera = camera.relative_to(self.scene.origin)
+        corners = self.scene.vertices[self.scene.triangles[self._picked]].astype(np.float64)
+        index, a, b, depth = points_in_view(corners, camera)
+        grid = sample_grid(camera)._replace(column_a=a, row_b=b, scattered=True)
+        if not len(index):
+            return np.zeros(0, np.int32), 0
+        rays = np.empty((len(index), 6), np.float32)
+        start = self._start(grid)[0]
+        ray_kernels.fill_rays(rays, 0, len(index), grid, self.rebase, self.scale, start)
+        answer = self._nearest(rays)
+        met = np.where(answer >= 0, self._solid[answer], BACKGROUND)
+        least = ray_kernels.least_depths(met, self._mesh, grid)
+        away = np.abs(corners[index] - camera.eye).max(axis=(1, 2))
+        wrong = (met != self._picked[index]) & (least > depth + DEPTH_ROUNDING * away)
+        return self._picked[index[wrong]], len(index)
 
     def frame(self, camera: Camera) -> FrameTruth:
         camera = camera.relative_to(self.scene.origin)
@@ -150,7 +194,8 @@ class RayEngine(TruthEngine):
         def work(_: int) -> None:
             while (index := next(turn)) < len(starts):
                 part = slice(starts[index], starts[index] + self.tile_samples)
-                rays = np.concatenate([origins[part] - self.rebase, directions[part]], axis=1)
+                starts_at = (origins[part] - self.rebase) * self.scale
+                rays = np.concatenate([starts_at, _about_one(directions[part])], axis=1)
                 met = self._nearest(rays.astype(np.float32))
                 result[part] = np.where(met >= 0, self._solid[met], BACKGROUND)
 
@@ -179,7 +224,7 @@ class RayEngine(TruthEngine):
             while (index := next(turn)) < len(starts):
                 start = starts[index]
                 size = min(tile, samples - start)
-                ray_kernels.fill_rays(rays, start, size, grid, self.rebase, start_depth)
+                ray_kernels.fill_rays(rays, start, size, grid, self.rebase, self.scale, start_depth)
                 pending += ray_kernels.resolve(
                     self._nearest(rays[:size]),
                     start,
@@ -194,6 +239,14 @@ class RayEngine(TruthEngine):
             return pending
 
         return sum(self._on_all(work, min(self._casting_workers, len(starts))))
+
+    @cached_property
+    def _picked(self) -> Int32:
+        """The opaque triangles that `known_wrong` asks for, (k,) int32 ids."""
+        triangles = self.scene.triangles[self._solid]
+        chosen = of_each_size(self.scene.vertices, triangles, PER_OCTAVE_IN_VIEW)
+        picked: Int32 = self._solid[chosen]
+        return picked
 
     @property
     def _casting_workers(self) -> int:
@@ -297,11 +350,24 @@ class RayEngine(TruthEngine):
         return list(self._pool.map(work, range(workers)))
 
 
-def _is_exact(vertices: Float32, local: Float32, rebase: Float64) -> bool:
-    """Whether local + rebase is each vertex with no rounding (either way round)."""
-    moved = local.astype(np.float64)
-    same = np.array_equal(moved + rebase, vertices)
-    return bool(same and np.array_equal(moved, vertices.astype(np.float64) - rebase))
+def _local(vertices: Float32, rebase: Float64) -> tuple[Float32, float, bool]:
+    """(vertices - rebase) * scale in float32, (v, 3), the scale, a power of two with which the
+    greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either way)."""
+    # Nothing is allocated twice: a scene may have millions of vertices.
+    moved = vertices - rebase
+    exact = not rebase.any() or np.array_equal(moved + rebase, vertices)
+    greatest = max(-moved.min(initial=0.0), moved.max(initial=0.0))
+    scale = 2.0 ** -int(np.frexp(greatest)[1])
+    moved *= scale
+    local = moved.astype(np.float32)
+    return local, scale, bool(exact and np.array_equal(local, moved))
+
+
+def _about_one(directions: Float64) -> Float64:
+    """Each row of (k, 3) times a power of two, its greatest component from 1/2 to 1."""
+    exponent = np.frexp(np.abs(directions).max(axis=1))[1]
+    scaled: Float64 = np.ldexp(directions, -exponent[:, None])
+    return scaled
 
 
 def sample_grid(camera: Camera) -> SampleGrid:

@@ -39,10 +39,13 @@ class Rulings:
 
 def find_disputes(walk: SampleWalk) -> Int64:
     """Flat indices, (k,) int64, ascending, of the samples that a drawn set fails to show in full:
-    what owns them was left out, or glass that is seen there."""
-    if not len(walk.lost_blended_samples):
-        return walk.lost_samples
-    return np.union1d(walk.lost_samples, walk.lost_blended_samples)
+    what owns them was left out, or glass that is seen there, or what a mask leaves open. The last
+    are counted, not charged; whether they are open hangs on ties too."""
+    lost = walk.lost_samples
+    for more in (walk.lost_blended_samples, walk.undecided_samples):
+        if len(more):
+            lost = np.union1d(lost, more)
+    return lost
 
 
 def decide(exact: ExactScene, truth: FrameTruth, samples: Int64) -> Rulings:

@@ -15,6 +15,7 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.engines.base import TruthEngine
+from visref.engines.rays import RayEngine
 from visref.findings import Code, Finding
 from visref.scene import Float64, Scene
 from visref.visibility import FrameTruth, hit_depths
@@ -119,3 +120,25 @@ def hidden_by_limits(
 def share(part: int, whole: int) -> str:
     """A share in whole percent, rounded down: 100 only where nothing is left."""
     return f"{100 * part // whole} %"
+
+
+def known_to_be_wrong(
+    engine: TruthEngine, scene: Scene, frames: Sequence[Sequence[Camera]]
+) -> list[Finding]:
+    """A finding where a ray engine errs, in these frames, a list of views each, at samples whose
+    owner is known. The judge decides exactly what is disputed, but nobody disputes what nobody
+    saw."""
+    if not isinstance(engine, RayEngine):
+        return []
+    asked, wrong = 0, [np.zeros(0, np.int32)]
+    for views in frames:
+        for camera in views:
+            triangles, known = engine.known_wrong(camera)
+            asked += known
+            wrong.append(triangles)
+    met = np.concatenate(wrong)
+    if not len(met):
+        return []
+    owner = scene.names[scene.object_of_triangle[met[0]]]
+    text = f"{len(met)} of {asked} known samples, in {counted(len(frames), 'frame')}"
+    return [Finding(Code.ENGINE_WRONG, text, object=owner)]

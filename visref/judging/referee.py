@@ -34,7 +34,7 @@ from visref.findings import Code, Finding
 from visref.judging.culler_findings import culler_findings
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import Counts, FrameVerdict, judge
-from visref.judging.limits import LOOKED_AT, hidden_by_limits
+from visref.judging.limits import LOOKED_AT, hidden_by_limits, known_to_be_wrong
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rasters import looser, raster_of
 from visref.judging.restored import settings_restored
@@ -154,6 +154,7 @@ class Referee:
                 kind = type(self._engine)
                 outcome.findings[:0] = [
                     *hidden_by_limits(self._engine, self.scene, picked),
+                    *known_to_be_wrong(self._engine, self.scene, picked),
                     *inside_out(kind, self.scene, picked, threads=self.threads),
                 ]
         finally:
