@@ -15,7 +15,7 @@ from visref.errors import InputError
 from visref.judging.status import Status, decide, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
-from visref.run_folder.inside import file_inside
+from visref.run_folder.inside import file_inside, quoted, shortened
 from visref.run_folder.layout import (
     CAUSES,
     COUNTERS,
@@ -65,16 +65,16 @@ def check_manifest(folder: Path, manifest: Manifest) -> None:
             raise InputError(
                 "it is not the culler's part of file names",
                 source=source,
-                place=f"cullers.{name}.slug",
+                place=f"cullers.{shortened(name)}.slug",
                 fix=FIX,
             )
     for index, pictures in enumerate(manifest.pictures):
         if pictures.culler not in manifest.cullers:
-            problem, place = f"culler {pictures.culler!r} is not in 'cullers'", "culler"
+            problem, place = f"culler {quoted(pictures.culler)} is not in 'cullers'", "culler"
         elif pictures.frame >= len(manifest.samples):
             problem, place = f"frame {pictures.frame} is not in 'samples'", "frame"
         elif pictures.view not in manifest.samples[pictures.frame]:
-            problem, place = f"view {pictures.view!r} is not in 'samples'", "view"
+            problem, place = f"view {quoted(pictures.view)} is not in 'samples'", "view"
         else:
             continue
         at = f"pictures[{index}].{place}"
@@ -88,14 +88,12 @@ def check_verdict(folder: Path, manifest: Manifest, verdict: RunVerdict) -> None
     source = str(folder / VERDICT)
     for culler, said in verdict.cullers.items():
         if culler not in manifest.cullers:
-            problem = f"it judges '{culler}', which {MANIFEST} does not list"
+            problem = f"it judges {quoted(culler)}, which {MANIFEST} does not list"
             raise InputError(problem, source=source, place="cullers", fix=FIX)
-        if said.status == Status.VIOLATION and not said.violations:
-            problem = "it is a violation without violations"
-            raise InputError(problem, source=source, place=f"cullers.{culler}.status", fix=FIX)
-        if said.violations and said.status != Status.VIOLATION:
-            problem = f"it is {said.status} in spite of violations"
-            raise InputError(problem, source=source, place=f"cullers.{culler}.status", fix=FIX)
+        if bool(said.violations) != (said.status == Status.VIOLATION):
+            problem = f"it is {said.status}, with {said.violations} violations"
+            place = f"cullers.{shortened(culler)}.status"
+            raise InputError(problem, source=source, place=place, fix=FIX)
     statuses = [Status(said.status) for said in verdict.cullers.values()]
     if Status(verdict.status) is not run_status(statuses):
         problem = f"it is {verdict.status}, and its cullers say {run_status(statuses)}"
@@ -117,13 +115,13 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
     for cell in zip(*columns, strict=True):
         culler, frame, view = cell
         if culler not in known:
-            problem, place = f"it judges '{culler}', which {VERDICT} does not", "culler"
+            problem, place = f"it judges {quoted(culler)}, which {VERDICT} does not", "culler"
         elif not 0 <= frame < len(manifest.samples):
             problem, place = f"frame {frame} is not one of {MANIFEST}", "frame"
         elif view not in manifest.samples[frame]:
-            problem, place = f"view {view!r} is not one of {MANIFEST}", "view"
+            problem, place = f"view {quoted(view)} is not one of {MANIFEST}", "view"
         elif cell in seen:
-            problem, place = f"frame {frame} of '{culler}' stands twice", "frame"
+            problem, place = f"frame {frame} of {quoted(culler)} stands twice", "frame"
         else:
             seen.add(cell)
             continue
@@ -131,8 +129,8 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
     for index, pictures in enumerate(manifest.pictures):
         if (pictures.culler, pictures.frame, pictures.view) not in seen:
             raise InputError(
-                f"it shows frame {pictures.frame} of '{pictures.culler}', which {FRAMES} does not "
-                "have",
+                f"it shows frame {pictures.frame} of {quoted(pictures.culler)}, which {FRAMES} "
+                "does not have",
                 source=str(folder / MANIFEST),
                 place=f"pictures[{index}]",
                 fix=FIX,

@@ -88,7 +88,7 @@ def _check(witness: Fields, found: Mapping[str, Any], culler: str, manifest: Man
     triangles and a sample that there are."""
     frame, view = found["frame"], found["view"]
     if found["culler"] != culler:
-        raise witness.error(f"it is {quoted(found['culler'])}, and not '{culler}'", "culler")
+        raise witness.error(f"it is {quoted(found['culler'])}, and not {quoted(culler)}", "culler")
     if frame >= len(manifest.samples):
         raise witness.error(f"frame {frame} is not one of {MANIFEST}", "frame")
     if view not in manifest.samples[frame]:

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from visref.errors import InputError
-from visref.run_folder.inside import file_inside
+from visref.run_folder.inside import file_inside, quoted
 from visref.run_folder.layout import SINCE_VERSION_2
 
 _REPEATED = pa.dictionary(pa.int32(), pa.string())
@@ -105,7 +105,7 @@ def check_among(
     for value in pc.unique(table[column]).to_pylist():
         if value is not None and value not in known:
             raise InputError(
-                f"its column '{column}' holds {value[:50]!r}", source=str(file), fix=fix
+                f"its column '{column}' holds {quoted(value)}", source=str(file), fix=fix
             )
 
 

@@ -6,6 +6,7 @@ Fields that nobody here knows are ignored.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -153,7 +154,10 @@ def read_definition(definition: Fields) -> Mapping[str, Any]:
         definition.hexadecimal(name, finite=True)
     for name in _HEX_VECTORS:
         definition.hexadecimal_vector(name)
-    if not definition.hexadecimal("near") < definition.hexadecimal("far"):
+    near, far = definition.hexadecimal("near"), definition.hexadecimal("far")
+    if near == math.inf:
+        raise definition.error("it is infinite", "near")
+    if not near < far:
         raise definition.error("it is not less than 'far'", "near")
     return definition.plain()
 

@@ -126,10 +126,14 @@ def is_text(value: str) -> bool:
     return _NO_TEXT.search(value) is None
 
 
+def shortened(text: str) -> str:
+    """A text as an error shows it: no longer than 60 characters."""
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def quoted(value: object) -> str:
     """A value as an error quotes it: in short, whatever it is."""
-    text = repr(value[:50] if isinstance(value, str) else value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return shortened(repr(value[:60] if isinstance(value, str) else value))
 
 
 def _texts(value: Any) -> Iterator[str]:

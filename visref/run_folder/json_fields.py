@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from visref.errors import InputError
-from visref.run_folder.inside import quoted
+from visref.run_folder.inside import quoted, shortened
 
 # As `float.hex` writes a float64, and no exponent that one does not have.
 _EXPONENT = r"(\+([0-9]{1,3}|10[01][0-9]|102[0-3])|-([0-9]{1,3}|10[0-6][0-9]|107[0-4]))"
@@ -179,7 +179,7 @@ class Fields:
         return self._value[name]
 
     def _at(self, name: str) -> str:
-        name = name if len(name) <= 60 else f"{name[:57]}..."
+        name = shortened(name)
         return f"{self._place}.{name}" if self._place and name else self._place or name
 
 
