@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +52,20 @@ def test_whether_the_engine_is_exact_comes_back(tmp_path, exact):
     assert read_truth(tmp_path / "t.parquet", SCENE, PATH, ()).exact is exact
 
 
+class ThreeViews(CameraPath):
+    """A path each of whose frames has three views."""
+
+    def views(self, frame):
+        return tuple(replace(self.frames[frame], view=view) for view in ("left", "right", ""))
+
+
 def test_views_of_a_frame_come_back_apart(tmp_path):
+    path = ThreeViews(PATH.frames)
     table = TruthTable(SCENE)
     for view, owners in (("left", [[0, 0]]), ("right", [[2, -1]]), ("", [[-1, -1]])):
         table.add(1, 2, objects_seen(truth(owners), SCENE), view=view)
-    table.write(tmp_path / "t.parquet", engine="hand", path=PATH, ties_complete=True, exact=True)
-    read = read_truth(tmp_path / "t.parquet", SCENE, PATH, [1])
+    table.write(tmp_path / "t.parquet", engine="hand", path=path, ties_complete=True, exact=True)
+    read = read_truth(tmp_path / "t.parquet", SCENE, path, [1])
     assert {cell: rows.objects.tolist() for cell, rows in read.views.items()} == {
         (1, "left"): [0],
         (1, "right"): [1],
@@ -113,6 +122,8 @@ SPOILT = {
     "no metadata": (lambda table: table.replace_schema_metadata(None), "not a truth file"),
     "metadata cut short": (_metadata(b'{"format": "visref-tr'), "not a truth file"),
     "metadata a list": (_metadata(b"[1]"), "not a truth file"),
+    "metadata of lists too deep": (_metadata(b"[" * 100_000), "not a truth file"),
+    "a column twice": (lambda t: t.append_column("frame", t["frame"]), "its columns"),
     "another version": (_facts(lambda facts: facts.update(version=3)), "its version is 3"),
     "no digest": (_facts(lambda facts: facts.pop("digest")), "its digest"),
     "no word of exactness": (_facts(lambda facts: facts.pop("exact")), "its exact"),
@@ -151,6 +162,36 @@ SEALED = {
     ),
     "a frame missing": (_facts(lambda facts: facts.update(frames=[0, 1])), "lacks frames"),
     "another scene": (_facts(lambda facts: facts.update(scene="0")), "another scene"),
+    "a frame twice": (_facts(lambda facts: facts.update(frames=[2, 0, 1, 1])), "go together"),
+    "frames that are lists": (_facts(lambda facts: facts.update(frames=[[2], 0, 1])), "its frames"),
+    "a frame beyond the path": (
+        _facts(lambda facts: facts.update(frames=[2, 0, 1, 9])),
+        "together",
+    ),
+    "a view that is a number": (
+        _facts(lambda facts: facts.update(views=[1, "", ""])),
+        "its frames",
+    ),
+    "a view of no camera": (_facts(lambda facts: facts.update(views=["", "x", ""])), "together"),
+    "more owned than samples": (_facts(lambda facts: facts.update(owned=[2, 2, 99])), "together"),
+    "owned as text": (_facts(lambda facts: facts.update(owned=["2", 2, 0])), "together"),
+    "owned too few": (_facts(lambda facts: facts.update(owned=[2, 2])), "together"),
+    "a row of a frame that is not listed": (
+        _column("frame", pa.array(np.array([7, 7, 7], np.int32))),
+        "does not list",
+    ),
+    "an object twice": (
+        _column("object", pa.array(np.array([0, 0, 1], np.int32))),
+        "stands twice",
+    ),
+    "a sample outside the image": (
+        _column("x", pa.array(np.array([0, 0, 99], np.int32))),
+        "does not have",
+    ),
+    "a depth that is no number": (_column("depth", pa.array([1.0, np.nan, 1.0])), "does not have"),
+    "no sample at all": (_column("pixels", pa.array([0, 1, 1], pa.int64())), "does not have"),
+    "another status": (_column("status", pa.array(["visible", "tie", "x"])), "its status"),
+    "more rows than objects": (lambda table: pa.concat_tables([table] * 4), "more than objects"),
 }
 
 

@@ -13,13 +13,12 @@ from tests.support.hand_made import scene_of_squares, settled, square, truth
 from visref.camera import Camera, look_at
 from visref.culler import Promise
 from visref.judging.judge import judge
+from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
 from visref.run_folder.pictures import (
     MISSED_RGB,
-    PAGE_WIDTH_PX,
     SUPERFLUOUS_RGB,
     VISIBLE_RGB,
     draw_pictures,
-    page_shape,
 )
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
@@ -197,7 +196,7 @@ def test_superfluous_unit_shows_where_it_lies_hidden(tmp_path):
 )
 def test_pictures_are_never_enlarged_nor_wider_than_the_page(size, shape):
     camera = Camera(np.eye(4), *size, near=1.0, yfov=1.0)
-    assert page_shape(camera) == shape
+    assert page_shape(camera.width, camera.height) == shape
     assert shape[1] <= PAGE_WIDTH_PX
 
 

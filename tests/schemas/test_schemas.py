@@ -21,7 +21,9 @@ from visref.camera_path import CameraPath
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.recordings.visible_sets import read_visible_sets
+from visref.run_folder.claims import read_witness
 from visref.run_folder.facts import read_manifest, read_verdict
+from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import COUNTS
 from visref.schemas import NAMES, schema
 
@@ -55,6 +57,9 @@ def valid(run, name: str) -> Any:
         return path_json()
     if name == "visible_sets":
         return LINE
+    if name == "witness":
+        (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
+        return json.loads(file.read_text().splitlines()[0])
     return json.loads((run / f"{name}.json").read_text())
 
 
@@ -64,6 +69,8 @@ def read(name: str, value: Any, folder) -> None:
         read_verdict(value, "verdict.json", 2)
     elif name == "manifest":
         read_manifest(value, "manifest.json")
+    elif name == "witness":
+        read_witness(Fields(value, "witness", ""))
     elif name == "path":
         CameraPath.from_json(value)
     else:
@@ -97,7 +104,10 @@ def changed(value: Any, at: tuple[Any, ...], to: Any) -> Any:
     return spoilt
 
 
-OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1.5, "x", [], {}, [None], ...)
+OTHERS: tuple[Any, ...] = (
+    None, True, -1, 0, 1.5, "x", [], {}, [None], ..., 1 << 63, 10**400, "inf", "0x1p+9999",
+    "../x", "pictures/../../x.png",
+)  # fmt: skip
 
 
 def variants(value: Any) -> Iterator[tuple[str, Any]]:
@@ -128,7 +138,8 @@ def test_counts_and_counters_are_those_of_the_code():
 
 # How many of the variants are refused, at least: a check that refuses nothing proves nothing.
 @pytest.mark.parametrize(
-    ("name", "least"), [("manifest", 300), ("path", 150), ("verdict", 300), ("visible_sets", 40)]
+    ("name", "least"),
+    [("manifest", 300), ("path", 150), ("verdict", 300), ("visible_sets", 40), ("witness", 300)],
 )
 def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
     validator = jsonschema.Draft202012Validator(schema(name))
@@ -144,7 +155,7 @@ def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
     assert refused >= least
 
 
-@pytest.mark.parametrize("name", ["manifest", "verdict"])
+@pytest.mark.parametrize("name", ["manifest", "verdict", "witness"])
 def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
     validator = jsonschema.Draft202012Validator(schema(name))
     for what, value in variants(valid(run, name)):
@@ -155,7 +166,7 @@ def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
                 pytest.fail(f"{what} fits the schema: {error}")
 
 
-@pytest.mark.parametrize("name", ["manifest", "verdict"])
+@pytest.mark.parametrize("name", ["manifest", "verdict", "witness"])
 def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
     value = valid(run, name)
     for at in places(value):

@@ -10,8 +10,7 @@ from typing import Any
 from visref.cli.terminal import OUT
 from visref.judging.status import Exit
 from visref.numerals import whole_number
-from visref.run_folder.explain import draw_neighbourhood, explain
-from visref.run_folder.layout import slug
+from visref.run_folder.explain import draw_neighbourhood, explain, picture_beside
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +38,6 @@ def run(given: argparse.Namespace) -> Exit:
 def _picture(given: argparse.Namespace, witness: Mapping[str, Any], index: int) -> Path:
     """Where the picture of the witness with this index goes."""
     if given.picture is None:
-        name = f"{slug(witness['culler'])}-{given.frame:05d}-{witness['object']}.png"
-        return Path(given.run / "witnesses" / name)
+        return picture_beside(given.run, witness)
     first: Path = given.picture
     return first.with_stem(f"{first.stem}-{index + 1}") if index else first

@@ -12,6 +12,10 @@ from visref.errors import InputError
 from visref.papers.contents import Experiment, JudgedRun, Results, Table
 from visref.run_folder.read import RunFolder
 
+# How a table fails whose numbers are not there: a counter that was not counted, a division by zero,
+# the mean of nothing.
+NO_NUMBERS = (ArithmeticError, LookupError, ValueError)
+
 
 @dataclass(frozen=True)
 class Paper:
@@ -69,13 +73,20 @@ def _fits(judged: JudgedRun, run: RunFolder) -> bool:
 
 def tables_beside(run: RunFolder) -> list[tuple[Paper, list[Table]]]:
     """What a run folder fills of the papers' tables: as one of a paper's judged runs, or else by
-    what the paper makes of any run."""
+    what the paper makes of any run.
+
+    A run may fit by its names and yet lack a counter, or have a zero, that a paper's tables divide
+    by: then it fills none of them.
+    """
     found = []
     for paper in map(load_paper, paper_names()):
-        if any(_fits(judged, run) for judged in paper.runs):
-            tables = paper.tables(_OneRun(paper, run))
-        else:
-            tables = paper.tables_of_run(run)
+        try:
+            if any(_fits(judged, run) for judged in paper.runs):
+                tables = paper.tables(_OneRun(paper, run))
+            else:
+                tables = paper.tables_of_run(run)
+        except NO_NUMBERS:
+            continue
         filled = [
             replace(
                 table,

@@ -173,16 +173,58 @@ def read_truth(
     one of the frames.
     """
     source = str(file)
-    table, facts = _table_and_facts(Path(file), source)
+    table, facts = _table_and_facts(Path(file), source, scene)
     for what, now in (("scene", scene.digest), ("path", path_digest(path))):
         if facts[what] != now:
             raise InputError(
                 f"it was cast for another {what}", source=source, fix="cast the truth again"
             )
-    frames_on_file = facts["frames"]
     wanted = set(frames)
-    if not wanted <= set(frames_on_file):
+    if not wanted <= set(facts["frames"]):
         raise InputError("it lacks frames of this run", source=source, fix="cast them all")
+    version_1 = facts["version"] == 1
+    on_file = _cells(facts, path, source)
+    _check_rows(table, on_file, scene, path, source)
+    cells = {cell: count for cell, count in on_file.items() if cell[0] in wanted}
+    rows = _rows_by_cell(table, cells, None if version_1 else table["view"])
+    findings = (Finding(Code.TRUTH_UNSEALED, source),) if version_1 else ()
+    return RecordedTruth(facts["engine"], facts.get("exact"), rows, findings)
+
+
+def _cells(
+    facts: dict[str, Any], path: CameraPath, source: str
+) -> dict[tuple[int, str], int | None]:
+    """By frame and view, all that the file has: how many samples anything owns. Raises InputError
+    where the lists do not go together, or name a frame or a view that the path lacks."""
+    frames = facts["frames"]
+    views = facts["views"] if facts["version"] > 1 else [_UNNAMED] * len(frames)
+    # Some files of version 1 do not say it.
+    owned = facts.get("owned") or [None] * len(frames)
+    known = {
+        (frame, camera.view): camera.samples
+        for frame in range(len(path))
+        for camera in path.views(frame)
+    }
+    cells: dict[tuple[int, str], int | None] = {}
+    for cell, count in zip(zip(frames, views, strict=False), owned, strict=False):
+        whole = count is None or (_is_whole(count) and count <= known.get(cell, 0))
+        if cell not in known or cell in cells or not whole:
+            break
+        cells[cell] = count
+    if not len(cells) == len(frames) == len(views) == len(owned):
+        raise _spoilt(source, "its frames, views and owned samples do not go together")
+    return cells
+
+
+def _check_rows(
+    table: pa.Table,
+    cells: dict[tuple[int, str], int | None],
+    scene: Scene,
+    path: CameraPath,
+    source: str,
+) -> None:
+    """Raises InputError where a row tells of an object, a frame, a view or a sample that there is
+    not, or of the same object again."""
     objects = table["object"].to_numpy().astype(np.int64)
     if len(objects) and not 0 <= objects.min() <= objects.max() < scene.object_count:
         raise InputError(
@@ -191,18 +233,37 @@ def read_truth(
             place="object",
             fix="cast the truth again",
         )
-    version_1 = facts["version"] == 1
-    views_on_file = [_UNNAMED] * len(frames_on_file) if version_1 else facts["views"]
-    # Some files of version 1 do not say it.
-    owned = facts.get("owned") or [None] * len(frames_on_file)
-    cells = {
-        (frame, view): count
-        for frame, view, count in zip(frames_on_file, views_on_file, owned, strict=False)
-        if frame in wanted
+    numbers = {cell: number for number, cell in enumerate(cells)}
+    views = table["view"] if "view" in table.column_names else [_UNNAMED] * len(table)
+    view_names = views if isinstance(views, list) else views.to_pylist()
+    frames = table["frame"].to_pylist()
+    place = [numbers.get(cell, -1) for cell in zip(frames, view_names, strict=True)]
+    cell_of = np.array(place, np.int64)
+    if len(cell_of) and cell_of.min() < 0:
+        raise _spoilt(source, "a row is of a frame or a view that its metadata does not list")
+    if len(np.unique(cell_of * scene.object_count + objects)) < len(objects):
+        raise _spoilt(source, "an object stands twice in a frame")
+    by_view = {
+        (frame, camera.view): camera for frame in range(len(path)) for camera in path.views(frame)
     }
-    rows = _rows_by_cell(table, cells, None if version_1 else table["view"])
-    findings = (Finding(Code.TRUTH_UNSEALED, source),) if version_1 else ()
-    return RecordedTruth(facts["engine"], facts.get("exact"), rows, findings)
+    sizes = np.array(
+        [(by_view[cell].width, by_view[cell].height) for cell in cells], np.int64
+    ).reshape(-1, 2)[cell_of]
+    x, y, pixels = (table[name].to_numpy().astype(np.int64) for name in ("x", "y", "pixels"))
+    inside = (x >= 0) & (x < sizes[:, 0]) & (y >= 0) & (y < sizes[:, 1])
+    counted = (pixels >= 1) & (pixels <= sizes[:, 0] * sizes[:, 1])
+    if not (inside & counted & np.isfinite(table["depth"].to_numpy())).all():
+        raise _spoilt(source, "a row tells of samples that its view does not have")
+    if not set(pc.unique(table["status"]).to_pylist()) <= {"visible", "tie"}:
+        raise _spoilt(source, "its status is neither 'visible' nor 'tie'")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _spoilt(source: str, problem: str) -> InputError:
+    return InputError(problem, source=source, fix="cast the truth again")
 
 
 def _rows_by_cell(
@@ -223,27 +284,28 @@ def _rows_by_cell(
     return found
 
 
-def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]:
+def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, dict[str, Any]]:
     """The table, and what its metadata says, both of the form that `TruthTable` writes."""
     fix = "write one with `visref truth`"
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
     try:
-        table = pq.read_table(file)
+        with pq.ParquetFile(file) as opened:
+            found, count = opened.schema_arrow, opened.metadata.num_rows
     except (OSError, pa.ArrowException) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     try:
-        facts = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
-    except ValueError:
+        facts = json.loads((found.metadata or {}).get(_KEY, b"{}"))
+    except (ValueError, RecursionError):
         facts = None
     if not isinstance(facts, dict) or facts.get("format") != _FORMAT:
         raise InputError("this is not a truth file", source=source, fix=fix)
 
     def spoilt(problem: str) -> InputError:
-        return InputError(problem, source=source, fix="cast the truth again")
+        return _spoilt(source, problem)
 
     version = facts.get("version")
-    if isinstance(version, bool) or version not in _READABLE:
+    if not _is_whole(version) or version not in _READABLE:
         raise spoilt(f"its version is {version!r}, and this visref reads 1 to {_VERSION}")
     kinds: dict[str, type | tuple[type, ...]] = {
         "engine": str, "scene": str, "path": str, "ties_complete": bool, "frames": list,
@@ -258,9 +320,24 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
         for name, kind in kinds.items()
         if name not in facts or not isinstance(facts[name], kind)
     ]
-    if odd or not table.schema.equals(schema) or any(c.null_count for c in table.columns):
+    if odd or not found.equals(schema):
         where = ", ".join(odd) or "columns"
         raise spoilt(f"its {where} are not those of a truth file")
+    if not all(map(_is_whole, facts["frames"])) or not all(
+        isinstance(view, str) for view in facts.get("views", ())
+    ):
+        raise spoilt("its frames or views are not those of a truth file")
+    # An object has one row at most in each view of a frame; looked at before rows are made.
+    if count > len(facts["frames"]) * scene.object_count:
+        raise spoilt(f"it has {count} rows, more than objects in its frames")
+    try:
+        table = pq.read_table(file)
+        # Texts that are not UTF-8 among them.
+        table.validate(full=True)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
+    if any(column.null_count for column in table.columns):
+        raise spoilt("its columns are not those of a truth file: a cell is empty")
     if version >= 2 and facts["digest"] != _digest(table, facts):
         raise spoilt("it was changed after it was written: its digest is another")
     return table, facts

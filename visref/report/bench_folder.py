@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
+from visref.run_folder.inside import json_inside, read_inside
 from visref.run_folder.json_fields import Fields
 
 MARKER = "bench.json"
 PLOT = "bench.svg"
+FIX = "give a folder that `visref bench` wrote"
+# An XML declaration and a document type may stand before the first element.
+_SVG_HEAD = 1024
 
 
 @dataclass(frozen=True)
@@ -34,21 +37,22 @@ def is_bench(folder: Path) -> bool:
 def read_bench(folder: Path) -> BenchFolder:
     """Read a bench folder. Raises InputError if a file of it is missing or spoilt."""
     source = str(folder / MARKER)
-    fix = "give a folder that `visref bench` wrote"
-    try:
-        found = json.loads((folder / MARKER).read_text(encoding="utf-8"))
-        svg = (folder / PLOT).read_bytes()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=source, fix=fix) from error
-    known = isinstance(found, dict) and found.get("format") == "visref-bench"
-    if not known or found.get("version") != 1:
-        raise InputError("this is no bench (format visref-bench, version 1)", source=source,
-                         fix=fix)  # fmt: skip
-    fields = Fields(found, source, fix)
-    try:
-        says = tuple(map(str, found["says"]))
-        frames = len(found["path"]["frames"])
-    except (KeyError, TypeError) as error:
-        raise fields.error(f"it lacks {error}") from error
-    scene = Path(fields.inner("scene").text("source")).name
-    return BenchFolder(folder, says, scene, frames, fields.inner("machine").plain(), svg)
+    top = Fields(json_inside(folder, MARKER, FIX), source, FIX)
+    known = top.has("format") and top.text("format") == "visref-bench"
+    if not known or top.whole("version") != 1:
+        raise top.error("this is no bench (format visref-bench, version 1)")
+    says = top.text_list("says")
+    if not says:
+        raise top.error("it says nothing", "says")
+    machine = top.inner("machine")
+    machine.text("processor")
+    for name in ("cores", "threads"):
+        if not machine.is_null(name):
+            machine.whole(name, least=1)
+    frames = len(top.inner("path").whole_list("frames"))
+    scene = Path(top.inner("scene").text("source")).name
+    svg = read_inside(folder, PLOT, FIX)
+    # As an image a plot cannot act; that it is one keeps other files out of a page.
+    if b"<svg" not in svg[:_SVG_HEAD]:
+        raise InputError("this is no SVG", source=str(folder / PLOT), fix=FIX)
+    return BenchFolder(folder, says, scene, frames, machine.plain(), svg)

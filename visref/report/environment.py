@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from visref.report import words
 
 
+@cache
 def page_environment(package: str) -> Environment:
     """Templates of a package, and the reports' own beside them: style sheet, table, and filters.
     Text is escaped; a name that a template misspells is an error."""

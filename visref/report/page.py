@@ -5,20 +5,20 @@ from __future__ import annotations
 import base64
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
-from visref.errors import InputError
 from visref.findings import Code, Rule, Severity, rule_of
 from visref.judging.status import Status
 from visref.papers import tables_beside
 from visref.picking import evenly_picked
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
+from visref.report.embedded import data_uri
 from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
 from visref.report.summary import NO_FPR_PX, RATES, CullerSummary, best, summarise
@@ -26,7 +26,7 @@ from visref.report.tables import table_view
 from visref.run_folder.causes import Cause
 from visref.run_folder.layout import COUNTS
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import FindingRow, FrameRow, LostObject, Witness
+from visref.run_folder.rows import FindingRow, FrameRow, LostObject, PictureSet, Witness
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8
@@ -35,7 +35,6 @@ MAX_SUPERFLUOUS = 5
 # Pictures are most of the page's weight: about 100 kB each.
 MAX_FRAMES = 12
 
-_MIME = {".png": "image/png", ".jpg": "image/jpeg"}
 _VIEWS = {
     "picture": "The scene",
     "drawn": "Who was drawn, and for what",
@@ -380,9 +379,9 @@ def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
 
 def _frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
     """The pictured frames: all, or those that lost most and the rest evenly picked."""
-    by_frame: dict[int, dict[str, Mapping[str, str]]] = defaultdict(dict)
+    by_frame: dict[int, dict[str, PictureSet]] = defaultdict(dict)
     for entry in run.manifest.pictures:
-        by_frame[entry.frame][entry.culler] = entry.files
+        by_frame[entry.frame][entry.culler] = entry
     rows = {(row.culler, row.frame): row for row in run.frames}
     lost = {
         frame: sum(rows[culler, frame].missed_pixels for culler in cullers)
@@ -398,13 +397,15 @@ def _frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
         shared: dict[str, Picture] = {}
         cullers = []
         for number, culler in enumerate(run.cullers):
-            files = by_frame[frame].get(culler)
-            if files is None:
+            found = by_frame[frame].get(culler)
+            if found is None:
                 continue
             pictures = {
-                what: Picture(what, _VIEWS[what], _data_uri(run.folder / files[what]))
+                what: Picture(
+                    what, _VIEWS[what], data_uri(run, found.files[what], frame, found.view)
+                )
                 for what in _VIEWS
-                if what in files and not (what in ("picture", "ids") and what in shared)
+                if what in found.files and not (what in ("picture", "ids") and what in shared)
             }
             for what in ("picture", "ids"):
                 if what in pictures:
@@ -413,19 +414,6 @@ def _frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
         visible = cullers[0][2].visible if cullers else None
         views.append(FrameView(frame, visible, shared, cullers))
     return views, len(by_frame) - len(views)
-
-
-def _data_uri(file: Path) -> str:
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise InputError(
-            "a picture that the manifest lists is missing",
-            source=str(file),
-            fix="copy the run folder whole",
-        ) from error
-    kind = _MIME.get(file.suffix, "application/octet-stream")
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def _shown(code: str) -> int:

@@ -6,7 +6,6 @@ hexadecimal floats, and exact arithmetic orders them again.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -21,7 +20,8 @@ from visref.errors import InputError
 from visref.exact.ray import Ray, RayHit, along_ray
 from visref.files import replacing_file
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.run_folder.layout import MANIFEST, WITNESSES
+from visref.run_folder.claims import no_such_witness, witnesses_of
+from visref.run_folder.layout import WITNESSES, slug
 from visref.scene import Alpha, Float64
 
 # The picture shows this many pixels around the sample, each this many picture pixels wide.
@@ -56,49 +56,32 @@ def explain(run: Path, frame: int, target: str, culler: str | None = None) -> li
     `target` is an object id or name. Raises InputError if the folder is no run, or records no
     such witness.
     """
-    if not (run / MANIFEST).is_file():
-        raise InputError("this is no run folder", source=str(run), fix="give visref run's --out")
-    found = []
-    for witness in _witnesses(run):
-        same = target in (str(witness["object"]), witness["object_name"])
-        if same and witness["frame"] == frame and culler in (None, witness["culler"]):
-            found.append(_replay(witness))
+    found = [_replay(witness) for witness in witnesses_of(run, frame, target, culler)]
     if not found:
-        raise InputError(
-            f"no witness of object '{target}' in frame {frame}",
-            source=str(run / WITNESSES),
-            fix="objects.parquet lists what was missed; the worst misses have witnesses",
-        )
+        raise no_such_witness(run, frame, target)
     return found
 
 
-def _witnesses(run: Path) -> Iterator[Mapping[str, Any]]:
-    for file in sorted((run / WITNESSES).glob("*.jsonl")):
-        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1):
-            try:
-                yield json.loads(line)
-            except json.JSONDecodeError as error:
-                raise InputError(
-                    f"not valid JSON: {error.msg}",
-                    source=str(file),
-                    place=f"line {number}",
-                    fix="run again",
-                ) from error
+def picture_beside(run: Path, witness: Mapping[str, Any]) -> Path:
+    """Where the picture of a witness stands in its run folder, by a name of ours. Raises
+    InputError if a link is in its place, or on the way to it."""
+    folder = run / WITNESSES
+    view = f"-{slug(witness['view'])}" if witness["view"] else ""
+    name = f"{slug(witness['culler'])}-{witness['frame']:05d}{view}-{witness['object']}.png"
+    for place in (folder, folder / name):
+        if place.is_symlink():
+            raise InputError("it is a link", source=str(place), fix="give --picture FILE.png")
+    return folder / name
 
 
 def _replay(witness: Mapping[str, Any]) -> Explanation:
+    """What exact arithmetic says of a witness that was checked."""
     triangles = witness["triangles"]
-    try:
-        corners = np.array(
-            [[[float.fromhex(v) for v in p] for p in t["vertices"]] for t in triangles],
-            np.float32,
-        ).reshape(-1, 3, 3)
-        ray = Ray.from_definition(witness["samples"], witness["x"], witness["y"])
-        sides = np.array([t["one_sided"] for t in triangles], np.bool_)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"a witness is damaged ({error})", place="witnesses", fix="run again"
-        ) from error
+    corners = np.array(
+        [[[float.fromhex(v) for v in p] for p in t["vertices"]] for t in triangles], np.float32
+    ).reshape(-1, 3, 3)
+    ray = Ray.from_definition(witness["samples"], witness["x"], witness["y"])
+    sides = np.array([t["one_sided"] for t in triangles], np.bool_)
     hits = tuple(along_ray(ray, corners, sides))
     return Explanation(witness, hits, _holds(witness, hits), tuple(_tell(witness, ray, hits)))
 

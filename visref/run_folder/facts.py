@@ -6,10 +6,12 @@ Fields that nobody here knows are ignored.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
+from visref.camera import MAX_IMAGE_SIDE, MAX_SAMPLES
 from visref.culler import Promise, RasterTolerance
 from visref.findings import Severity
 from visref.run_folder.json_fields import Fields
@@ -17,6 +19,7 @@ from visref.run_folder.layout import (
     COUNTS,
     FORMAT,
     MISS_KINDS,
+    PICTURES,
     READABLE,
     SINCE_VERSION_2,
     UNNAMED_VIEW,
@@ -39,8 +42,11 @@ FIX = "give a folder that `visref run` or `visref check` wrote"
 STATUSES = ("no_violation_found", "violation", "inconclusive", "measured")
 EXIT_STATUSES = (0, 1, 2, 3)
 # A whole number without zeros before it, as JSON writes one as a key.
-_AGE = re.compile("0|[1-9][0-9]*")
-_HEX_NUMBERS = ("near", "far", "shift_x_px", "shift_y_px")
+_AGE = re.compile("0|[1-9][0-9]{0,17}")
+# Parts of file names, as `layout.slug` makes them: never a way out of the folder.
+_SLUG = re.compile("[A-Za-z0-9._-]{1,100}")
+_PICTURE = re.compile(rf"{PICTURES}/[A-Za-z0-9._-]{{1,250}}[.](png|jpg)")
+_HEX_FINITE = ("shift_x_px", "shift_y_px")
 _HEX_VECTORS = ("e", "F", "R", "U")
 
 
@@ -67,13 +73,13 @@ def read_manifest(value: object, source: str) -> Manifest:
         PathFacts(path.text("source"), path.text("sha256"), path.whole("frames", least=1)),
         top.text("engine"),
         exact,
-        top.inner("settings").plain(),
+        _settings(top),
         {
             name: CullerFacts(
                 culler.text("promise", among=tuple(Promise)),
                 culler.text("unit_kind"),
                 culler.whole("units"),
-                culler.text("slug"),
+                culler.text("slug", like=_SLUG),
                 _raster(culler) if version >= 2 else None,
             )
             for name, culler in top.inner("cullers").items()
@@ -82,15 +88,27 @@ def read_manifest(value: object, source: str) -> Manifest:
             PictureSet(
                 pictures.text("culler"),
                 pictures.whole("frame"),
-                pictures.inner("files").texts(),
+                _files(pictures.inner("files")),
                 _view(pictures, version),
             )
             for pictures in top.each("pictures")
         ),
         _samples(top, version),
         top.inner("versions").texts(),
-        _machine(top.inner("machine")),
+        _machine(top),
     )
+
+
+def _settings(top: Fields) -> dict[str, Any]:
+    """Anything, but where it says how a scene was generated, that has names."""
+    settings = top.inner("settings")
+    if settings.has("generated"):
+        settings.inner("generated")
+    return top.free("settings")
+
+
+def _files(files: Fields) -> dict[str, str]:
+    return {name: files.text(name, like=_PICTURE) for name in files.plain()}
 
 
 def _raster(culler: Fields) -> RasterTolerance | None:
@@ -101,36 +119,46 @@ def _raster(culler: Fields) -> RasterTolerance | None:
     return RasterTolerance(raster.number("snap_px"), depth_bits)
 
 
-def _machine(machine: Fields) -> dict[str, Any]:
+def _machine(top: Fields) -> dict[str, Any]:
+    machine = top.inner("machine")
     machine.text("cpu")
     machine.text("system")
     if not machine.is_null("cores"):
         machine.whole("cores", least=1)
-    return machine.plain()
+    return top.free("machine")
 
 
 def _samples(top: Fields, version: int) -> tuple[Mapping[str, Mapping[str, Any]], ...]:
     """The samples' definition by frame and view; in version 1 a frame has one without a name."""
     frames = top.each("samples")
     if version == 1:
-        return tuple({UNNAMED_VIEW: _definition(frame)} for frame in frames)
+        return tuple({UNNAMED_VIEW: read_definition(frame)} for frame in frames)
     found = []
     for frame in frames:
-        found.append({view: _definition(definition) for view, definition in frame.items()})
+        found.append({view: read_definition(definition) for view, definition in frame.items()})
         if not found[-1]:
             raise frame.error("a frame has at least one view")
     return tuple(found)
 
 
-def _definition(definition: Fields) -> Mapping[str, Any]:
-    """What `Camera.definition` gives: whole numbers of samples, hexadecimal floats else."""
+def read_definition(definition: Fields) -> Mapping[str, Any]:
+    """What `Camera.definition` gives: whole numbers of samples, hexadecimal floats else. Raises
+    InputError for what no camera has, as a side that is too long."""
     definition.text("projection", among=("perspective", "orthographic"))
-    for name in ("width", "height"):
-        definition.whole(name, least=1)
-    for name in _HEX_NUMBERS:
-        definition.hexadecimal(name)
+    width, height = (
+        definition.whole(name, least=1, most=MAX_IMAGE_SIDE) for name in ("width", "height")
+    )
+    if width * height > MAX_SAMPLES:
+        raise definition.error(f"{width} x {height} are more than {MAX_SAMPLES} samples", "width")
+    for name in _HEX_FINITE:
+        definition.hexadecimal(name, finite=True)
     for name in _HEX_VECTORS:
         definition.hexadecimal_vector(name)
+    near, far = definition.hexadecimal("near"), definition.hexadecimal("far")
+    if near == math.inf:
+        raise definition.error("it is infinite", "near")
+    if not near < far:
+        raise definition.error("it is not less than 'far'", "near")
     return definition.plain()
 
 
@@ -165,7 +193,7 @@ def _culler(culler: Fields, version: int) -> CullerVerdict:
         frames=culler.whole("frames"),
         unit_kind=culler.text("unit_kind"),
         ages=_ages(culler.inner("ages")) if version >= 2 else {},
-        causes=tuple(cause.plain() for cause in culler.each("causes")) if version >= 2 else (),
+        causes=_causes(culler) if version >= 2 else (),
         worst=None if culler.is_null("worst") else _witness(culler.inner("worst"), version),
         excused_samples=_excused_samples(culler) if version >= 2 else None,
         **counts,
@@ -183,6 +211,10 @@ def _excused_samples(culler: Fields) -> int | None:
         raster.whole("depth_bits", least=1)
     raster.whole("objects")
     return raster.whole("samples")
+
+
+def _causes(culler: Fields) -> tuple[dict[str, Any], ...]:
+    return tuple(cause.plain() for cause in culler.each("causes"))
 
 
 def _ages(ages: Fields) -> dict[int, int]:

@@ -69,6 +69,13 @@ MISS_KINDS = (
     ObjectKind.LATE, ObjectKind.WAIVED,
 )  # fmt: skip
 
+# Why a unit was drawn for nothing: the values of `visref.run_folder.causes.Cause`, which a reader
+# of records need not import.
+CAUSES = frozenset(
+    {"outside_view", "box_larger_than_object", "occluder_drawn_later", "query_skipped",
+     "test_too_coarse", "box_hidden"}
+)  # fmt: skip
+
 # The counts of `visref.judging.judge.Counts`, by frame in frames.parquet and summed over frames in
 # verdict.json.
 COUNTS = (
@@ -142,6 +149,17 @@ OBJECTS_SCHEMA = pa.schema(
 )
 # Columns of few different texts, each of which a reader of the table keeps once.
 OBJECTS_REPEATED = ("culler", "view", "kind", "name", "occluder_name")
+
+# Wide enough for half a laptop's screen; wider costs a page that carries dozens of pictures.
+PAGE_WIDTH_PX = 960
+
+
+def page_shape(width: int, height: int) -> tuple[int, int]:
+    """(height, width) of the pictures of a frame of that many samples: the frame's own, or as
+    wide as a page takes."""
+    if width <= PAGE_WIDTH_PX:
+        return height, width
+    return max(1, round(height * PAGE_WIDTH_PX / width)), PAGE_WIDTH_PX
 
 
 def slug(spec: str) -> str:

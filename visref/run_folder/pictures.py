@@ -19,14 +19,11 @@ from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict, MissKind
-from visref.run_folder.layout import slug
+from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape, slug
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
-
-# Wide enough for half a laptop's screen; wider costs a page that carries dozens of these.
-PAGE_WIDTH_PX = 960
 
 VISIBLE_RGB = (0x00, 0x72, 0xB2)
 SUPERFLUOUS_RGB = (0xE6, 0x9F, 0x00)
@@ -81,7 +78,7 @@ def draw_pictures(
     scene, truth, units = settled.scene, settled.truth, settled.units
     missed = settled.walk.lost_samples
     camera = truth.camera
-    shape = page_shape(camera)
+    shape = page_shape(camera.width, camera.height)
     shaded = _shade(scene, truth)
     files = {}
     view = camera.view
@@ -102,13 +99,6 @@ def draw_pictures(
     if len(missed) or rings:
         save("errors", f"{stem}-{at}-errors.png", _errors(truth, missed_px, rings, shape))
     return PictureSet(culler, frame, files, view)
-
-
-def page_shape(camera: Camera) -> tuple[int, int]:
-    """(height, width) of a frame's pictures: the frame's own, or as wide as a page takes."""
-    if camera.width <= PAGE_WIDTH_PX:
-        return camera.height, camera.width
-    return max(1, round(camera.height * PAGE_WIDTH_PX / camera.width)), PAGE_WIDTH_PX
 
 
 def _stride(camera: Camera) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 from collections import defaultdict
 from collections.abc import Iterator
@@ -13,11 +12,21 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
-from visref.errors import InputError
 from visref.judging.status import Exit
+from visref.run_folder.checks import (
+    MAX_OBJECT_ROWS,
+    MAX_PHASES,
+    check_frames,
+    check_is_run,
+    check_objects,
+    check_timings,
+    check_verdict,
+    told_rows,
+)
+from visref.run_folder.columns import table_inside
 from visref.run_folder.facts import FIX, read_manifest, read_verdict
+from visref.run_folder.inside import json_inside
 from visref.run_folder.layout import (
     CULL_PHASE,
     FRAMES,
@@ -26,7 +35,6 @@ from visref.run_folder.layout import (
     OBJECTS,
     OBJECTS_REPEATED,
     OBJECTS_SCHEMA,
-    SINCE_VERSION_2,
     TIMINGS,
     TIMINGS_SCHEMA,
     TRUTH_PHASE,
@@ -151,13 +159,6 @@ class RunFolder:
             pc.equal(self.objects["culler"], culler), pc.equal(self.objects["kind"], kind.value)
         )
         table = self.objects.filter(mine).drop_columns(_NOT_OF_A_MISS)
-        known = table.select([n for n in table.column_names if not n.startswith("margin_")])
-        if any(column.null_count for column in known.columns):
-            raise InputError(
-                "a row that tells of a miss has an empty cell",
-                source=str(self.folder / OBJECTS),
-                fix=FIX,
-            )
         for row in table.to_pylist():
             yield Witness(**row)
 
@@ -207,109 +208,55 @@ class RunFolder:
 def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
     """Read a run folder. Without its `objects`, of which there may be tens of millions, that table
     is empty. Raises InputError if it is none, or a file of it is spoilt."""
-    if not (folder / MANIFEST).is_file():
-        raise InputError(
-            f"this is no run folder: it has no {MANIFEST}", source=str(folder), fix=FIX
-        )
-    manifest = read_manifest(_json(folder / MANIFEST), str(folder / MANIFEST))
+    check_is_run(folder)
+    manifest = read_manifest(json_inside(folder, MANIFEST, FIX), str(folder / MANIFEST))
     version = manifest.version
-    frames = _table(folder / FRAMES, FRAMES_SCHEMA, version, required=_without_default(FrameRow))
-    timings = _table(
-        folder / TIMINGS, TIMINGS_SCHEMA, version, required=_without_default(TimingRow)
+    verdict = read_verdict(json_inside(folder, VERDICT, FIX), str(folder / VERDICT), version)
+    check_verdict(folder, manifest, verdict)
+    cells = sum(map(len, manifest.samples))
+    frames = table_inside(
+        folder,
+        FRAMES,
+        FRAMES_SCHEMA,
+        version,
+        FIX,
+        required=_without_default(FrameRow),
+        most=cells * len(manifest.cullers),
     )
+    timings = table_inside(
+        folder,
+        TIMINGS,
+        TIMINGS_SCHEMA,
+        version,
+        FIX,
+        required=_without_default(TimingRow),
+        most=cells * (len(manifest.cullers) + 1) * MAX_PHASES,
+    )
+    check_frames(folder, manifest, verdict, frames)
+    check_timings(folder, manifest, timings)
     table = OBJECTS_SCHEMA.empty_table()
     if objects:
-        table = _table(
-            folder / OBJECTS,
+        table = table_inside(
+            folder,
+            OBJECTS,
             OBJECTS_SCHEMA,
             version,
+            FIX,
             required=frozenset({"culler", "frame", "kind"}),
             repeated=OBJECTS_REPEATED,
+            most=min(MAX_OBJECT_ROWS, told_rows(frames)),
         )
-    run = RunFolder(
+        check_objects(folder, manifest, table)
+    return RunFolder(
         folder,
         manifest,
-        read_verdict(_json(folder / VERDICT), str(folder / VERDICT), version),
+        verdict,
         [FrameRow(**row) for row in frames.to_pylist()],
         [TimingRow(**row) for row in timings.to_pylist()],
         table,
     )
-    _check_together(run)
-    return run
-
-
-def _json(file: Path) -> object:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read it: {error}", source=str(file), fix=FIX) from error
-
-
-def _table(
-    file: Path,
-    schema: pa.Schema,
-    version: int,
-    *,
-    required: frozenset[str],
-    repeated: tuple[str, ...] = (),
-) -> pa.Table:
-    """A table with the columns of `schema`; those that it lacks, and need not have, are null.
-    `repeated` columns hold few different texts, so each is kept once."""
-
-    def spoilt(problem: str) -> InputError:
-        return InputError(problem, source=str(file), fix=FIX)
-
-    try:
-        found = pq.read_schema(file)
-        # An unknown column is somebody else's.
-        names = [name for name in schema.names if name in found.names]
-        read = [name for name in repeated if name in names]
-        table = pq.read_table(file, columns=names, read_dictionary=read)
-    except (OSError, pa.ArrowException) as error:
-        raise spoilt("cannot read this table") from error
-    needed = required | {"view"} if version >= 2 else required.difference(SINCE_VERSION_2)
-    if missing := sorted(needed.difference(names)):
-        raise spoilt(f"it has no column '{missing[0]}'")
-    for field in schema:
-        if field.name not in names:
-            table = table.append_column(field, _absent(field, len(table)))
-            continue
-        kind = table.schema.field(field.name).type
-        if (kind.value_type if pa.types.is_dictionary(kind) else kind) != field.type:
-            raise spoilt(f"its column '{field.name}' holds {kind}, not {field.type}")
-        if field.name in needed and table[field.name].null_count:
-            raise spoilt(f"its column '{field.name}' has an empty cell")
-    # Each row group has dictionaries of its own, and grouping wants one for all.
-    return table.select(schema.names).unify_dictionaries()
-
-
-def _absent(field: pa.Field, count: int) -> pa.Array:
-    """The values of a column that the file does not have."""
-    return pa.repeat(pa.scalar(SINCE_VERSION_2.get(field.name), field.type), count)
 
 
 def _without_default(row: type[FrameRow] | type[TimingRow]) -> frozenset[str]:
     """The columns that a row must have."""
     return frozenset(field.name for field in fields(row) if field.default is MISSING)
-
-
-def _check_together(run: RunFolder) -> None:
-    """That the files tell of the same cullers, frames and views."""
-    for row in run.frames:
-        if row.culler not in run.verdict.cullers:
-            problem, place = f"it judges '{row.culler}', which {VERDICT} does not", "culler"
-        elif not 0 <= row.frame < len(run.manifest.samples):
-            problem, place = f"frame {row.frame} is not one of {MANIFEST}", "frame"
-        elif row.view not in run.manifest.samples[row.frame]:
-            problem, place = f"view {row.view!r} is not one of {MANIFEST}", "view"
-        else:
-            continue
-        raise InputError(problem, source=str(run.folder / FRAMES), place=place, fix=FIX)
-    for culler in run.verdict.cullers:
-        if culler not in run.manifest.cullers:
-            raise InputError(
-                f"it judges '{culler}', which {MANIFEST} does not list",
-                source=str(run.folder / VERDICT),
-                place="cullers",
-                fix=FIX,
-            )

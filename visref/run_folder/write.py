@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -42,6 +43,10 @@ from visref.run_folder.rows import PictureSet
 from visref.run_folder.witnesses import write_witnesses
 from visref.scene import Int32, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility
+
+# Half of a surrogate pair, as JSON writes one and as Python's texts hold one that has no other.
+_SURROGATE = re.compile(r"\\ud[89a-f]")
+_LONE = re.compile("[\ud800-\udfff]")
 
 
 class RunWriter:
@@ -234,5 +239,10 @@ def _view_of_worst(record: CullerRecord) -> str:
 
 
 def write_json(path: Path, value: object) -> None:
-    """Write JSON with sorted keys, two spaces and a final newline."""
-    path.write_text(json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+    """Write JSON with sorted keys, two spaces and a final newline. Of a text that is no Unicode,
+    as a file's name may be, what is none is replaced, so that every reader takes it."""
+    text = json.dumps(value, indent=2, sort_keys=True, allow_nan=False)
+    if _SURROGATE.search(text):
+        plain = json.dumps(value, ensure_ascii=False)
+        text = json.dumps(json.loads(_LONE.sub("\ufffd", plain)), indent=2, sort_keys=True)
+    path.write_text(text + "\n", encoding="utf-8")

@@ -2,6 +2,7 @@
 check them without visref.
 
 verdict, manifest   of a run folder, version 2
+witness             a line of a file in its `witnesses/`
 path                a camera path, version 1
 visible_sets        a line of recorded visible sets, version 1
 """
@@ -12,7 +13,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-NAMES = ("manifest", "path", "verdict", "visible_sets")
+NAMES = ("manifest", "path", "verdict", "visible_sets", "witness")
 
 
 def schema(name: str) -> dict[str, Any]:

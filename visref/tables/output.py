@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from visref.errors import InputError
 from visref.files import replacing_file
 from visref.judging.status import Exit, Status, decide, run_status
-from visref.papers import Paper
+from visref.papers import NO_NUMBERS, Paper
 from visref.papers.contents import Table
 from visref.provenance import machine, versions
 from visref.report import words
@@ -96,9 +97,19 @@ def _view(done: PaperRuns, paper: Paper) -> PaperView:
     results = done.results(paper)
     found = (results.run(judged.key) for judged in paper.runs)
     runs = [run for run in found if run is not None]
+    try:
+        tables = paper.tables(results)
+    except InputError:
+        raise
+    except NO_NUMBERS as error:
+        raise InputError(
+            f"the numbers on file give no table ({type(error).__name__}: {error})",
+            source=str(results.folder),
+            fix="remove it, and run again",
+        ) from error
     return PaperView(
         paper,
-        paper.tables(results),
+        tables,
         [(run, [summarise(run, culler) for culler in run.cullers]) for run in runs],
         [
             (label.partition("/")[2], why)

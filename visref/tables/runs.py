@@ -11,6 +11,7 @@ anew. So an interrupted run goes on where it stopped.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Iterable, Mapping
@@ -29,6 +30,7 @@ from visref.judging.referee import Job, JudgedFrame, Referee
 from visref.papers import Paper
 from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import SCENES, available, load_entry, make_culler
+from visref.run_folder.inside import json_inside
 from visref.run_folder.layout import MANIFEST, slug
 from visref.run_folder.read import RunFolder, read_run
 from visref.run_folder.write import RunWriter, write_json
@@ -72,10 +74,16 @@ class PaperResults:
         return self._runs[key]
 
     def experiment(self, key: str) -> Mapping[str, Any] | None:
-        file = self.folder / key / RESULT
-        if not file.is_file():
+        if not (self.folder / key / RESULT).exists():
             return None
-        return cast(Mapping[str, Any], json.loads(file.read_text())["result"])
+        found = _experiment(self.folder / key)
+        if found is None:
+            raise InputError(
+                "it was changed after it was written: its digest is another",
+                source=str(self.folder / key / RESULT),
+                fix="remove it, and run again",
+            )
+        return cast(Mapping[str, Any], found["result"])
 
 
 @dataclass(frozen=True)
@@ -168,12 +176,28 @@ def _asked(task: Task, frames: int | None, code: str) -> dict[str, Any]:
 
 def _asked_before(folder: Path, task: Task) -> object:
     """What the result on disk was asked for, None where there is none."""
-    name = RESULT if isinstance(task.work, Experiment) else MANIFEST
     try:
-        found = json.loads((folder / name).read_text())
-        return found["asked"] if name == RESULT else found["settings"]["asked"]
-    except (OSError, ValueError, KeyError, TypeError):
+        if isinstance(task.work, Experiment):
+            found = _experiment(folder)
+            return None if found is None else found["asked"]
+        return json_inside(folder, MANIFEST, "")["settings"]["asked"]
+    except (InputError, KeyError, TypeError):
         return None
+
+
+def _experiment(folder: Path) -> dict[str, Any] | None:
+    """What stands in an experiment's file, None unless it is as it was written. What an experiment
+    found has a form that only its paper knows, so a digest tells whether it was changed."""
+    found = json_inside(folder, RESULT, "remove it, and run again")
+    if not isinstance(found, dict) or {*found} != {"asked", "result", "digest"}:
+        return None
+    return found if found["digest"] == _digest(found["asked"], found["result"]) else None
+
+
+def _digest(asked: object, result: object) -> str:
+    """SHA-256 (hexadecimal) of what was asked for and what was found."""
+    said = json.dumps([asked, result], sort_keys=True, allow_nan=False)
+    return hashlib.sha256(said.encode()).hexdigest()
 
 
 class _Stage:
@@ -244,7 +268,9 @@ def _run_task(
             entry = cast(Any, load_entry(EXPERIMENTS, work.name, kind="experiment"))
             if path is not None:
                 path = replace(path, frames=tuple(path.frames[frame] for frame in picked))
-            write_json(written / RESULT, {"asked": asked, "result": entry(scene, path)})
+            result = json.loads(json.dumps(entry(scene, path), allow_nan=False))
+            record = {"asked": asked, "result": result, "digest": _digest(asked, result)}
+            write_json(written / RESULT, record)
         else:
             assert scene is not None
             assert path is not None
