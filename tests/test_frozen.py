@@ -215,6 +215,8 @@ def test_units_are_kept_apart_from_those_that_a_plug_in_holds():
     assert kept.triangles.tolist() == list(range(6))
     with pytest.raises(TypeError):
         Units([0, 1], [0]).owned()  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        Units(np.array([0, 2]), np.zeros((2, 2), np.int32)).owned()
 
 
 class Writes(Culler):

@@ -307,9 +307,11 @@ class Units(Shared):
 
     def owned(self) -> Units:
         """The same units in arrays of their own that cannot be made writable, whoever holds these.
-        Raises TypeError where these are no arrays of numbers."""
+        Raises TypeError where these are no one-dimensional arrays of numbers."""
         if not isinstance(self.offsets, np.ndarray) or not isinstance(self.triangles, np.ndarray):
             raise TypeError("the units' offsets and triangles are not both arrays")
+        if self.offsets.ndim != 1 or self.triangles.ndim != 1:
+            raise TypeError("the units' offsets and triangles are not both of one dimension")
         return Units(frozen(self.offsets), frozen(self.triangles), self.kind)
 
     def are_objects(self, scene: Scene) -> bool:
