@@ -325,7 +325,8 @@ def test_disputes_are_the_samples_that_no_drawn_triangle_shows_and_those_left_op
     def disputed(*drawn):
         return find_disputes(settled(scene, frame, scene.object_units(), drawn).walk).tolist()
 
-    assert disputed(0, 3) == []
+    assert disputed(0, 2, 3) == []
+    assert disputed(0, 3) == [2]
     assert disputed(2) == [0, 1, 2]
     assert disputed(2, 3) == [0, 1]
     assert disputed() == [0, 1, 2]

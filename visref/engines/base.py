@@ -6,9 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
+
 from visref.camera import Camera
 from visref.options import Option
-from visref.scene import Scene
+from visref.scene import Int32, Scene
 from visref.visibility import FrameTruth
 
 
@@ -36,6 +38,12 @@ class TruthEngine(ABC):
     @abstractmethod
     def frame(self, camera: Camera) -> FrameTruth:
         """The truth of one camera's samples. Its arrays may be reused by the next call."""
+
+    def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
+        """Triangles that this camera shows for certain while the engine sees nothing there, or what
+        lies behind: (k,) int32; and how many were asked for. An engine that leaves this as it is
+        does not ask."""
+        return np.zeros(0, np.int32), 0
 
     def pose(self, scene: Scene) -> None:
         """Meet the scene as it stands now: called before a frame in which something has moved,

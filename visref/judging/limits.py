@@ -15,7 +15,6 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.engines.base import TruthEngine
-from visref.engines.rays import RayEngine
 from visref.findings import Code, Finding
 from visref.scene import Float64, Scene
 from visref.visibility import FrameTruth, hit_depths
@@ -125,11 +124,9 @@ def share(part: int, whole: int) -> str:
 def known_to_be_wrong(
     engine: TruthEngine, scene: Scene, frames: Sequence[Sequence[Camera]]
 ) -> list[Finding]:
-    """A finding where a ray engine errs, in these frames, a list of views each, at samples whose
+    """A finding where an engine errs, in these frames, a list of views each, at samples whose
     owner is known. The judge decides exactly what is disputed, but nobody disputes what nobody
     saw."""
-    if not isinstance(engine, RayEngine):
-        return []
     asked, wrong = 0, [np.zeros(0, np.int32)]
     for views in frames:
         for camera in views:

@@ -113,6 +113,8 @@ class MaskReader:
     def _read(self, index: int, material: Json) -> MaskedMaterial:
         cutoff = material.get("alphaCutoff")
         level = _DEFAULT_CUTOFF if cutoff is None else cutoff.number()
+        if cutoff is not None and level < 0.0:
+            cutoff.fail(f"alpha cutoff {level} is below 0", "give 0 or more")
         factor, info = _base_alpha(material)
         if info is None:
             return MaskedMaterial(index, factor, level, uniform=1.0)
