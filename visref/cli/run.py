@@ -8,6 +8,7 @@ from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inp
 from visref.cli.judged import judge
 from visref.cli.terminal import ERRORS
 from visref.judging.status import Exit
+from visref.memory import default_budget
 from visref.plug_ins import DEFAULT_TIME_LIMIT_S, Making, making_cullers
 
 
@@ -41,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    making = Making(given.in_process, given.time_limit, say=_say)
+    limit = default_budget() if given.max_memory is None else given.max_memory
+    making = Making(given.in_process, given.time_limit, limit, say=_say)
     # An unknown culler is said before a large scene is read.
     with making_cullers(given.culler, making) as cullers:
         return judge(given, inputs_of(given), cullers, image_check=given.image_check)
