@@ -198,13 +198,17 @@ def unit_bounds(
     unit_triangles: NDArray[Any],
     bounds: NDArray[Any],
 ) -> None:
-    """Fill in each unit's least and greatest corner, (u, 2, 3); (+inf, -inf) if it is empty."""
+    """Fill in each unit's least and greatest corner, (u, 2, 3); (+inf, -inf) if it is empty.
+    Triangles that are not there, all of one vertex, count for nothing."""
     for unit in range(len(offsets) - 1):
         for axis in range(3):
             bounds[unit, 0, axis], bounds[unit, 1, axis] = np.inf, -np.inf
         for k in range(offsets[unit], offsets[unit + 1]):
+            t = unit_triangles[k]
+            if triangles[t, 0] == triangles[t, 1] == triangles[t, 2]:
+                continue
             for corner in range(3):
-                vertex = triangles[unit_triangles[k], corner]
+                vertex = triangles[t, corner]
                 for axis in range(3):
                     value = vertices[vertex, axis]
                     bounds[unit, 0, axis] = min(bounds[unit, 0, axis], value)

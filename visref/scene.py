@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from visref.errors import InputError
 from visref.findings import Code
 from visref.frozen import Shared, frozen
 from visref.masks.store import Masks
+
+if TYPE_CHECKING:
+    from visref.rig import Rig
 
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
@@ -40,11 +43,13 @@ class Alpha(IntEnum):
 @dataclass(frozen=True)
 class Group:
     """Objects that a file names together (the instances of one node, say): a name, the path from
-    the root, and the object ids, ascending."""
+    the root, and the object ids, ascending. `levels`: of a thing with levels of detail, the ids of
+    each level, the finest first; one of the levels is there, and the others are absent."""
 
     name: str
     path: str
     objects: tuple[int, ...]
+    levels: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +74,12 @@ class Scene(Shared):
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
     `masks`: the alpha masks, a row for each triangle, or None. A MASK triangle without one,
     because its `masks.row` is -1 or there are no `masks`, may be solid or a hole anywhere.
+    `absent`: (n,) bool, objects that are not there at this moment (switched off, unloaded, another
+    level of detail), None if all are. Each corner of their triangles is the same vertex, so that
+    whatever looks at triangles finds nothing there. `moving`: (n,) bool, objects that are posed
+    anew from moment to moment of a `Timeline`: they may move, appear and vanish, and no others do;
+    None if none does. `rig`: what is needed to pose them, None once that is done. `motion`: digest
+    of how its file moves it, empty where that does not.
 
     Raises InputError where a value breaks these rules. All arrays, computed ones too, are read-only
     and cannot be made writable (`visref.frozen`).
@@ -88,6 +99,10 @@ class Scene(Shared):
     given_names: tuple[str, ...] = ()
     paths: tuple[str, ...] = ()
     groups: tuple[Group, ...] = ()
+    absent: NDArray[np.bool_] | None = None
+    moving: NDArray[np.bool_] | None = None
+    rig: Rig | None = field(default=None, repr=False)
+    motion: str = ""
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -103,10 +118,13 @@ class Scene(Shared):
         put(self, "given_names", tuple(self.given_names) or tuple(self.names))
         put(self, "paths", tuple(self.paths) or tuple(self.names))
         self._check()
+        if self.absent is not None and self.absent.any():
+            put(self, "triangles", _collapsed(self.triangles, self.absent[self.object_of_triangle]))
         for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha", "origin"):
             put(self, name, frozen(getattr(self, name)))
-        if self.moved is not None:
-            put(self, "moved", frozen(self.moved))
+        for name in ("moved", "absent", "moving"):
+            if getattr(self, name) is not None:
+                put(self, name, frozen(getattr(self, name)))
 
     def _check(self) -> None:
         offsets: Int64 = self.object_offsets
@@ -137,6 +155,10 @@ class Scene(Shared):
             raise error.at(source=self.source) from error
         if not np.isfinite(self.origin).all():
             raise InputError("the scene's origin is not finite", source=self.source)
+        for name in ("absent", "moving"):
+            value = getattr(self, name)
+            if value is not None and value.shape != (len(self.names),):
+                raise InputError(f"{name} is not one per object", source=self.source)
         if self.moved is not None and self.moved.shape != (len(self.vertices),):
             raise InputError("moved has not one number per vertex", source=self.source)
         if not np.isfinite(self.vertices).all():
@@ -210,6 +232,13 @@ class Scene(Shared):
         return MappingProxyType({name: index for index, name in enumerate(self.names)})
 
     @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """(t,) bool, the triangles whose object is there."""
+        if self.absent is None:
+            return frozen(np.ones(self.triangle_count, np.bool_))
+        return frozen(~self.absent[self.object_of_triangle])
+
+    @cached_property
     def has_blend(self) -> bool:
         return bool((self.alpha == Alpha.BLEND).any())
 
@@ -220,11 +249,12 @@ class Scene(Shared):
     @cached_property
     def object_bounds(self) -> Float64:
         """(n, 2, 3) float64, each object's least and greatest corner (exact: they are float32
-        values); an object without triangles has (+inf, -inf)."""
+        values); an object without triangles, or that is absent, has (+inf, -inf)."""
         return frozen(self.bounds_of(self.object_units()))
 
     def bounds_of(self, units: Units) -> Float64:
-        """(u, 2, 3) float64, each unit's least and greatest corner, (+inf, -inf) if empty."""
+        """(u, 2, 3) float64, each unit's least and greatest corner, (+inf, -inf) if nothing of it
+        is there."""
         from visref import kernels
 
         result = np.empty((units.count, 2, 3))
@@ -276,6 +306,8 @@ class Scene(Shared):
             state.update(self.origin.tobytes())
         if self.masks is not None:
             state.update(b"\0masks" + self.masks.digest)
+        if self.motion:
+            state.update(b"\0motion" + self.motion.encode())
         return state.hexdigest()
 
 
@@ -354,6 +386,13 @@ class Units(Shared):
             raise InputError("a unit names a triangle that the scene lacks", source=source)
         if not isinstance(self.kind, str) or not self.kind.isprintable():
             raise InputError("the units' kind is no printable text", source=source)
+
+
+def _collapsed(triangles: Int32, gone: NDArray[np.bool_]) -> Int32:
+    """(t, 3) triangles, those `gone`, (t,) bool, with their first vertex three times."""
+    result = triangles.copy()
+    result[gone] = triangles[gone, :1]
+    return result
 
 
 def check_indices(indices: NDArray[Any], vertex_count: int, place: Callable[[int], str]) -> None:
