@@ -124,10 +124,10 @@ class _Answer:
 
     def placed(self) -> Placed:
         header = self._header()
-        if "error" in header:
-            problem, fix, place = (str(header["error"][name])[:2000] for name in _ERROR)
-            raise InputError(problem, fix=fix, place=place)
         try:
+            if "error" in header:
+                problem, fix, place = (str(header["error"][name])[:2000] for name in _ERROR)
+                raise InputError(problem, fix=fix or "export the file anew", place=place)
             return self._placed(header)
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             if isinstance(error, InputError) and error.fix:
