@@ -194,10 +194,10 @@ def _slerp(a: Float64, b: Float64, u: Float64) -> Float64:
 def _below_what_moves(document: Document, nodes: Nodes) -> set[int]:
     """The nodes that an animation moves, with all below them."""
     targets = {
-        node.integer()
+        target.integer()
         for animation in document.entries("animations")
         for channel in animation["channels"].items()
-        if (node := channel["target"].get("node")) is not None
+        if (target := channel["target"].get("node")) is not None
     }
     moved: set[int] = set()
     for node in nodes.order:
