@@ -56,7 +56,7 @@ def parse_collada(path: Path, budget: Budget) -> Placed:
         raise
     except Exception as error:  # pycollada and its XML parser fail in their own many ways.
         raise InputError(
-            f"this is not valid COLLADA: {error}", fix="export the file anew"
+            f"this is not valid COLLADA: {str(error)[:200]}", fix="export the file anew"
         ) from error
     return _Reader(collada, document, budget).placed
 
@@ -73,7 +73,9 @@ def _text(path: Path, budget: Budget) -> bytes:
             budget.need(f"'{names[0][:80]}', unzipped,", size)
             return archive.read(names[0])
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"not a zip archive: {error}", fix="give a .dae file") from error
+        raise InputError(
+            f"not a zip archive: {str(error)[:200]}", fix="give a .dae file"
+        ) from error
 
 
 class _Reader:
@@ -93,10 +95,12 @@ class _Reader:
             self.walk(node, (), _world_from_file(document.assetInfo))
         for error in map(str, document.errors):
             if "eometry" in error:  # pycollada: "Unknown geometry tag", "Geometry … not found"
-                raise InputError(f"a geometry is lost: {error}", fix="export triangles")
+                raise InputError(f"a geometry is lost: {error[:200]}", fix="export triangles")
         notes = self.placed.notes
         if document.errors:
-            notes.append((Code.PARTLY_READ, f"pycollada skipped a part: {document.errors[0]}"))
+            notes.append(
+                (Code.PARTLY_READ, f"pycollada skipped a part: {str(document.errors[0])[:200]}")
+            )
         if self.skinned:
             notes.append(
                 (Code.PARTLY_READ, f"{self.skinned} skinned or morphed meshes stand as bound")

@@ -103,11 +103,16 @@ class Names:
         return [name for name in dict.fromkeys(every) if len(self.meanings(name)) == 1]
 
 
+def shown_name(name: str) -> str:
+    """A name in quotes, cut after 200 characters."""
+    return repr(name) if len(name) <= 200 else f"{name[:200]!r}…"
+
+
 def _listed(names: list[str], what: str) -> str:
     """`what 'a'`, or `what 'a', nor 3 other names: 'b', 'c', …`."""
     first, others = names[0], names[1:]
     if not others:
-        return f"{what} {first!r}"
-    shown = ", ".join(repr(name) for name in others[: _SHOWN - 1])
+        return f"{what} {shown_name(first)}"
+    shown = ", ".join(map(shown_name, others[: _SHOWN - 1]))
     more = ", …" if len(others) > _SHOWN - 1 else ""
-    return f"{what} {first!r} and {counted(len(others), 'other')} ({shown}{more})"
+    return f"{what} {shown_name(first)} and {counted(len(others), 'other')} ({shown}{more})"

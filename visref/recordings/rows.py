@@ -48,11 +48,11 @@ def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
             line = lines.readline(longest)
             if not line:
                 return
-            if not line.strip():
-                continue
             size = json_bytes(np.frombuffer(line, np.uint8))
             if len(line) == longest:
                 size = budget.left + 1
+            elif not line.strip():
+                continue
             # Parsed, and an entry's tuple and place in three lists.
             budget.claim("its lines up to here", size + 160 * line.count(b","), place=place)
             try:
@@ -135,7 +135,9 @@ def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
         return next(reader, None)
     except csv.Error as error:
         raise InputError(
-            f"not valid CSV: {error}", place=f"line {reader.line_num}", fix="write it anew"
+            f"not valid CSV: {str(error)[:200]}",
+            place=f"line {reader.line_num}",
+            fix="write it anew",
         ) from error
 
 
@@ -206,7 +208,7 @@ def _object_column(columns: list[str]) -> str:
             if column in columns:
                 return column
     raise InputError(
-        f"columns are {', '.join(columns) or 'missing'}",
+        f"columns are {', '.join(name[:40] for name in columns[:9]) or 'missing'}",
         place="header",
         fix="give 'frame' and 'object_id' or 'object'",
     )

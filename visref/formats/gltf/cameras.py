@@ -34,6 +34,10 @@ SHEAR_TOLERANCE = 2e-5
 _PATHS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 # Frames from one animation; a corrupt time of 1e30 seconds must not fill the memory.
 _MAX_FRAMES = 1_000_000
+# Of the ways from the root to each animated camera, together: some seconds of work.
+_MAX_STEPS = 100_000
+# A camera: its matrix as an array of its own, its fields, and what it works out once.
+_CAMERA_BYTES = 1500
 
 
 def read_cameras(document: Document, *, width: int, height: int, fps: float | None) -> CameraPath:
@@ -46,14 +50,27 @@ def read_cameras(document: Document, *, width: int, height: int, fps: float | No
         raise InputError(f"fps is {fps}", place="fps", fix="give frames a second above 0")
     nodes = read_nodes(document)
     world_from_node = nodes.world_from_node()
+    moved = _below_what_moves(document, nodes)
+    steps = 0
     frames: list[Camera] = []
     for node in nodes.order:
         entry = document.entries("nodes")[node]
         if "camera" not in entry.value:
             continue
         lens = document.entry("cameras", entry["camera"])
-        pieces = _moves(document, nodes, node, fps) or [world_from_node[node][None]]
-        for matrices in pieces:
+        pieces = []
+        if node in moved:
+            chain = nodes.chain(node)
+            steps += len(chain)
+            if steps > _MAX_STEPS:
+                entry.fail("animated cameras are nested too deep", "export fewer of them")
+            pieces = _moves(document, nodes, chain, fps)
+        for matrices in pieces or [world_from_node[node][None]]:
+            document.budget.claim(
+                f"{len(frames) + len(matrices):,} cameras",
+                len(matrices) * _CAMERA_BYTES,
+                place=entry.place,
+            )
             poses = [_rigid(matrix, entry) for matrix in matrices]
             piece = [_camera(lens, pose, width, height) for pose in poses]
             if frames:
@@ -174,9 +191,24 @@ def _slerp(a: Float64, b: Float64, u: Float64) -> Float64:
     return result
 
 
-def _moves(document: Document, nodes: Nodes, node: int, fps: float | None) -> list[Float64]:
-    """(frames, 4, 4) float64 world_from_node, for each animation that moves the node."""
-    chain = nodes.chain(node)
+def _below_what_moves(document: Document, nodes: Nodes) -> set[int]:
+    """The nodes that an animation moves, with all below them."""
+    targets = {
+        target.integer()
+        for animation in document.entries("animations")
+        for channel in animation["channels"].items()
+        if (target := channel["target"].get("node")) is not None
+    }
+    moved: set[int] = set()
+    for node in nodes.order:
+        if node in targets or nodes.parent[node] in moved:
+            moved.add(node)
+    return moved
+
+
+def _moves(document: Document, nodes: Nodes, chain: list[int], fps: float | None) -> list[Float64]:
+    """(frames, 4, 4) float64 world_from_node of the last node of `chain`, which is the way to it
+    from the root, for each animation that moves it."""
     pieces = []
     for animation in document.entries("animations"):
         channels = _channels(document, animation, set(chain))
@@ -184,6 +216,10 @@ def _moves(document: Document, nodes: Nodes, node: int, fps: float | None) -> li
             continue
         keys = np.unique(np.concatenate([channel.times for channel in channels]))
         times = keys if fps is None else _ticks(keys, fps, animation)
+        # Its matrix, one of the chain's, and the products while they are added up.
+        document.budget.need(
+            f"{len(times):,} frames", len(times) * 8 * 16 * 6, place=animation.place
+        )
         world = np.tile(np.eye(4), (len(times), 1, 1))
         for step in chain:
             world = compose(world, _animated(nodes, step, channels, times))
