@@ -13,6 +13,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
+from visref.cli.terminal import ERRORS, Parser, prepare
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Exit
 
@@ -39,7 +40,9 @@ _BROKE_DOWN = 70
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status (see `visref.judging.status.Exit`)."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        prepare()
+        arguments = sys.argv[1:]
     given = argparse.Namespace(interrupted="nothing was written")
     try:
         _parser(arguments).parse_args(arguments, given)
@@ -55,20 +58,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _said(f"error: {error}", Exit.BAD_INPUT)
     except Exception:
         # Python's own status for it is 1, which says "violation".
-        traceback.print_exc()
+        ERRORS.lines(traceback.format_exc())
         return _said("visref broke down: this is a bug in it, not a verdict", _BROKE_DOWN)
 
 
 def _said(line: str, status: int) -> int:
-    from visref.cli.terminal import ERRORS
-
-    ERRORS.print(line, markup=False)
+    ERRORS.line(line)
     return int(status)
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """A parser that knows every command by name, and the arguments of the one in `arguments`."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="visref",
         description="Is your occlusion culler safe, and what does it cost?",
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import RasterTolerance
 from visref.exact.filters import View
 from visref.exact.scene import ExactScene
@@ -82,7 +82,7 @@ def with_doubtful_range(view: View, exact_scene: ExactScene, depth: DepthBuffer)
     return view._replace(near=1.0 / first, far=1.0 / last if last > 0.0 else math.inf)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def key_error(p: NDArray[Any], view: View, depth: DepthBuffer) -> float:
     """How far off a float32 rasteriser's key of a triangle, (9,) float32 corners, may be at any of
     its points."""

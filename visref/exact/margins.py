@@ -22,11 +22,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import RasterTolerance
 from visref.exact.depth_buffer import (
     NO_DEPTH_BUFFER,
@@ -150,7 +150,7 @@ def _find(
     return found
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     """On which side of the plane through the eye and edge i (orthographic: along the view)
     the opposite corner lies, with a bound of the error: the sign is certain above it."""
@@ -173,7 +173,7 @@ def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     return value, 2.0**-44 * size * size * (size if view.perspective else view.f_norm)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
     same: bool = (
         p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
@@ -181,7 +181,7 @@ def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
     return same
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     """Whether triangle q shares p's edge and lies on its other side on the screen."""
     start, end = edge, (edge + 1) % 3
@@ -200,7 +200,7 @@ def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _examine(
     nearby: Nearby,
     objects: NDArray[Any],
