@@ -29,21 +29,28 @@ def did_you_mean(name: str, known: Collection[str], otherwise: str | None = None
 # Control characters (C0, C1), format characters (bidirectional and zero-width ones), separators of
 # lines and paragraphs, halves of surrogate pairs.
 _UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
+# Not in Unicode for ever, and forbidden in XML.
+_NO_CHARACTERS = "\ufffe\uffff"
 # What GitHub and Azure take for a command: `::` where a line starts, `##[` and `##vso[` anywhere.
 _COMMAND = re.compile(r"^(\s*):(?=:)|#(?=#\w*\[)")
 
 
 def shown(text: str) -> str:
-    """A line for a terminal or a log: what it would obey instead of show, and what nobody would
-    see, as the escapes of a Python string (`\\n`, `\\x1b`, `\\u202e`)."""
-    if not text.isprintable():
-        text = "".join(
-            character.encode("unicode_escape").decode()
-            if unicodedata.category(character) in _UNSEEN
-            else character
-            for character in text
-        )
-    return _COMMAND.sub(_defused, text)
+    """A line for a terminal or a log: `legible`, and no command of a CI server."""
+    return _COMMAND.sub(_defused, legible(text))
+
+
+def legible(text: str) -> str:
+    """Text of one line, in which what would be obeyed instead of shown, and what nobody would see,
+    are the escapes of a Python string (`\\n`, `\\x1b`, `\\u202e`)."""
+    if text.isprintable():
+        return text
+    return "".join(
+        character.encode("unicode_escape").decode()
+        if unicodedata.category(character) in _UNSEEN or character in _NO_CHARACTERS
+        else character
+        for character in text
+    )
 
 
 def _defused(match: re.Match[str]) -> str:
