@@ -188,9 +188,16 @@ class _File(IndexDataCacheFile):  # type: ignore[misc]
     one at a time each takes the same number for another signature."""
 
     def save(self, key: Any, data: Any) -> None:
-        name = self._data_name(hashlib.blake2b(repr(key).encode(), digest_size=8).hexdigest())
+        number = int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=8).digest())
+        name = self._data_name(number)
         self._save_data(name, data)
-        overloads = self._load_index()
+        try:
+            overloads = self._load_index()
+        except OSError:
+            raise
+        except Exception:
+            # It was cut short or spoilt, and is begun anew.
+            overloads = {}
         overloads[key] = name
         self._save_index(overloads)
 
@@ -213,13 +220,6 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        # A disk that is full, a folder that is read-only or was removed; an index that is spoilt
-        # is begun anew.
-        with suppress(Exception):
-            try:
-                super().save_overload(sig, data)
-            except OSError:
-                raise
-            except Exception:
-                self.flush()
-                super().save_overload(sig, data)
+        # A full disk, a folder that is read-only or was removed.
+        with suppress(OSError):
+            super().save_overload(sig, data)

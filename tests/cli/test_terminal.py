@@ -70,7 +70,7 @@ def hostile(tmp_path_factory):
     folder = tmp_path_factory.mktemp("hostile")
     _, path = write_scene(folder)
     scene = trimesh.Scene()
-    for index, name in enumerate(NAMES):
+    for index in range(len(NAMES)):
         box = trimesh.creation.box((0.3, 0.3, 0.3))
         box.apply_translation((0.5 * index - 3.0, 0, 0))
         scene.add_geometry(box, node_name=f"NAME{index:02}", geom_name=f"NAME{index:02}")
@@ -144,7 +144,9 @@ def test_reports_show_the_names_in_each_format(hostile, tmp_path):
     for name in names:
         (file,) = page.rglob(name)
         text = names[name] = file.read_text(encoding="utf-8")
-        assert obeyed(text.replace("\t", "")) == [], name
+        # A page is no log: what a CI server would obey matters in the other two.
+        assert UNSEEN.search(text.replace("\t", "")) is None, name
+        assert name == "report.html" or obeyed(text) == [], name
     root = ET.fromstring(names["junit.xml"])
     failure = next(root.iter("failure"))
     assert r"annotates\n::error file=x.py::forged" in str(failure.text)
@@ -243,7 +245,6 @@ def test_an_encoding_that_lacks_characters_costs_no_verdict(hostile, tmp_path, e
     done = visref_run(*check_arguments(hostile, out), env=environment)
     assert done.returncode == 1, done.stderr
     assert b"x violation" in done.stdout
-    assert b"\\u05e9" in done.stdout or "שלום" not in str(NAMES[:10])
     assert done.stderr == b""
     # What is written to files does not depend on it.
     verdict = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
