@@ -235,4 +235,5 @@ def _view_of_worst(record: CullerRecord) -> str:
 
 def write_json(path: Path, value: object) -> None:
     """Write JSON with sorted keys, two spaces and a final newline."""
-    path.write_text(json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n")
+    text = json.dumps(value, indent=2, sort_keys=True, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

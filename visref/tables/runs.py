@@ -75,7 +75,7 @@ class PaperResults:
         file = self.folder / key / RESULT
         if not file.is_file():
             return None
-        return cast(Mapping[str, Any], json.loads(file.read_text())["result"])
+        return cast(Mapping[str, Any], json.loads(file.read_text(encoding="utf-8"))["result"])
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _asked_before(folder: Path, task: Task) -> object:
     """What the result on disk was asked for, None where there is none."""
     name = RESULT if isinstance(task.work, Experiment) else MANIFEST
     try:
-        found = json.loads((folder / name).read_text())
+        found = json.loads((folder / name).read_text(encoding="utf-8"))
         return found["asked"] if name == RESULT else found["settings"]["asked"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
