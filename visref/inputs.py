@@ -154,8 +154,8 @@ def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:
     names = folder / f"{generator.name}.files.json"
     if not names.is_file():
         scene, path = generator.write(folder)
-        names.write_text(json.dumps([scene.name, path.name]))
-    scene_name, path_name = json.loads(names.read_text())
+        names.write_text(json.dumps([scene.name, path.name]), encoding="utf-8")
+    scene_name, path_name = json.loads(names.read_text(encoding="utf-8"))
     return folder / scene_name, folder / path_name
 
 

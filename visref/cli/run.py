@@ -50,4 +50,4 @@ def run(given: argparse.Namespace) -> Exit:
 
 
 def _say(spec: str, line: str) -> None:
-    ERRORS.print(f"{spec}: {line}", markup=False)
+    ERRORS.line(f"{spec}: {line}")

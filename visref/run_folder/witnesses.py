@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
+from visref.compiled import njit
 from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.scene import Alpha, Int32, Int64, Scene
@@ -42,7 +42,7 @@ _BLOCK = 64
 _BALL_ERROR = 2.0**-40
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _along(
     corners: NDArray[Any],
     origin: NDArray[Any],
