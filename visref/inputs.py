@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from visref.beside import sweep
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
+from visref.files import replacing_file
 from visref.findings import Finding
 from visref.formats import GLTF, load_path, load_scene
 from visref.generators import Generator, find_generator
@@ -39,6 +41,11 @@ class Inputs:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", self.path.relative_to(self.scene.origin))
+
+    @property
+    def files(self) -> tuple[str, str]:
+        """Where scene and path came from: files, but for what was generated."""
+        return self.scene.source, self.path.source
 
     def make_engine(self) -> TruthEngine:
         return make_engine(self.engine, self.scene, threads=self.threads)
@@ -117,11 +124,13 @@ def _generator(spec: str) -> Generator | None:
 
 def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:
     """The generated files in `folder`, from the time before or written now."""
+    sweep(folder)
     # Written last, so that where it stands the scene is whole.
     names = folder / f"{generator.name}.files.json"
     if not names.is_file():
         scene, path = generator.write(folder)
-        names.write_text(json.dumps([scene.name, path.name]))
+        with replacing_file(names) as beside:
+            beside.write_text(json.dumps([scene.name, path.name]))
     scene_name, path_name = json.loads(names.read_text())
     return folder / scene_name, folder / path_name
 

@@ -9,6 +9,7 @@ from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inp
 from visref.cli.judged import judge
 from visref.culler import Promise, RasterTolerance
 from visref.errors import InputError
+from visref.files import refuse_inputs
 from visref.judging.status import Exit
 from visref.recordings.visible_sets import Replay, read_visible_sets
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
+    refuse_inputs(given.out, [given.visible])
     inputs = inputs_of(given)
     recorded = read_visible_sets(given.visible, inputs.scene, inputs.frames, len(inputs.path))
     tolerance = _raster(given.raster) if given.raster is not None else None

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from visref.cli.terminal import OUT
+from visref.files import refuse_inputs
 from visref.judging.status import Exit
 from visref.run_folder.explain import draw_neighbourhood, explain
-from visref.run_folder.layout import slug
+from visref.run_folder.layout import WITNESSES, explained_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +39,10 @@ def run(given: argparse.Namespace) -> Exit:
 def _picture(given: argparse.Namespace, witness: Mapping[str, Any], index: int) -> Path:
     """Where the picture of the witness with this index goes."""
     if given.picture is None:
-        name = f"{slug(witness['culler'])}-{given.frame:05d}-{witness['object']}.png"
-        return Path(given.run / "witnesses" / name)
+        name = explained_name(witness["culler"], given.frame, witness["object"])
+        return Path(given.run / WITNESSES / name)
     first: Path = given.picture
-    return first.with_stem(f"{first.stem}-{index + 1}") if index else first
+    picture = first.with_stem(f"{first.stem}-{index + 1}") if index else first
+    earlier = set((given.run / WITNESSES).glob("*.png"))
+    refuse_inputs(picture, set(given.run.rglob("*")) - earlier)
+    return picture

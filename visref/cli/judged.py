@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
+from visref.beside import steady
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
 from visref.findings import Code
@@ -44,7 +45,8 @@ def judge(
             listeners=[bar],
         )
     print_outcome(outcome)
-    for paper, tables in tables_beside(read_run(given.out, objects=False)):
+    written = steady(given.out, lambda folder: read_run(folder, objects=False))
+    for paper, tables in tables_beside(written):
         for table in tables:
             _print_beside_published(paper.name, table)
     OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)

@@ -229,7 +229,8 @@ def _table_and_facts(file: Path, source: str) -> tuple[pa.Table, dict[str, Any]]
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
     try:
-        table = pq.read_table(file)
+        # pyarrow takes a leading ~ for the home folder.
+        table = pq.read_table(file.absolute())
     except (OSError, pa.ArrowException) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     try:

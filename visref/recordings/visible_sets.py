@@ -301,7 +301,8 @@ def _parquet(path: Path) -> Iterator[_Row]:
     if not path.exists():
         raise InputError("cannot read it: no such file", fix="check its name")
     try:
-        table = pq.read_table(path)
+        # pyarrow takes a leading ~ for the home folder.
+        table = pq.read_table(path.absolute())
     except (OSError, pa.ArrowException) as error:
         raise InputError(
             "it is not a Parquet file, or not a whole one", fix="write it anew"

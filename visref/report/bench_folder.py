@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
+from visref.files import FolderKind
 from visref.run_folder.json_fields import Fields
+from visref.run_folder.layout import REPORT
 
 MARKER = "bench.json"
 PLOT = "bench.svg"
+FORMAT = "visref-bench"
+
+
+def _wrote(record: Any) -> Sequence[str] | None:
+    """Of a bench's record, patterns of all files that visref writes into its folder."""
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        return None
+    return [r"bench\.(json|svg|png|md|html|csv)", *map(re.escape, REPORT)]
+
+
+BENCH_FOLDER = FolderKind(MARKER, _wrote)
 
 
 @dataclass(frozen=True)
@@ -40,7 +55,7 @@ def read_bench(folder: Path) -> BenchFolder:
         svg = (folder / PLOT).read_bytes()
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read it: {error}", source=source, fix=fix) from error
-    known = isinstance(found, dict) and found.get("format") == "visref-bench"
+    known = isinstance(found, dict) and found.get("format") == FORMAT
     if not known or found.get("version") != 1:
         raise InputError("this is no bench (format visref-bench, version 1)", source=source,
                          fix=fix)  # fmt: skip

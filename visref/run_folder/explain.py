@@ -33,6 +33,9 @@ _MISSING = (213, 94, 0)
 _OTHERS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167))
 _BACKGROUND = (236, 236, 232)
 
+# How every PNG begins: what is none is no earlier picture.
+_PNG = b"\x89PNG\r\n\x1a\n"
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -224,7 +227,7 @@ def draw_neighbourhood(explanation: Explanation, file: Path) -> None:
             if (row, column) == (AROUND_PX, AROUND_PX):
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (255, 255, 255), 5)
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (20, 20, 20), 2)
-    with replacing_file(file) as beside:
+    with replacing_file(file, begins=_PNG) as beside:
         picture.save(beside, format="PNG", optimize=True)
 
 

@@ -260,11 +260,13 @@ def _table(
         return InputError(problem, source=str(file), fix=FIX)
 
     try:
-        found = pq.read_schema(file)
+        # pyarrow takes a leading ~ for the home folder.
+        absolute = file.absolute()
+        found = pq.read_schema(absolute)
         # An unknown column is somebody else's.
         names = [name for name in schema.names if name in found.names]
         read = [name for name in repeated if name in names]
-        table = pq.read_table(file, columns=names, read_dictionary=read)
+        table = pq.read_table(absolute, columns=names, read_dictionary=read)
     except (OSError, pa.ArrowException) as error:
         raise spoilt("cannot read this table") from error
     needed = required | {"view"} if version >= 2 else required.difference(SINCE_VERSION_2)
