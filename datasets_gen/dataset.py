@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.files import replacing_file
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
@@ -185,6 +185,5 @@ def _one_line(text: str) -> str:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content)
-    os.replace(beside, path)
+    with replacing_file(path) as beside:
+        beside.write_bytes(content)
