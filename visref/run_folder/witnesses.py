@@ -18,6 +18,7 @@ from visref.compiled import njit
 from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.scene import Alpha, Int32, Int64, Scene
+from visref.timeline import Timeline
 from visref.visibility import mask_states
 
 # A culler that draws nothing misses thousands of objects in every frame. Its worst misses, by
@@ -168,7 +169,7 @@ def _triangles_along(
 
 def write_witnesses(
     file: Path,
-    scene: Scene,
+    timeline: Timeline,
     path: CameraPath,
     record: CullerRecord,
     drawn: Callable[[int, str], NDArray[np.bool_]],
@@ -178,7 +179,7 @@ def write_witnesses(
 
     `drawn` gives the drawn triangles of a frame's view, (t,) bool.
     """
-    misses = [(row.frame, row.view, miss) for row in record.frames for miss in row.verdict.misses]
+    misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
     misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
     convicted: set[int] = set()
@@ -188,12 +189,15 @@ def write_witnesses(
             by_view[frame, view].append(miss)
         if first:
             convicted.add(miss.object)
-    # Once for all frames: on a large scene these take longer than the rays.
-    corners = scene.vertices[scene.triangles]
-    balls = _balls(corners)
+    scene: Scene | None = None
     with file.open("w", encoding="utf-8") as lines:
         for frame, view in sorted(by_view):
             (camera,) = (camera for camera in path.views(frame) if camera.view == view)
+            if scene is None or timeline.at(frame) is not scene:
+                # Once for all frames that are alike: on a large scene these take longer than rays.
+                scene = timeline.at(frame)
+                corners = scene.vertices[scene.triangles]
+                balls = _balls(corners)
             chosen = sorted(by_view[frame, view], key=lambda miss: miss.object)
             shown = drawn(frame, view)
             along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
@@ -201,8 +205,8 @@ def write_witnesses(
                 state = mask_states(
                     scene, camera, np.full(len(triangles), miss.sample), triangles.astype(np.int32)
                 )
-                witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
-                witness |= {"culler": record.spec, "view": view}
+                witness: dict[str, Any] = witness_json(scene, frame, miss)
+                witness["culler"] = record.spec
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
                     _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.nodes import have_length
-from visref.scene import Float64, Int64
+from visref.scene import Float64, Int64, unique_names
 
 TRANSFORMS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 WEIGHTS, VISIBLE = "weights", "visible"
@@ -124,12 +125,10 @@ class Animations:
     """What all animations of a file change, an entry for each in the file's order. Raises
     InputError naming the place where a channel names what there is not.
 
-    `names`: as the file has them, "" for none. `places`: of the animations. `unplayed`: what
-    pointers change that is not played.
+    `places`: where they stand. `unplayed`: what pointers change that is not played.
     """
 
     document: Document
-    names: list[str] = field(default_factory=list)
     places: list[Json] = field(default_factory=list)
     targets: list[list[Target]] = field(default_factory=list)
     unplayed: list[str] = field(default_factory=list)
@@ -137,10 +136,14 @@ class Animations:
 
     def __post_init__(self) -> None:
         for animation in self.document.entries("animations"):
-            name = animation.get("name")
-            self.names.append("" if name is None else name.text())
             self.places.append(animation)
             self.targets.append(self._targets(animation))
+
+    @cached_property
+    def clips(self) -> tuple[str, ...]:
+        """Their names, each once: repeats get `#2`, `#3`, …; one without is `animation`."""
+        named = [animation.get("name") for animation in self.places]
+        return unique_names(["animation" if n is None else n.text() or "animation" for n in named])
 
     def _targets(self, animation: Json) -> list[Target]:
         samplers = animation["samplers"].items()

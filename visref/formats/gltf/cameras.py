@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visref.camera import Camera
-from visref.camera_path import CameraPath
+from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.formats.gltf.animation import TRANSFORMS, Animations, Channel
 from visref.formats.gltf.document import Document, Json
@@ -37,27 +37,9 @@ _MAX_STEPS = 100_000
 _CAMERA_BYTES = 1500
 
 
-@dataclass(frozen=True)
-class TimedCamera:
-    """A camera, and when it is where: `time_s` seconds into the animation number `clip`; both None
-    for one that stands still."""
-
-    camera: Camera
-    time_s: float | None = None
-    clip: int | None = None
-
-
 def read_cameras(document: Document, *, width: int, height: int, fps: float | None) -> CameraPath:
-    """The file's cameras at a given resolution, as `read_timed` says."""
-    timed = read_timed(document, width=width, height=height, fps=fps)
-    return CameraPath(tuple(frame.camera for frame in timed))
-
-
-def read_timed(
-    document: Document, *, width: int, height: int, fps: float | None
-) -> list[TimedCamera]:
-    """The file's cameras at a given resolution, in step with what the file animates. Raises
-    InputError naming the place.
+    """The file's cameras at a given resolution; the frames of a moving one say the time and the
+    animation, so that objects move in step. Raises InputError naming the place.
 
     The vertical field of view is kept; the file's own aspect ratio is not used. `fps`:
     frames a second of animation; None takes the keyframes' times.
@@ -69,7 +51,7 @@ def read_timed(
     animations = Animations(document)
     moved = _below_what_moves(nodes, animations)
     steps = 0
-    frames: list[TimedCamera] = []
+    frames: list[Frame] = []
     for node in nodes.order:
         entry = document.entries("nodes")[node]
         if "camera" not in entry.value:
@@ -94,10 +76,10 @@ def read_timed(
             if frames:
                 piece[0] = replace(piece[0], cut=True)
             if moving is None:
-                frames.extend(TimedCamera(camera) for camera in piece)
+                frames.extend(Frame((camera,)) for camera in piece)
             else:
                 frames.extend(
-                    TimedCamera(camera, time_s, moving.clip)
+                    Frame((camera,), time_s, animations.clips[moving.clip])
                     for camera, time_s in zip(piece, moving.times.tolist(), strict=True)
                 )
     if not frames:
@@ -106,7 +88,7 @@ def read_timed(
             place="nodes",
             fix="give a path file, or export the scene with its camera",
         )
-    return frames
+    return CameraPath(frames)
 
 
 def _camera(lens: Json, pose: Float64, width: int, height: int) -> Camera:

@@ -25,7 +25,7 @@ from visref.formats.gltf.deform import Deformer
 from visref.formats.gltf.nodes import Nodes, trs_matrices
 from visref.formats.placed import compose
 from visref.rig import Moment
-from visref.scene import Float64, Int64, unique_names
+from visref.scene import Float64, Int64
 
 Flags = NDArray[np.bool_]
 
@@ -120,7 +120,7 @@ class GltfMotion:
     _clips: dict[int, _Clip] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        self.clips = unique_names([name or "animation" for name in self.animations.names])
+        self.clips = self.animations.clips
         self.digest = self._digest()
 
     @cached_property
