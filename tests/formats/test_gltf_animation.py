@@ -356,7 +356,8 @@ def test_a_cubic_spline_of_weights_has_its_known_values(tmp_path):
     at = placed.motion.at(0, 1.0).positions[0]
     assert np.array_equal(at, TRIANGLE + np.array([0, 8 * 1.5, 0]))
     assert np.array_equal(placed.motion.at(0, -5.0).positions[0], TRIANGLE)
-    assert np.array_equal(placed.motion.at(0, 99.0).positions[0], TRIANGLE + np.array([0, 8, 0]))
+    after = TRIANGLE + np.array([0, 8, 0])
+    assert np.array_equal(placed.motion.at(0, 99.0).positions[0], after)
 
 
 def test_one_key_holds_at_all_times(tmp_path):
