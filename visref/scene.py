@@ -277,7 +277,8 @@ class Scene(Shared):
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        return frozen(core_of(self.object_bounds[np.diff(self.object_offsets) > 0]))
+        boxes = self.object_bounds
+        return frozen(core_of(boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]))
 
     def object_units(self) -> Units:
         """The default units: an object each."""
@@ -309,6 +310,17 @@ class Scene(Shared):
         if self.motion:
             state.update(b"\0motion" + self.motion.encode())
         return state.hexdigest()
+
+
+OTHERS_MOVE = "this was made of a scene in which other objects move"
+
+
+def same_moving(scene: Scene, other: Scene) -> bool:
+    """Whether the same objects are posed anew from moment to moment of both, and some are: whether
+    one can be the other at another moment."""
+    if scene.moving is None or other.moving is None:
+        return False
+    return scene.moving is other.moving or np.array_equal(scene.moving, other.moving)
 
 
 # The kind of units that are the scene's objects.
@@ -368,6 +380,11 @@ class Units(Shared):
         shift = np.repeat(self.offsets[unit_ids] - (ends - sizes), sizes)
         result: Int32 = self.triangles[np.arange(total) + shift]
         return result
+
+    def take(self, unit_ids: Int32) -> Units:
+        """Some of the units, (m,) int32 ids."""
+        ends = np.cumsum(self.sizes[unit_ids], dtype=np.int64)
+        return Units(np.append(np.int64(0), ends), self.gather(unit_ids), self.kind)
 
     def check(self, scene: Scene, *, source: str) -> None:
         """Raise InputError unless these are valid units of `scene`."""
