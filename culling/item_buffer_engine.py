@@ -52,6 +52,12 @@ class ItemBufferEngine(UsesDevice, TruthEngine):
             self.layers = Layers(device(), scene, self.items.vertices, masked)
             self.given_depth = GivenDepth(device())
 
+    def pose(self, scene: Scene) -> None:
+        self.items.pose(scene)
+        before, self.scene = self.scene, scene
+        if self.layers is not None:
+            self.layers.pose(before, scene)
+
     def describe(self) -> str:
         """Renderer and limits."""
         return ", ".join(f"{name} {value}" for name, value in device().report().items())

@@ -263,10 +263,10 @@ class Scene(Shared):
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) float64, the box of all triangles; zeros for an empty scene."""
-        if not self.triangle_count:
+        """(2, 3) float64, the box of all triangles; zeros where none is there."""
+        boxes = somewhere(self.object_bounds)
+        if not len(boxes):
             return frozen(np.zeros((2, 3)))
-        boxes = self.object_bounds
         return frozen(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
 
     @cached_property
@@ -277,8 +277,7 @@ class Scene(Shared):
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        boxes = self.object_bounds
-        return frozen(core_of(boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]))
+        return frozen(core_of(somewhere(self.object_bounds)))
 
     def object_units(self) -> Units:
         """The default units: an object each."""
@@ -460,6 +459,11 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
 # A scene is held relative to an origin where its core lies further out than this many times its
 # own size: nearer than that, float32 loses less than three bits to the distance.
 ORIGIN_DISTANCE = 4.0
+
+
+def somewhere(boxes: Float64) -> Float64:
+    """Those of (n, 2, 3) boxes that hold something: no object without triangles, no absent one."""
+    return boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]
 
 
 def core_of(boxes: Float64) -> Float64:

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float32, Float64, Int32, Scene, origin_of
+from visref.scene import Float32, Float64, Int32, Scene, origin_of, somewhere
 
 # What the triangles that stand still and those that move are called, (s,) and (m,) int32.
 Places = tuple[Int32, Int32]
@@ -67,11 +67,6 @@ class Parts:
         used[triangles] = True
         row = np.cumsum(used, dtype=np.int32) - 1
         return scene.vertices[used], row[triangles]
-
-
-def somewhere(boxes: Float64) -> Float64:
-    """Those of (n, 2, 3) boxes that hold something: no object without triangles, no absent one."""
-    return boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]
 
 
 def scale_of(still: float, moving: float) -> float:

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.in_motion import Parts, Places, place_corners, reach, scale_of, somewhere
+from visref.engines.in_motion import Parts, Places, place_corners, reach, scale_of
 from visref.engines.known_samples import (
     DEPTH_ROUNDING,
     PER_OCTAVE_IN_VIEW,
@@ -45,7 +45,17 @@ from visref.engines.known_samples import (
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, origin_of, same_moving
+from visref.scene import (
+    OTHERS_MOVE,
+    Alpha,
+    Float32,
+    Float64,
+    Int32,
+    Scene,
+    origin_of,
+    same_moving,
+    somewhere,
+)
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,

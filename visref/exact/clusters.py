@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float32, Float64, Int32, Int64, Scene, core_of
+from visref.scene import Float32, Float64, Int32, Int64, Scene, core_of, somewhere
 
 Bool = NDArray[np.bool_]
 
@@ -71,7 +71,7 @@ class Clusters:
         """Put triangles, of objects with these boxes, in order from a place on: where their
         clusters start, (c,) int64, and the clusters' boxes, (c, 2, 3) float32."""
         corners = scene.vertices[scene.triangles[ids]]
-        order = _spatial_order(corners, core_of(boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]))
+        order = _spatial_order(corners, core_of(somewhere(boxes)))
         corners, ids = corners[order], ids[order]
         part = slice(at, at + len(ids))
         self._order[part] = ids
