@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import MOST_SNAP_PX, Raster, RasterTolerance
-from visref.scene import Int32, Scene
+from visref.scene import OTHERS_MOVE, Int32, Scene, same_moving
 from visref.visibility import BACKGROUND
 from visref_culling.gl.device import Device, State, Target, UsesDevice, device
 from visref_culling.gl.geometry import occluders, view_uniforms
@@ -28,16 +28,17 @@ from visref_culling.gl.masks import (
     corners,
     with_known_mask,
 )
+from visref_culling.gl.motion import write_changed
 from visref_culling.gl.view import View
 
 
 @dataclass(eq=False)
 class _Batch:
     """Triangles on the GPU, drawn at once: ids ascending, back faces all or none shown.
-    `data`: their indices, or where `material` is not None their corners. `count` triangles."""
+    `data`: their indices, or where `material` is not None their corners. `triangles`: their ids."""
 
     one_sided: bool
-    count: int
+    triangles: Int32
     data: moderngl.Buffer
     ids: moderngl.Buffer
     vertex_array: moderngl.VertexArray
@@ -66,6 +67,24 @@ class ItemBuffer:
         self.opaque, self.others = self.upload(self.solid), self.upload(self.over)
         self.masked = self.upload_masked(self.by_mask)
 
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment: what it changes is written. Raises ValueError where
+        other objects move than in the scene that this was made of."""
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        before, self.scene = self.scene, scene
+        write_changed(self.vertices, before.vertices, scene.vertices)
+        for batch in (*self.opaque, *self.others):
+            if before.triangles is not scene.triangles:
+                ids = batch.triangles
+                write_changed(batch.data, before.triangles[ids], scene.triangles[ids])
+        if scene.masks is None or scene.moving is None:
+            return
+        moves = scene.moving[scene.object_of_triangle]
+        for batch in self.masked:
+            if moves[batch.triangles].any():
+                batch.data.write(corners(scene, scene.masks, batch.triangles).tobytes())
+
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
 
@@ -81,7 +100,7 @@ class ItemBuffer:
                     self.program, [(self.vertices, "3f", "vertex_world")], index_buffer=indices
                 )
                 ids_buffer = context.buffer(ids.tobytes())
-                batches.append(_Batch(one_sided, len(ids), indices, ids_buffer, vertex_array))
+                batches.append(_Batch(one_sided, ids, indices, ids_buffer, vertex_array))
         return batches
 
     def upload_masked(self, chosen: NDArray[np.bool_]) -> list[_Batch]:
@@ -105,7 +124,7 @@ class ItemBuffer:
             batches.append(
                 _Batch(
                     bool(sided[part[0]]),
-                    len(ids),
+                    ids,
                     data,
                     context.buffer(ids.tobytes()),
                     vertex_array,
@@ -206,6 +225,12 @@ class GLRaster(UsesDevice, Raster):
             declared = replace(declared, snap_px=MOST_SNAP_PX)
         if declared.snap_px > self.tolerance.snap_px:
             self.tolerance = declared
+
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment, as `ItemBuffer.pose`."""
+        self.scene = scene
+        if self._items is not None:
+            self._items.pose(scene)
 
     def _ready(self) -> ItemBuffer:
         if self._items is None:

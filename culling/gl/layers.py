@@ -12,6 +12,7 @@ from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
 from visref_culling.gl.device import Device, State, Target, set_uniform
 from visref_culling.gl.geometry import view_uniforms
+from visref_culling.gl.motion import write_changed
 from visref_culling.gl.view import View
 
 HIT_BYTES = 12  # sample, triangle, depth
@@ -41,7 +42,7 @@ class Layers:
         self.most = gl.max_block_bytes // HIT_BYTES
         self.capacity = 0
         self.hits: moderngl.Buffer | None = None
-        self.parts: list[tuple[bool, int, moderngl.VertexArray, list[moderngl.Buffer]]] = []
+        self.parts: list[tuple[bool, Int32, moderngl.VertexArray, list[moderngl.Buffer]]] = []
         for one_sided in (False, True):
             ids = np.flatnonzero(chosen & (scene.one_sided == one_sided)).astype(np.int32)
             if len(ids):
@@ -52,7 +53,13 @@ class Layers:
                 vertex_array = gl.context.vertex_array(
                     self.program, [(vertices, "3f", "vertex_world")], index_buffer=buffers[0]
                 )
-                self.parts.append((one_sided, len(ids), vertex_array, buffers))
+                self.parts.append((one_sided, ids, vertex_array, buffers))
+
+    def pose(self, before: Scene, scene: Scene) -> None:
+        """Follow the scene from one moment to another; the vertices are the caller's."""
+        if before.triangles is not scene.triangles:
+            for _, ids, _, buffers in self.parts:
+                write_changed(buffers[0], before.triangles[ids], scene.triangles[ids])
 
     def before(self, view: View, target: Target) -> Hits:
         """The fragments before the target's depth or level with it; that depth stays."""
@@ -60,8 +67,8 @@ class Layers:
         size = np.array(target.framebuffer.size, np.int32)
         set_uniform(self.program, "size", size.tobytes())
         found = [np.zeros((0, 3), np.uint32)]
-        for part, (_, count, _, _) in enumerate(self.parts):
-            self._collect(target, part, 0, count, found)
+        for part, (_, ids, _, _) in enumerate(self.parts):
+            self._collect(target, part, 0, len(ids), found)
         words = np.concatenate(found)
         sample, triangle = words[:, 0].astype(np.int64), words[:, 1].astype(np.int32)
         depth = np.ascontiguousarray(words[:, 2]).view(np.float32)

@@ -14,7 +14,8 @@ from visref.visibility import FrameTruth
 class RecalledTruths(TruthEngine):
     """The exact engine's truths of a path's frames, in their order, already cast.
 
-    It knows the cameras of that path and no others.
+    It knows the cameras of that path and no others. Raises ValueError where things move and a
+    camera stands in two frames: which of their truths is meant?
     """
 
     name = "exact"
@@ -26,6 +27,12 @@ class RecalledTruths(TruthEngine):
         # The path keeps its cameras alive, so their identities are good keys.
         self._path = path
         self._truths = {id(c): truth for c, truth in zip(path, truths, strict=True)}
+        if scene.moving is not None and len(self._truths) < len(truths):
+            raise ValueError("one camera stands in two frames of a scene that moves")
+
+    def pose(self, scene: Scene) -> None:
+        """A truth is of its frame's moment already."""
+        self.scene = scene
 
     def frame(self, camera: Camera) -> FrameTruth:
         return self._truths[id(camera)]
