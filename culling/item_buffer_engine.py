@@ -23,6 +23,7 @@ from visref.visibility import (
     mask_states,
 )
 from visref_culling.boxes.conservative import inflated, meets_frustum
+from visref_culling.gl.changes import Changes
 from visref_culling.gl.device import Target, UsesDevice, device
 from visref_culling.gl.item_buffer import ItemBuffer
 from visref_culling.gl.layers import GivenDepth, Hits, Layers
@@ -51,6 +52,13 @@ class ItemBufferEngine(UsesDevice, TruthEngine):
         if masked.any():
             self.layers = Layers(device(), scene, self.items.vertices, masked)
             self.given_depth = GivenDepth(device())
+
+    def pose(self, scene: Scene) -> None:
+        changes = Changes.between(self.scene, scene)
+        self.scene = scene
+        self.items.update(scene, changes)
+        if self.layers is not None:
+            self.layers.update(scene, changes)
 
     def describe(self) -> str:
         """Renderer and limits."""

@@ -263,10 +263,11 @@ class Scene(Shared):
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) float64, the box of all triangles; zeros for an empty scene."""
-        if not self.triangle_count:
-            return frozen(np.zeros((2, 3)))
+        """(2, 3) float64, the box of all triangles; zeros for an empty scene, and where all that
+        has triangles is absent."""
         boxes = self.object_bounds
+        if not (boxes[:, 0] <= boxes[:, 1]).any():
+            return frozen(np.zeros((2, 3)))
         return frozen(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
 
     @cached_property
