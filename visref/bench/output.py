@@ -55,7 +55,7 @@ def write_bench(
     folder: Path, bench: Bench, scene: Scene, path: CameraPath, threads: int | None
 ) -> None:
     """Write all files into a folder that exists and is empty."""
-    camera = path.frames[bench.frames[0]]
+    camera = path.cameras[bench.frames[0]]
     facts = {
         "scene": scene.source,
         "objects": scene.object_count,
