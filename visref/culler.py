@@ -195,12 +195,6 @@ class Culler(ABC):
         """Meet the scene as it stands now: called before a frame in which something has moved,
         appeared or vanished. A culler that leaves this as it is is for scenes that stand still."""
 
-    @property
-    def moves(self) -> bool:
-        """Whether it may be asked about a scene in which something moves, appears or vanishes:
-        if it has an `update` of its own."""
-        return type(self).update is not Culler.update
-
     @abstractmethod
     def cull(self, camera: Camera) -> DrawnSet:
         """Decide one view of a frame. Frames come in path order, each once, and a frame's views

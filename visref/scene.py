@@ -278,7 +278,8 @@ class Scene(Shared):
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        return frozen(core_of(self.object_bounds[np.diff(self.object_offsets) > 0]))
+        boxes = self.object_bounds
+        return frozen(core_of(boxes[(boxes[:, 0] <= boxes[:, 1]).all(axis=1)]))
 
     def object_units(self) -> Units:
         """The default units: an object each."""

@@ -12,7 +12,7 @@ from visref.visibility import FrameTruth
 
 
 class RecalledTruths(TruthEngine):
-    """The exact engine's truths of a path's frames, in their order, already cast.
+    """The exact engine's truths of a path's views, already cast, in the path's order.
 
     It knows the cameras of that path and no others.
     """
@@ -25,7 +25,11 @@ class RecalledTruths(TruthEngine):
         super().__init__(scene)
         # The path keeps its cameras alive, so their identities are good keys.
         self._path = path
-        self._truths = {id(c): truth for c, truth in zip(path, truths, strict=True)}
+        cameras = [camera for frame in path.frames for camera in frame.cameras]
+        self._truths = {id(c): truth for c, truth in zip(cameras, truths, strict=True)}
+
+    def pose(self, scene: Scene) -> None:
+        self.scene = scene
 
     def frame(self, camera: Camera) -> FrameTruth:
         return self._truths[id(camera)]

@@ -73,10 +73,6 @@ class CullerGuarded(Culler):
         return self._made.memory
 
     @property
-    def moves(self) -> bool:
-        return self._made.moves
-
-    @property
     def timed(self) -> bool:  # type: ignore[override]
         return self._made.timed
 

@@ -93,10 +93,6 @@ class CullerApart(Culler):
         return self._declared.get("memory")
 
     @property
-    def moves(self) -> bool:
-        return bool(self._declared.get("moves"))
-
-    @property
     def raster(self) -> Raster | None:  # type: ignore[override]
         said = self._declared.get("raster")
         return None if said is None else _RasterApart(self, said)
