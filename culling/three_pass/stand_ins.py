@@ -60,12 +60,13 @@ class StandIns:
     def update(self, scene: Scene, objects: Int64) -> None:
         """Follow the scene to another moment, in which these objects, (k,) ids, have changed.
         Where all of an object moved as one (`carried`), so does its stand-in; where it was
-        deformed, the stand-in is made anew."""
+        deformed, the stand-in is made anew. What stands in for itself is looked at again."""
         for number in objects.tolist():
             if scene.absent is not None and scene.absent[number]:
                 continue  # it is not asked about, and its triangles are not there to look at
-            old = self.of_object[number]
-            points = carried(old, scene.vertices[old.used].astype(np.float64))
+            old, points = self.of_object[number], None
+            if np.diff(scene.object_offsets[number : number + 2]) > self.extra:
+                points = carried(old, scene.vertices[old.used].astype(np.float64))
             if points is None:
                 self.of_object[number] = self._made(scene, number)
             else:

@@ -108,7 +108,9 @@ def appearing_and_vanishing(rng: np.random.Generator) -> Case:
     for number in range(8):
         x = 2.0 * number - 7.0
         objects.append((f"blind {number}", panel((x - 0.9, x + 0.9), (-2.0, 2.0), -8.0)))
-        objects.append((f"hidden {number}", box((x - 0.4, -0.8, -10.0), (x + 0.4, 0.8, -9.0))))
+        # Behind the middle of its blind, as the middle of the views has it.
+        x = 0.6 + (x - 0.6) * 12.5 / 11.0
+        objects.append((f"hidden {number}", box((x - 0.3, -0.3, -9.6), (x + 0.3, 0.3, -9.4))))
         names += [f"blind {number}", f"hidden {number}"]
     # Whole frames of which little is there, one of which nothing is.
     gone = [tuple(name for name in names if rng.random() < 0.4) for _ in range(7)]
@@ -129,11 +131,13 @@ def bending_reeds(rng: np.random.Generator) -> Case:
         x = 2.0 * number - 5.0
         objects.append((f"reed {number}", reed(x)))
         reeds.append(len(objects) - 1)
+    # Beside the view, into which its end bends at last.
+    objects.append(("reed beside", reed(8.5)))
+    reeds.append(len(objects) - 1)
+    ways = [*rng.uniform(-1.0, 1.0, len(reeds) - 1).tolist(), -0.2]
     scene = case(objects, [camera()]).scene
     positions = [points for _, (points, _) in objects]
-    motion = Bending(
-        tuple(reeds), positions, tuple(float(way) for way in rng.uniform(-1.0, 1.0, len(reeds)))
-    )
+    motion = Bending(tuple(reeds), positions, tuple(ways))
     frames = [Frame((camera((0.0, -0.6, 1.0)),), time_s=float(t)) for t in range(6)]
     return Case(rigged(scene, positions, motion), CameraPath(frames, "conformance"))
 
