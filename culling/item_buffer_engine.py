@@ -12,7 +12,7 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.engines.base import TruthEngine
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Alpha, Float32, Float64, Int32, Scene, somewhere
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving, somewhere
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
@@ -23,6 +23,7 @@ from visref.visibility import (
     mask_states,
 )
 from visref_culling.boxes.conservative import inflated, meets_frustum
+from visref_culling.gl.changes import Changes
 from visref_culling.gl.device import Target, UsesDevice, device
 from visref_culling.gl.item_buffer import ItemBuffer
 from visref_culling.gl.layers import GivenDepth, Hits, Layers
@@ -53,10 +54,13 @@ class ItemBufferEngine(UsesDevice, TruthEngine):
             self.given_depth = GivenDepth(device())
 
     def pose(self, scene: Scene) -> None:
-        self.items.pose(scene)
-        before, self.scene = self.scene, scene
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        changes = Changes.between(self.scene, scene)
+        self.scene = scene
+        self.items.update(scene, changes)
         if self.layers is not None:
-            self.layers.pose(before, scene)
+            self.layers.update(scene, changes)
 
     def describe(self) -> str:
         """Renderer and limits."""

@@ -10,6 +10,7 @@ be looked up, may be drawn over these, whole.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -19,6 +20,7 @@ from visref.camera import Camera
 from visref.culler import MOST_SNAP_PX, Raster, RasterTolerance
 from visref.scene import OTHERS_MOVE, Int32, Scene, same_moving
 from visref.visibility import BACKGROUND
+from visref_culling.gl.changes import Changes, write_indices, write_rows, write_vertices
 from visref_culling.gl.device import Device, State, Target, UsesDevice, device
 from visref_culling.gl.geometry import occluders, view_uniforms
 from visref_culling.gl.masks import (
@@ -28,14 +30,14 @@ from visref_culling.gl.masks import (
     corners,
     with_known_mask,
 )
-from visref_culling.gl.motion import write_changed
 from visref_culling.gl.view import View
 
 
 @dataclass(eq=False)
 class _Batch:
     """Triangles on the GPU, drawn at once: ids ascending, back faces all or none shown.
-    `data`: their indices, or where `material` is not None their corners. `triangles`: their ids."""
+    `data`: their indices, or where `material` is not None their corners. `triangles`: (n,) int32,
+    their ids."""
 
     one_sided: bool
     triangles: Int32
@@ -72,18 +74,7 @@ class ItemBuffer:
         other objects move than in the scene that this was made of."""
         if not same_moving(self.scene, scene):
             raise ValueError(OTHERS_MOVE)
-        before, self.scene = self.scene, scene
-        write_changed(self.vertices, before.vertices, scene.vertices)
-        for batch in (*self.opaque, *self.others):
-            if before.triangles is not scene.triangles:
-                ids = batch.triangles
-                write_changed(batch.data, before.triangles[ids], scene.triangles[ids])
-        if scene.masks is None or scene.moving is None:
-            return
-        moves = scene.moving[scene.object_of_triangle]
-        for batch in self.masked:
-            if moves[batch.triangles].any():
-                batch.data.write(corners(scene, scene.masks, batch.triangles).tobytes())
+        self.update(scene, Changes.between(self.scene, scene))
 
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
@@ -133,6 +124,22 @@ class ItemBuffer:
             )
         return batches
 
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        self.scene = scene
+        write_vertices(self.vertices, scene, changes)
+        for batch in (*self.opaque, *self.others):
+            write_indices(batch.data, scene, changes, batch.triangles)
+        for batch in self.masked:
+            write_rows(
+                batch.data, changes.triangles[batch.triangles], partial(self._corners, batch)
+            )
+
+    def _corners(self, batch: _Batch, first: int, end: int) -> NDArray[np.void]:
+        """(end - first, 3) of CORNER."""
+        assert self.scene.masks is not None
+        return corners(self.scene, self.scene.masks, batch.triangles[first:end])
+
     def clear(self, camera: Camera) -> Target:
         """The camera's empty integer image."""
         target = self.device.target(camera.width, camera.height, self.depth_bits, "i4")
@@ -157,6 +164,7 @@ class ItemBuffer:
                     program,
                     depth_write=depth_write,
                     cull_back_faces=batch.one_sided,
+                    cut=view.is_cut,
                 )
             )
             batch.ids.bind_to_storage_buffer(0)
@@ -216,6 +224,12 @@ class GLRaster(UsesDevice, Raster):
         self.depth_bits = depth_bits
         self._items: ItemBuffer | None = None
         self.tolerance = RasterTolerance(0.0, None if depth_bits == 32 else depth_bits)
+
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        self.scene = scene
+        if self._items is not None:
+            self._items.update(scene, changes)
 
     def see(self, camera: Camera) -> None:
         """Widen the tolerance to hold for this camera too."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
+from visref_culling.gl.changes import Changes, write_indices
 from visref_culling.gl.device import Device, State, Target, set_uniform
 from visref_culling.gl.geometry import view_uniforms
-from visref_culling.gl.motion import write_changed
 from visref_culling.gl.view import View
 
 HIT_BYTES = 12  # sample, triangle, depth
@@ -41,11 +41,14 @@ class Layers:
         self.count = gl.context.buffer(reserve=4)
         self.most = gl.max_block_bytes // HIT_BYTES
         self.capacity = 0
+        self.cut = False
         self.hits: moderngl.Buffer | None = None
-        self.parts: list[tuple[bool, Int32, moderngl.VertexArray, list[moderngl.Buffer]]] = []
+        self.parts: list[tuple[bool, int, moderngl.VertexArray, list[moderngl.Buffer]]] = []
+        self.triangles: list[Int32] = []
         for one_sided in (False, True):
             ids = np.flatnonzero(chosen & (scene.one_sided == one_sided)).astype(np.int32)
             if len(ids):
+                self.triangles.append(ids)
                 buffers = [
                     gl.context.buffer(scene.triangles[ids].tobytes()),
                     gl.context.buffer(ids.tobytes()),
@@ -53,22 +56,23 @@ class Layers:
                 vertex_array = gl.context.vertex_array(
                     self.program, [(vertices, "3f", "vertex_world")], index_buffer=buffers[0]
                 )
-                self.parts.append((one_sided, ids, vertex_array, buffers))
+                self.parts.append((one_sided, len(ids), vertex_array, buffers))
 
-    def pose(self, before: Scene, scene: Scene) -> None:
-        """Follow the scene from one moment to another; the vertices are the caller's."""
-        if before.triangles is not scene.triangles:
-            for _, ids, _, buffers in self.parts:
-                write_changed(buffers[0], before.triangles[ids], scene.triangles[ids])
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed; the vertices are the
+        caller's."""
+        for (_, _, _, buffers), ids in zip(self.parts, self.triangles, strict=True):
+            write_indices(buffers[0], scene, changes, ids)
 
     def before(self, view: View, target: Target) -> Hits:
         """The fragments before the target's depth or level with it; that depth stays."""
         view_uniforms(self.program, view)
+        self.cut = view.is_cut
         size = np.array(target.framebuffer.size, np.int32)
         set_uniform(self.program, "size", size.tobytes())
         found = [np.zeros((0, 3), np.uint32)]
-        for part, (_, ids, _, _) in enumerate(self.parts):
-            self._collect(target, part, 0, len(ids), found)
+        for part, (_, count, _, _) in enumerate(self.parts):
+            self._collect(target, part, 0, count, found)
         words = np.concatenate(found)
         sample, triangle = words[:, 0].astype(np.int64), words[:, 1].astype(np.int32)
         depth = np.ascontiguousarray(words[:, 2]).view(np.float32)
@@ -120,7 +124,13 @@ class Layers:
         self.count.bind_to_storage_buffer(1)
         self.hits.bind_to_storage_buffer(2)
         self.device.apply(
-            State(target.scratch, self.program, depth_write=False, cull_back_faces=one_sided)
+            State(
+                target.scratch,
+                self.program,
+                depth_write=False,
+                cull_back_faces=one_sided,
+                cut=self.cut,
+            )
         )
         vertex_array.render(vertices=3 * count, first=3 * first)
         self.device.context.memory_barrier()
