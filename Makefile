@@ -20,8 +20,6 @@ $(READY): pyproject.toml constraints.txt
 	  { echo "visref needs Python 3.11 or newer; run: make PYTHON=python3.11 ..." >&2; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
-	@# Compiled kernels of an older checkout name what is no longer there.
-	@find visref culling experiments datasets_gen -name '*.nb[ic]' -delete
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint constraints.txt --editable '.[dev,open3d,collada]'
 	@touch $@

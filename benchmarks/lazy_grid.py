@@ -77,7 +77,7 @@ def choice_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[Line]:
         "probability=1",
         "whole=0.25",
         "whole=0.75",
-        f"large={path.frames[0].samples // 8}",
+        f"large={path.cameras[0].samples // 8}",
     ]
     plain = make_culler(f"lazy-grid:update=lazy{boxes}")
     yield "readback, occlusion buffer, cell=32", _cost(plain, scene, path)
@@ -99,7 +99,7 @@ def _cost(culler: LazyGridCulling, scene: Scene, path: CameraPath) -> str:
 def _walk(culler: LazyGridCulling, scene: Scene, path: CameraPath) -> list[dict[str, Any]]:
     culler.prepare(scene)
     try:
-        answers = [culler.cull(camera) for camera in path.frames[::2]][1:]
+        answers = [culler.cull(camera) for camera in path.cameras[::2]][1:]
     finally:
         culler.close()
     return [

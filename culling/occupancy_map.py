@@ -35,10 +35,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float64, Int32, Int64, Scene, Units
@@ -306,7 +306,7 @@ def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
     return boxes, offsets
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
     """Whether every tile of columns c0...c1 and rows r0...r1 is set in a map, (WORDS,) uint32."""
     first, last = c0 >> 5, c1 >> 5
@@ -322,7 +322,7 @@ def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
     """Set every tile of columns c0...c1 and rows r0...r1 in a map, (WORDS,) uint32."""
     first, last = c0 >> 5, c1 >> 5
@@ -336,7 +336,7 @@ def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
             words[row * WORDS_PER_ROW + word] |= mask
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def mark_shapes(
     words: NDArray[Any], parts: NDArray[Any], first_part: NDArray[Any], places: NDArray[Any]
 ) -> None:
@@ -349,7 +349,7 @@ def mark_shapes(
             mark(words, parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def arrange(
     under: NDArray[Any],
     parts: NDArray[Any],

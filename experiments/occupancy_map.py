@@ -10,11 +10,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
+from visref.compiled import njit
 from visref.culler import QueryStats
 from visref.scene import Scene
 from visref_culling.baselines import NoCulling
@@ -63,7 +63,7 @@ def lookup(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     return result
 
 
-@numba.njit(cache=True)
+@njit()
 def _look_up_many(words: Any, tiles: int, count: int) -> int:
     found = 0
     for i in range(count):

@@ -36,7 +36,7 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     in_view, kept, plain, lookups, left = [], [], [], [], []
     try:
         for frame in middles(len(path), FRAMES):
-            camera = path.frames[frame]
+            camera = path.cameras[frame]
             everything = particles.frame(camera, culled=False, fragments=True)
             culled = particles.frame(camera, fragments=True)
             tolerance = particles.tolerance(camera)

@@ -87,7 +87,7 @@ def queries(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     milliseconds to ask all of its cells, by the way of asking."""
     assert scene is not None
     assert path is not None
-    cameras = path.frames[:: -(-len(path) // FRAMES)]
+    cameras = path.cameras[:: -(-len(path) // FRAMES)]
     return {"fronts": [_front(scene, cameras, leaf) for leaf in LEAVES]}
 
 

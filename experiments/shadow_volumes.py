@@ -35,7 +35,7 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     full, clamped, kept = [], [], []
     try:
         for frame in middles(len(path), FRAMES):
-            camera = endless(path.frames[frame])
+            camera = endless(path.cameras[frame])
             whole = volumes.frame(camera, clamped=False, fragments=True)
             cut = volumes.frame(camera, fragments=True)
             truth = rays.engine.frame(camera)

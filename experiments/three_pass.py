@@ -21,12 +21,12 @@ import math
 import time
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
+from visref.compiled import njit
 from visref.scene import Float64, Int64, Scene
 from visref.visibility import BACKGROUND
 from visref_culling.boxes.conservative import inflated, nearest_depth
@@ -187,7 +187,7 @@ def _offsets(scene: Scene, low: Scene, tile: int) -> tuple[Float64, Float64]:
     return points, nearest_points(points, low.vertices[other].astype(np.float64)) - points
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def nearest_points(points: NDArray[Any], triangles: NDArray[Any]) -> NDArray[Any]:
     """The point of (t, 3, 3) triangles nearest to each of (k, 3) points, (k, 3) float64.
 
@@ -232,7 +232,7 @@ def nearest_points(points: NDArray[Any], triangles: NDArray[Any]) -> NDArray[Any
     return result
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _on_side(point: NDArray[Any], start: NDArray[Any], end: NDArray[Any], foot: Any) -> None:
     length = reached = 0.0
     for i in range(3):
@@ -243,7 +243,7 @@ def _on_side(point: NDArray[Any], start: NDArray[Any], end: NDArray[Any], foot: 
         foot[i] = start[i] + t * (end[i] - start[i])
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _on_plane(point: NDArray[Any], triangle: NDArray[Any], foot: Any) -> bool:
     """Put the foot on the triangle's plane; whether it lies in the triangle."""
     uu = uv = vv = wu = wv = 0.0

@@ -179,7 +179,7 @@ def test_frame_overrides_any_field_and_its_lens_replaces_the_path_s():
 def test_fields_that_all_frames_share_are_written_once():
     path = CameraPath((random_camera(2), random_camera(2, cut=True)))
     data = path.to_json()
-    assert data["yfov"] == path.frames[0].yfov
+    assert data["yfov"] == path.cameras[0].yfov
     assert set(data["frames"][1]) == {"world_from_camera", "cut"}
 
 

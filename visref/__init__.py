@@ -6,9 +6,14 @@ Each name is imported from its module at its first use, so that `import visref` 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+
+# `typing` costs more than all the rest of this module, and an interrupt meanwhile is Python's to
+# tell, in many lines.
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from visref.camera import Camera, look_at
     from visref.camera_path import CameraPath
     from visref.conformance import assert_conforms, check_culler, conformance_checks

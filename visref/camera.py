@@ -53,7 +53,9 @@ class Camera(Shared):
     radians) and `ymag` (half the view's height, world units; orthographic) is given.
     `cut` marks a jump from the frame before, for temporal methods. `view` names the view of
     the frame that this camera is; a frame's only view need not have a name. `origin`: the point
-    of the world that the pose is relative to, (3,) float64; see `relative_to`.
+    of the world that the pose is relative to, (3,) float64; see `relative_to`. `clip_plane`:
+    (a, b, c, d), in the same space as the pose: only hits with a x + b y + c z + d >= 0 count
+    (what lies before a mirror), decided like near and far; None for no such plane.
 
     Raises InputError where a value breaks these rules. All arrays, computed ones too, are read-only
     and cannot be made writable (`visref.frozen`), but for a camera that was `handed_out`.
@@ -71,6 +73,7 @@ class Camera(Shared):
     cut: bool = False
     view: str = ""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    clip_plane: tuple[float, float, float, float] | None = None
     # Whether the arrays are nobody else's; see `handed_out`.
     _own: ClassVar[bool] = False
 
@@ -106,6 +109,15 @@ class Camera(Shared):
         for name in ("shift_x_px", "shift_y_px"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError(f"{name} is not finite", place=name, fix="give pixels")
+        if self.clip_plane is not None:
+            plane = tuple(map(float, self.clip_plane))
+            if len(plane) != 4 or not all(map(math.isfinite, plane)) or not any(plane[:3]):
+                raise InputError(
+                    f"clip_plane is {list(plane)}",
+                    place="clip_plane",
+                    fix="give a, b, c and d, not all of a, b, c zero",
+                )
+            object.__setattr__(self, "clip_plane", plane)
 
     def _check_range(self) -> None:
         lowest = 0.0 if self.is_perspective else -math.inf
@@ -134,7 +146,13 @@ class Camera(Shared):
             return self
         matrix = self.world_from_camera.copy()
         matrix[:3, 3] = (matrix[:3, 3] + np.array(self.origin)) - np.array(wanted)
-        return replace(self, world_from_camera=matrix, origin=wanted)
+        plane = self.clip_plane
+        if plane is not None:
+            # n (p + o) + d, rounded once: this, like the eye, is then the definition.
+            step = [wanted[i] - self.origin[i] for i in range(3)]
+            d = math.fsum([plane[3], *(plane[i] * step[i] for i in range(3))])
+            plane = (plane[0], plane[1], plane[2], d)
+        return replace(self, world_from_camera=matrix, origin=wanted, clip_plane=plane)
 
     def handed_out(self) -> Camera:
         """A camera of its own for a plug-in: its arrays are copies, which it may write to as it
@@ -292,6 +310,8 @@ class Camera(Shared):
         }
         if any(self.origin):
             definition["origin"] = exact(np.array(self.origin))
+        if self.clip_plane is not None:
+            definition["clip_plane"] = exact(np.array(self.clip_plane))
         return definition
 
 

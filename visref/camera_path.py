@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +21,88 @@ from visref.scene import Float64
 PATH_FORMAT = "visref-path"
 PATH_VERSION = 1
 
-_SHARED_FIELDS = ("width", "height", "near", "far", "yfov", "ymag", "shift_x_px", "shift_y_px")
-_FRAME_FIELDS = (*_SHARED_FIELDS, "world_from_camera", "cut")
+_SHARED_FIELDS = (
+    "width",
+    "height",
+    "near",
+    "far",
+    "yfov",
+    "ymag",
+    "shift_x_px",
+    "shift_y_px",
+    "clip_plane",
+)
+_VIEW_FIELDS = (*_SHARED_FIELDS, "world_from_camera")
+_POSE_FIELDS = ("time_s", "animation", "world_from_object", "absent", "levels")
+_FRAME_FIELDS = (*_VIEW_FIELDS, *_POSE_FIELDS, "cut", "views")
+_TOP_FIELDS = ("format", "version", "frames", "fps", "animation", *_SHARED_FIELDS)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One moment: the cameras that look, and the state of what they look at.
+
+    `cameras`: one per view, in order; a frame's only view need not have a name. `time_s`: the time
+    at which the scene's file poses its objects, by its animation `clip` (None: the first).
+    `world_from_object`: by the name of an object or a group, a (4, 4) float64 affine matrix: an
+    object's place, or what a group's (and a skinned object's) is multiplied with from the left.
+    `absent`: names of objects and groups that are not there. `levels`: by the name of a group,
+    which of its levels of detail is there. Nothing is taken over from the frame before.
+    """
+
+    cameras: tuple[Camera, ...]
+    time_s: float | None = None
+    clip: str | None = None
+    world_from_object: Mapping[str, Float64] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+    levels: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        views = [camera.view for camera in self.cameras]
+        if not views:
+            raise InputError("the frame has no view", place="views", fix="give a camera")
+        if len(set(views)) != len(views):
+            raise InputError("two views have the same name", place="views", fix="rename one")
+
+    @property
+    def poses(self) -> bool:
+        """Whether it says more than where the cameras are."""
+        return self.time_s is not None or bool(self.world_from_object or self.absent or self.levels)
+
+    def definition(self) -> Any:
+        """What its samples and its scene hang on, as JSON values: the camera's own definition where
+        that is all."""
+        if not self.poses and len(self.cameras) == 1 and not self.cameras[0].view:
+            return self.cameras[0].definition()
+        return {
+            "views": {camera.view: camera.definition() for camera in self.cameras},
+            "time_s": None if self.time_s is None else float(self.time_s).hex(),
+            "animation": self.clip,
+            "world_from_object": {
+                name: [float(value).hex() for value in matrix.reshape(-1)]
+                for name, matrix in self.world_from_object.items()
+            },
+            "absent": sorted(set(self.absent)),
+            "levels": dict(self.levels),
+        }
 
 
 @dataclass(frozen=True)
 class CameraPath:
-    """A sequence of cameras. `source` names the file it came from, for messages."""
+    """A sequence of frames; a camera stands for a frame of its own. `source` names the file it came
+    from, for messages."""
 
-    frames: tuple[Camera, ...]
+    frames: tuple[Frame, ...]
     source: str = field(default="camera path", compare=False)
 
-    def __post_init__(self) -> None:
-        if not self.frames:
+    def __init__(self, frames: Iterable[Frame | Camera], source: str = "camera path") -> None:
+        made = tuple(Frame((one,)) if isinstance(one, Camera) else one for one in frames)
+        object.__setattr__(self, "frames", made)
+        object.__setattr__(self, "source", source)
+        if not made:
             raise InputError(
                 "the path has no frames",
-                source=self.source,
+                source=source,
                 place="frames",
                 fix="give at least one camera",
             )
@@ -45,10 +112,23 @@ class CameraPath:
 
     def views(self, frame: int) -> tuple[Camera, ...]:
         """The cameras of one frame, in the path's order."""
-        return (self.frames[frame],)
+        return self.frames[frame].cameras
+
+    @cached_property
+    def cameras(self) -> tuple[Camera, ...]:
+        """Each frame's only camera. Raises InputError where a frame has several views."""
+        for index, frame in enumerate(self.frames):
+            if len(frame.cameras) > 1:
+                raise InputError(
+                    f"it has {len(frame.cameras)} views, and this looks through one camera",
+                    source=self.source,
+                    place=f"frames[{index}]",
+                    fix="give a path with a view per frame",
+                )
+        return tuple(frame.cameras[0] for frame in self.frames)
 
     def __iter__(self) -> Iterator[Camera]:
-        return iter(self.frames)
+        return iter(self.cameras)
 
     @classmethod
     def load(cls, path: Path | str, *, budget: Budget | None = None) -> CameraPath:
@@ -79,33 +159,30 @@ class CameraPath:
                 place="version",
                 fix=f"this visref reads version {PATH_VERSION}",
             )
-        _known(top, ("format", "version", "frames", *_SHARED_FIELDS), "")
+        _known(top, _TOP_FIELDS, "")
         frames = top.get("frames")
         if not isinstance(frames, list):
             raise InputError("frames is not a list", place="frames", fix="give a list of frames")
-        shared = {name: top[name] for name in _SHARED_FIELDS if name in top}
-        cameras = []
+        fps = _number(top, "fps") if top.get("fps") is not None else None
+        if fps is not None and not 0.0 < fps < math.inf:
+            raise InputError(f"fps is {fps}", place="fps", fix="give frames a second above 0")
+        shared = {name: top[name] for name in (*_SHARED_FIELDS, "animation") if name in top}
+        made = []
         for index, entry in enumerate(frames):
             place = f"frames[{index}]"
-            own = _mapping(entry, place)
-            _known(own, _FRAME_FIELDS, place)
-            merged = {**shared, **own}
-            if "ymag" in own and "yfov" not in own:
-                merged.pop("yfov", None)
-            if "yfov" in own and "ymag" not in own:
-                merged.pop("ymag", None)
             try:
-                cameras.append(_camera(merged))
+                time_s = None if fps is None else index / fps
+                made.append(_frame(_mapping(entry, ""), shared, time_s))
             except InputError as error:
                 raise error.at(place=place) from error
-        return cls(tuple(cameras), source)
+        return cls(made, source)
 
     def to_json(self) -> dict[str, Any]:
         """The JSON form; fields that all frames share stand at the top."""
-        rows = [_camera_json(camera) for camera in self.frames]
+        rows = [_frame_json(frame) for frame in self.frames]
         shared = {
             name: rows[0][name]
-            for name in _SHARED_FIELDS
+            for name in (*_SHARED_FIELDS, "animation")
             if all(name in row and row[name] == rows[0][name] for row in rows)
         }
         frames = [{k: v for k, v in row.items() if k not in shared} for row in rows]
@@ -114,16 +191,21 @@ class CameraPath:
     def relative_to(self, origin: Float64) -> CameraPath:
         """The same path, its cameras relative to a point of the world, (3,) float64; itself where
         they are."""
-        cameras = tuple(camera.relative_to(origin) for camera in self.frames)
-        if all(new is old for new, old in zip(cameras, self.frames, strict=True)):
-            return self
-        return replace(self, frames=cameras)
+        return self._with_cameras(lambda camera: camera.relative_to(origin))
 
     def resized(self, width: int, height: int) -> CameraPath:
         """The same path at another resolution (a vertical field of view stays as it is)."""
-        return replace(
-            self, frames=tuple(replace(c, width=width, height=height) for c in self.frames)
-        )
+        return self._with_cameras(lambda camera: replace(camera, width=width, height=height))
+
+    def _with_cameras(self, change: Callable[[Camera], Camera]) -> CameraPath:
+        frames = []
+        for frame in self.frames:
+            cameras = tuple(map(change, frame.cameras))
+            same = all(new is old for new, old in zip(cameras, frame.cameras, strict=True))
+            frames.append(frame if same else replace(frame, cameras=cameras))
+        if all(new is old for new, old in zip(frames, self.frames, strict=True)):
+            return self
+        return CameraPath(frames, self.source)
 
 
 def middles(length: int, parts: int) -> list[int]:
@@ -131,6 +213,27 @@ def middles(length: int, parts: int) -> list[int]:
     Neither its first frame nor its last is special."""
     parts = min(parts, length)
     return [(2 * k + 1) * length // (2 * parts) for k in range(parts)]
+
+
+def _frame_json(frame: Frame) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    if len(frame.cameras) == 1 and not frame.cameras[0].view:
+        row = _camera_json(frame.cameras[0])
+    else:
+        row["views"] = {camera.view: _camera_json(camera) for camera in frame.cameras}
+    if frame.cameras[0].cut:
+        row["cut"] = True
+    if frame.time_s is not None:
+        row["time_s"] = frame.time_s
+    if frame.clip is not None:
+        row["animation"] = frame.clip
+    if frame.world_from_object:
+        row["world_from_object"] = {n: m.tolist() for n, m in frame.world_from_object.items()}
+    if frame.absent:
+        row["absent"] = list(frame.absent)
+    if frame.levels:
+        row["levels"] = dict(frame.levels)
+    return row
 
 
 def _camera_json(camera: Camera) -> dict[str, Any]:
@@ -147,24 +250,92 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
     for name in ("shift_x_px", "shift_y_px"):
         if getattr(camera, name):
             row[name] = getattr(camera, name)
-    if camera.cut:
-        row["cut"] = True
+    if camera.clip_plane is not None:
+        row["clip_plane"] = list(camera.clip_plane)
     row["world_from_camera"] = camera.world_from_camera.tolist()
     return row
 
 
-def _camera(values: Mapping[str, Any]) -> Camera:
+def _frame(own: Mapping[str, Any], shared: Mapping[str, Any], time_s: float | None) -> Frame:
+    """A frame from its own fields and those that all share; `time_s` unless it says otherwise."""
+    _known(own, _FRAME_FIELDS, "")
+    cut = own.get("cut", False)
+    if not isinstance(cut, bool):
+        raise InputError("cut is not true or false", place="cut", fix="write true or false")
+    if own.get("time_s") is not None:
+        time_s = _number(own, "time_s")
+        if not math.isfinite(time_s):
+            raise InputError(f"time_s is {time_s}", place="time_s", fix="give seconds")
+    clip = own.get("animation", shared.get("animation"))
+    if clip is not None and not isinstance(clip, str):
+        raise InputError("animation is not a name", place="animation", fix="name a clip")
+    return Frame(
+        _views(own, shared, cut),
+        time_s,
+        clip,
+        {
+            name: _matrix(value, f"world_from_object.{name}")
+            for name, value in _mapping(
+                own.get("world_from_object", {}), "world_from_object"
+            ).items()
+        },
+        _names(own.get("absent", [])),
+        _levels(own.get("levels", {})),
+    )
+
+
+def _views(own: Mapping[str, Any], shared: Mapping[str, Any], cut: bool) -> tuple[Camera, ...]:
+    merged = _over(shared, own)
+    if "views" not in own:
+        return (_camera(merged, "", cut),)
+    cameras = []
+    for name, values in _mapping(own["views"], "views").items():
+        place = f"views.{name}"
+        try:
+            view = _mapping(values, "")
+            _known(view, _VIEW_FIELDS, "")
+            cameras.append(_camera(_over(merged, view), name, cut))
+        except InputError as error:
+            raise error.at(place=place) from error
+    return tuple(cameras)
+
+
+def _over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields over those that they override; one kind of projection overrides the other."""
+    merged = {**under, **own}
+    for name, other in (("ymag", "yfov"), ("yfov", "ymag")):
+        if name in own and other not in own:
+            merged.pop(other, None)
+    return merged
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise InputError("absent is not a list of names", place="absent", fix='write ["name"]')
+    return tuple(value)
+
+
+def _levels(value: Any) -> dict[str, int]:
+    levels = _mapping(value, "levels")
+    for name, level in levels.items():
+        if isinstance(level, bool) or not isinstance(level, int) or level < 0:
+            raise InputError(
+                f"{reprlib.repr(level)} is no level", place=f"levels.{name}", fix="give 0, 1, …"
+            )
+    return dict(levels)
+
+
+def _camera(values: Mapping[str, Any], view: str, cut: bool) -> Camera:
     if "world_from_camera" not in values:
         raise InputError("world_from_camera is missing", fix="give a 4 by 4 matrix")
     for name in ("width", "height", "near"):
         if name not in values:
             raise InputError(f"{name} is missing", fix="give it at the top or in the frame")
-    cut = values.get("cut", False)
-    if not isinstance(cut, bool):
-        raise InputError("cut is not true or false", place="cut", fix="write true or false")
-    far = values.get("far")
+    far, plane = values.get("far"), values.get("clip_plane")
+    if plane is not None and not isinstance(plane, list):
+        raise InputError("clip_plane is no list", place="clip_plane", fix="write [a, b, c, d]")
     return Camera(
-        world_from_camera=_matrix(values["world_from_camera"]),
+        world_from_camera=_matrix(values["world_from_camera"], "world_from_camera"),
         width=_integer(values, "width"),
         height=_integer(values, "height"),
         near=_number(values, "near"),
@@ -174,6 +345,8 @@ def _camera(values: Mapping[str, Any]) -> Camera:
         shift_x_px=_number(values, "shift_x_px") if "shift_x_px" in values else 0.0,
         shift_y_px=_number(values, "shift_y_px") if "shift_y_px" in values else 0.0,
         cut=cut,
+        view=view,
+        clip_plane=None if plane is None else tuple(_float(value, "clip_plane") for value in plane),  # type: ignore[arg-type]
     )
 
 
@@ -215,8 +388,7 @@ def _integer(values: Mapping[str, Any], name: str) -> int:
     return value
 
 
-def _matrix(value: Any) -> Float64:
-    place = "world_from_camera"
+def _matrix(value: Any, place: str) -> Float64:
     rows_ok = isinstance(value, list) and len(value) == 4
     if not rows_ok or not all(isinstance(row, list) and len(row) == 4 for row in value):
         raise InputError("not a 4 by 4 matrix", place=place, fix="give four rows of four")

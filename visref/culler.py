@@ -186,6 +186,11 @@ class Culler(ABC):
         """Meet the scene, once, before any camera; say what is decided about."""
         return scene.object_units()
 
+    @property
+    def moves(self) -> bool:
+        """Whether it can judge a scene in which something moves: whether it has an `update`."""
+        return type(self).update is not Culler.update
+
     def update(self, scene: Scene) -> None:
         """Meet the scene as it stands now: called before a frame in which something has moved,
         appeared or vanished. A culler that leaves this as it is is for scenes that stand still."""

@@ -6,6 +6,7 @@ import json
 import tempfile
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from visref.numerals import whole_number
 from visref.options import OptionValue
 from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
+from visref.timeline import Timeline
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,8 @@ class Inputs:
 
     `engine` is a spec of `make_engine`; `threads` None means all cores; `settings` are recorded
     as JSON with a run, and `notes` are findings about the input. The path becomes relative to
-    the scene's origin. `max_memory`: bytes that whatever else is read beside them may take, None
+    the scene's origin. `rest_pose`: what the scene's file animates stands as it does at rest.
+    `max_memory`: bytes that whatever else is read beside them may take, None
     for a share of what is free.
     """
 
@@ -40,12 +43,21 @@ class Inputs:
     settings: dict[str, Any] = field(default_factory=dict)
     notes: tuple[Finding, ...] = ()
     max_memory: int | None = None
+    rest_pose: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", self.path.relative_to(self.scene.origin))
+        if not self.timeline.moves:
+            # Nobody will pose it.
+            object.__setattr__(self, "scene", self.timeline.still)
+
+    @cached_property
+    def timeline(self) -> Timeline:
+        """The scene of each of the path's frames."""
+        return Timeline(self.scene, self.path, rest_pose=self.rest_pose)
 
     def make_engine(self) -> TruthEngine:
-        return make_engine(self.engine, self.scene, threads=self.threads)
+        return make_engine(self.engine, self.timeline.still, threads=self.threads)
 
 
 def open_inputs(
@@ -58,9 +70,11 @@ def open_inputs(
     cull_backfaces: bool = False,
     lenient: bool = False,
     max_memory: int | None = None,
+    rest_pose: bool = False,
 ) -> Inputs:
     """Read what a command works on. Raises InputError for anything wrong with it, and where it
-    would take more than `max_memory` bytes (None: a share of what is free)."""
+    would take more than `max_memory` bytes (None: a share of what is free). `rest_pose`: what the
+    file animates stands as it does at rest."""
     if threads is not None and threads < 1:
         raise InputError(f"--threads is {threads}", fix="give 1 or more")
     # An unknown engine is said before a large scene is read.
@@ -77,11 +91,13 @@ def open_inputs(
     else:
         raise InputError("the scene has no camera path", source=scene, fix="give --path")
     settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
+    if rest_pose:
+        settings["rest_pose"] = True
     if generated := generated_with(scene):
         settings["generated"] = generated
     picked = picked_frames(frames, len(cameras))
     _refuse_huge_frames(cameras, picked, Budget.of(max_memory), path or scene)
-    return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory)
+    return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory, rest_pose)
 
 
 def _refuse_huge_frames(path: CameraPath, frames: range, budget: Budget, source: str) -> None:
@@ -154,8 +170,8 @@ def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:
     names = folder / f"{generator.name}.files.json"
     if not names.is_file():
         scene, path = generator.write(folder)
-        names.write_text(json.dumps([scene.name, path.name]))
-    scene_name, path_name = json.loads(names.read_text())
+        names.write_text(json.dumps([scene.name, path.name]), encoding="utf-8")
+    scene_name, path_name = json.loads(names.read_text(encoding="utf-8"))
     return folder / scene_name, folder / path_name
 
 

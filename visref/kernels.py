@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 
-@numba.njit(cache=True, nogil=True)
+
+@njit()
 def gather_objects(
     triangle: NDArray[Any],
     depth: NDArray[Any],
@@ -60,7 +61,7 @@ def gather_objects(
             tied_sample[owner] = s
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]) -> None:
     """Mark in `owns`, (t,) bool, every triangle that owns a decided sample. `triangle`: (samples,)
     int32 owners, negative for none. `decided`: (samples,) bool."""
@@ -101,7 +102,7 @@ class Tally(NamedTuple):
     lost_triangle: NDArray[np.bool_]
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def judge_samples(
     owned: Owned,
     drawn: NDArray[Any],
@@ -190,7 +191,7 @@ def judge_samples(
     return lost_samples, undecided
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def unit_bounds(
     vertices: NDArray[Any],
     triangles: NDArray[Any],

@@ -57,8 +57,9 @@ class Rig:
     """`positions`: each mesh's vertices in its own space, (v, 3) float32 or float64 each;
     `mesh_of_object`: (n,) int64, -1 for none; `worlds`: (n, 4, 4) float64, world_from_object in the
     rest pose; `vertex_starts`: (n + 1,) int64, object i's vertices are `vertex_starts[i]:
-    vertex_starts[i + 1]` of all before `kept`, (v,) bool, left out those that are not finite (None:
-    all are kept)."""
+    vertex_starts[i + 1]` of all before `kept`, (v,) bool, left out what is not finite (None: all
+    are kept). `triangles`: (t, 3) int32, the scene's own where something is absent at rest, whose
+    triangles there are collapsed; None where the scene's are whole."""
 
     positions: Sequence[NDArray[Any]]
     mesh_of_object: Int64
@@ -66,3 +67,4 @@ class Rig:
     vertex_starts: Int64
     kept: NDArray[np.bool_] | None = None
     motion: Motion | None = None
+    triangles: NDArray[np.int32] | None = None

@@ -66,12 +66,13 @@ def judge_to_folder(
         checker = None
         if image_check:
             # Any engine that redraws and compares pictures would do.
-            checker = make_engine("gl", scene)
+            checker = make_engine("gl", inputs.timeline.still)
             closing.callback(checker.close)
         writer = RunWriter(
             folder,
             scene,
             inputs.path,
+            timeline=inputs.timeline,
             engine=inputs.engine,
             exact=recorded.exact if recorded is not None else None,
             settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
@@ -84,6 +85,7 @@ def judge_to_folder(
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
             examine=True,
+            timeline=inputs.timeline,
         )
         outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
@@ -142,7 +144,13 @@ def truth_to_file(
         cast_ = _Casting(inputs, search)
         try:
             # A run without cullers is the truth alone.
-            referee = Referee(inputs.scene, lambda: engine, threads=inputs.threads, examine=True)
+            referee = Referee(
+                inputs.scene,
+                lambda: engine,
+                threads=inputs.threads,
+                examine=True,
+                timeline=inputs.timeline,
+            )
             outcome = referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
         finally:
             engine.close()

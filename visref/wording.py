@@ -1,7 +1,10 @@
-"""How messages say things: numbers with their nouns, and what was probably meant."""
+"""How messages say things: numbers with their nouns, what was probably meant, and names that bring
+characters of their own."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Collection
 from difflib import get_close_matches
 
@@ -21,3 +24,34 @@ def did_you_mean(name: str, known: Collection[str], otherwise: str | None = None
     if near:
         return f"did you mean '{folded[near[0]]}'?"
     return otherwise if otherwise is not None else f"known are {', '.join(known) or 'none'}"
+
+
+# Control characters (C0, C1), format characters (bidirectional and zero-width ones), separators of
+# lines and paragraphs, halves of surrogate pairs.
+_UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
+# Not in Unicode for ever, and forbidden in XML.
+_NO_CHARACTERS = "\ufffe\uffff"
+# What GitHub and Azure take for a command: `::` where a line starts, `##[` and `##vso[` anywhere.
+_COMMAND = re.compile(r"^(\s*):(?=:)|#(?=#\w*\[)")
+
+
+def shown(text: str) -> str:
+    """A line for a terminal or a log: `legible`, and no command of a CI server."""
+    return _COMMAND.sub(_defused, legible(text))
+
+
+def legible(text: str) -> str:
+    """Text of one line, in which what would be obeyed instead of shown, and what nobody would see,
+    are the escapes of a Python string (`\\n`, `\\x1b`, `\\u202e`)."""
+    if text.isprintable():
+        return text
+    return "".join(
+        character.encode("unicode_escape").decode()
+        if unicodedata.category(character) in _UNSEEN or character in _NO_CHARACTERS
+        else character
+        for character in text
+    )
+
+
+def _defused(match: re.Match[str]) -> str:
+    return "\\x23" if match[0] == "#" else f"{match[1]}\\x3a"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float64, Int32
 from visref_culling.gl.view import View
 
@@ -28,7 +28,7 @@ def screen_rectangles(view: View, boxes: Float64, *, clip_to_window: bool = True
     return result
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _screen_rectangles(
     boxes: NDArray[Any],
     rows: NDArray[Any],

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.culler import QueryStats
 from visref.scene import Int32, Int64, Scene, Units
 from visref_culling.gl.device import Device, State, Target
@@ -112,7 +112,7 @@ class SharedGeometry(Geometry):
         super().release()
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _fresh(
     offsets: NDArray[Any],
     triangles: NDArray[Any],

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Scene, Units
 
 
@@ -29,7 +29,7 @@ def triangle_boxes(scene: Scene, limit: int) -> Units:
     return Units(offsets, ids, "box")
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _centroids(vertices: NDArray[Any], triangles: NDArray[Any]) -> NDArray[Any]:
     """(t, 3) float32; thirds are taken first, so that the sum cannot overflow."""
     third = np.float32(1.0 / 3.0)
@@ -43,7 +43,7 @@ def _centroids(vertices: NDArray[Any], triangles: NDArray[Any]) -> NDArray[Any]:
     return result
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _subdivide(points: NDArray[Any], ids: NDArray[Any], offsets: NDArray[Any]) -> None:
     """Order `ids` by box and fill in the boxes' offsets; `points` move along with their ids,
     so that memory is read in order."""
@@ -69,7 +69,7 @@ def _subdivide(points: NDArray[Any], ids: NDArray[Any], offsets: NDArray[Any]) -
         stack.append((cut, end, box + left, boxes - left))
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _select(
     points: NDArray[Any], ids: NDArray[Any], first: int, end: int, cut: int, axis: int
 ) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Scene, Units
 from visref_culling.gl.view import View
 from visref_culling.lazy_grid.grid import Grid
@@ -38,7 +38,7 @@ def add_coverage(
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _add(
     vertices: NDArray[Any],
     triangles: NDArray[Any],

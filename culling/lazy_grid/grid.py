@@ -12,10 +12,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float64, Int64
 from visref_culling.lazy_grid.nodes import Area
 
@@ -170,7 +170,7 @@ class DepthGrid(Grid):
         self.reached[cell[1], cell[0]] = max(self.reached[cell[1], cell[0]], reached)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _scan_states(
     state: NDArray[Any],
     covered: NDArray[Any],
@@ -202,7 +202,7 @@ def _scan_states(
     return False, internals, borders
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _scan_depths(
     farthest: NDArray[Any],
     reached: NDArray[Any],

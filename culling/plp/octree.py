@@ -17,10 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float64, Int32, Int64, Scene, Units
 
 MAX_DEPTH = 16
@@ -202,7 +202,7 @@ def _distribute(
     return counts, lists
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _meet(
     corners: NDArray[Any],
     triangles: NDArray[Any],
@@ -229,7 +229,7 @@ def _meet(
             met[place] = bits
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _fill(
     chosen: NDArray[Any],
     starts: NDArray[Any],
@@ -245,7 +245,7 @@ def _fill(
                     at[8 * node + child] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _meets_box(p: NDArray[Any], box: NDArray[Any], pad: float) -> bool:
     """False only where an axis separates the triangle `p` from the closed box, grown by `pad`.
 
@@ -285,7 +285,7 @@ def _meets_box(p: NDArray[Any], box: NDArray[Any], pad: float) -> bool:
     return True
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _separates(q: NDArray[Any], a: NDArray[Any], half: NDArray[Any]) -> bool:
     reach = abs(a[0]) * half[0] + abs(a[1]) * half[1] + abs(a[2]) * half[2]
     s0 = q[0, 0] * a[0] + q[0, 1] * a[1] + q[0, 2] * a[2]

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float64, Scene
 from visref_culling.plp.octree import Octree
 
@@ -43,7 +43,7 @@ def solidity(scene: Scene, octree: Octree) -> Float64:
     return surfaces / 2.0
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _surfaces(
     corners: NDArray[Any],
     triangles: NDArray[Any],
@@ -74,7 +74,7 @@ def _surfaces(
                 surfaces[cell, 2] += 0.5 * abs(e[0] * f[1] - e[1] * f[0])
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _cut(
     polygon: NDArray[Any], count: int, axis: int, limit: float, sign: float, result: NDArray[Any]
 ) -> int:

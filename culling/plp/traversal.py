@@ -25,10 +25,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float64, Int32, Int64
 from visref_culling.gl.shared_geometry import Marks
 from visref_culling.gl.view import View
@@ -147,7 +147,7 @@ def near_corners(view: View) -> Float64:
     return result
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _project(
     cells: _Cells,
     links: Links,

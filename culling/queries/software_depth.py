@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.culler import QueryStats
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 from visref_culling.gl.device import Target
@@ -118,7 +118,7 @@ def _column(view: View, axis: int) -> Float64:
     return view.camera.world_from_camera[:3, axis]
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _rasterise(
     mesh: _Mesh,
     rays: _Rays,

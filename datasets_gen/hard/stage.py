@@ -94,7 +94,7 @@ class HardCase:
     def picture(self, frame: int) -> tuple[list[tuple[str, ...]], NDArray[np.int64]]:
         """The sets of owners of a frame, and by (height, width) sample the number of its set.
         The first set is the empty one, of background."""
-        camera = self.path.frames[frame]
+        camera = self.path.cameras[frame]
         number: dict[tuple[str, ...], int] = {(): 0}
         which = np.zeros((camera.height, camera.width), np.int64)
         for patch in self.pictures[frame]:
@@ -104,7 +104,7 @@ class HardCase:
         return list(number), which
 
     def _frame(self, frame: int) -> dict[str, Any]:
-        camera = self.path.frames[frame]
+        camera = self.path.cameras[frame]
         sets, which = self.picture(frame)
         shown = [sets[number] for number in np.unique(which)]
         visible = {name for owners in shown for name in owners}

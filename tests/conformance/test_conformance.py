@@ -133,7 +133,7 @@ def test_witness_is_a_sample_that_the_truth_gives_to_the_lost_object():
             r"frame (\d+) .* lost (\d+) of its (\d+) .* \((\d+), (\d+)\), triangle (\d+)", line
         )
         frame, lost, owned, x, y, triangle = map(int, told.groups())
-        truth = ExactEngine(scene).frame(path.frames[frame])
+        truth = ExactEngine(scene).frame(path.cameras[frame])
         assert truth.buffer.triangle[y, x] == triangle
         pixels = objects_seen(truth, scene).samples[scene.object_of_triangle[triangle]]
         assert lost == owned == pixels

@@ -157,7 +157,7 @@ def test_every_test_costs_as_many_lookups_as_squares(where, squares):
 @pytest.mark.parametrize("where", ["cpu", "gpu"])
 def test_a_stale_occluder_is_drawn_once_and_forgotten(where):
     built = town(6)
-    view = built.path.frames[0]
+    view = built.path.cameras[0]
     aside = replace(view, world_from_camera=look_at((6.0, 9.0, 4.0), (6.0, 0.0, -9.0)))
     sets = drawn_sets(NBufferCulling(where=where), built.scene, [aside, aside, view, view, view])
     # From above more is seen than from the street.
@@ -171,7 +171,7 @@ def test_a_stale_occluder_is_drawn_once_and_forgotten(where):
 def test_referee_learns_when_each_unit_was_asked_about(options):
     """Who was seen before is drawn without asking; the others are asked about after that."""
     built = town(6)
-    view = built.path.frames[0]
+    view = built.path.cameras[0]
     aside = replace(view, world_from_camera=look_at((6.0, 9.0, 4.0), (6.0, 0.0, -9.0)))
     culler = NBufferCulling(**options)
     culler.prepare(built.scene)

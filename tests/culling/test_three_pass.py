@@ -73,7 +73,7 @@ def survey():
 def test_published_mode_keeps_every_contract_on_a_survey(options, survey):
     scene, path = survey
     method = Method("survey", ThreePassCulling, {**PUBLISHED.options, **options}, SUITE)
-    assert departures(method, [(scene, path.frames[:4])]) == {}
+    assert departures(method, [(scene, path.cameras[:4])]) == {}
 
 
 @pytest.mark.slow
@@ -82,7 +82,7 @@ def test_without_the_second_clear_the_conservative_picture_is_the_same_bit_for_b
     """Why U3 is equivalent there."""
     kind = type("NotCleared", (NotCleared, ThreePassCulling), {})
     broken = Method("not cleared", kind, method.options, SUITE)
-    for scene, cameras in [*SUITE.watched_scenes(), (survey[0], survey[1].frames[::3])]:
+    for scene, cameras in [*SUITE.watched_scenes(), (survey[0], survey[1].cameras[::3])]:
         for trace in watch(broken, scene, cameras):
             left, afresh = depths_left_and_afresh(trace)
             assert np.array_equal(left, afresh)
@@ -286,7 +286,7 @@ def test_texel_of_the_small_image_sees_along_the_middle_of_its_pixels(size, scal
 @pytest.mark.parametrize("size", [(13, 9), (16, 8), (1, 1)])
 def test_reduced_depth_is_the_farthest_of_the_texels_pixels_and_never_nearer(size, bits):
     scene, path = case("crowd")
-    camera = path.resized(*size).frames[0]
+    camera = path.resized(*size).cameras[0]
     culler = conservative(scale=4, extra=0, reduction=1, depth=bits)
     culler.prepare(scene)
     culler.cull(camera)  # leaves the picture's depth

@@ -90,7 +90,7 @@ def test_city_grows_with_its_scale_and_is_stored_as_instances() -> None:
 
 
 def test_city_path_cuts_once_and_turns_twice() -> None:
-    frames = city(scale=0.02, frames=60).path.frames
+    frames = city(scale=0.02, frames=60).path.cameras
     assert len(frames) == 60
     assert [camera.cut for camera in frames].count(True) == 1
     assert not frames[0].cut
@@ -299,7 +299,7 @@ def test_hard_case_notices_when_a_visible_object_is_gone(name: str) -> None:
     lacking = Scene(
         scene.vertices, scene.triangles[kept], offsets, scene.names, scene.one_sided[kept]
     )
-    truth = ExactEngine(lacking).frame(case.path.frames[0])
+    truth = ExactEngine(lacking).frame(case.path.cameras[0])
     assert disagreements(case, truth, lacking, 0)
 
 
@@ -329,7 +329,7 @@ def test_hard_case_files_load_to_the_same_scenes_and_verdicts(tmp_path: Path) ->
 def test_objects_between_samples_are_visible_to_a_finer_image() -> None:
     for name in ("sliver-between-samples", "sub-pixel-between-samples"):
         case = CASES[name]
-        finer = case.path.resized(8 * 128, 8 * 128).frames[0]
+        finer = case.path.resized(8 * 128, 8 * 128).cameras[0]
         scene = case.scene
         seen = objects_seen(ExactEngine(scene).frame(finer), scene).visible
         assert [scene.names[i] for i in np.flatnonzero(seen)] == ["wall", *case.between]

@@ -201,7 +201,7 @@ def test_path_turns_the_whole_model_then_moves_in_through_free_space(make, scale
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     distance = np.array([np.linalg.norm(camera.eye - middle) for camera in path])
     assert np.ptp(distance[:40]) < 1e-6 * distance[0]
-    for camera in path.frames[:40]:
+    for camera in path.cameras[:40]:
         rays = corners - camera.eye
         depth = rays @ camera.forward
         assert depth.min() > camera.near
@@ -307,7 +307,7 @@ def test_nearly_every_vessel_is_visible_when_all_are_in_view() -> None:
     dataset = angio(scale=0.1, frames=9)
     scene = scene_of(dataset)
     engine = EmbreeEngine(scene)
-    for camera in dataset.path.frames[:6]:
+    for camera in dataset.path.cameras[:6]:
         assert objects_seen(engine.frame(camera), scene).visible.mean() > 0.9
 
 

@@ -112,7 +112,7 @@ def test_cards_are_from_one_to_fifty_metres_away(whole: Dataset) -> None:
     # Finely enough that a point of a card is within 0.2 m of one of these.
     grid = np.array([(i, j, 16 - i - j) for i in range(17) for j in range(17 - i)]) / 16.0
     nearest, farthest = np.inf, 0.0
-    for camera in whole.path.frames[::6]:
+    for camera in whole.path.cameras[::6]:
         near = cards[np.linalg.norm(cards - camera.eye, axis=2).min(axis=1) < 8.0]
         points = np.einsum("gk,tkx->tgx", grid, near)
         nearest = min(nearest, float(np.linalg.norm(points - camera.eye, axis=2).min()))
@@ -144,7 +144,7 @@ def met(scene: Scene, camera: Camera) -> list[tuple[int, NDArray[np.float64]]]:
 
 @pytest.mark.parametrize("frame", [0, 30, 59])
 def test_at_most_a_fifth_of_the_owned_samples_is_in_doubt(whole: Dataset, frame: int) -> None:
-    scene, camera = scene_of(whole), whole.path.frames[frame]
+    scene, camera = scene_of(whole), whole.path.cameras[frame]
     assert scene.masks is not None
     assert (camera.width, camera.height) == (1280, 960)
     axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
@@ -175,7 +175,7 @@ def test_at_most_a_fifth_of_the_owned_samples_is_in_doubt(whole: Dataset, frame:
 @pytest.fixture(scope="module")
 def truths(whole: Dataset) -> dict[str, Any]:
     """The frame in the middle by two engines, at full size, and one judged drawn set each."""
-    scene, camera = scene_of(whole), whole.path.frames[30]
+    scene, camera = scene_of(whole), whole.path.cameras[30]
     found: dict[str, Any] = {}
     for name in ("exact", "embree"):
         engine = make_engine(name, scene)
@@ -200,7 +200,7 @@ def test_verdict_equals_the_brute_force_at_decided_samples(
 ) -> None:
     """Owners along the brute force's rays, and whether each sample is lost with a third of the
     triangles left out."""
-    scene, camera, truth = scene_of(whole), whole.path.frames[30], truths[engine]
+    scene, camera, truth = scene_of(whole), whole.path.cameras[30], truths[engine]
     assert scene.masks is not None
     axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
     corners = scene.vertices.astype(np.float64)[scene.triangles]

@@ -838,7 +838,7 @@ def test_real_model_has_the_objects_that_an_independent_reader_counts():
     ours = np.sort(scene.vertices[scene.triangles].mean(axis=1), axis=0)
     assert np.allclose(ours, np.sort(theirs.mean(axis=1), axis=0), atol=1e-3)
     assert len(path) == 1
-    assert path.frames[0].far == 1e6
+    assert path.cameras[0].far == 1e6
 
 
 @pytest.mark.parametrize("case", BAD_INPUT, ids=lambda case: case.name)

@@ -97,7 +97,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
     frames = []
     for number, camera in enumerate(case.frames):
         view = brute.View(triangles, camera)
-        states = _States(view, scene, path.frames[number], result)
+        states = _States(view, scene, path.cameras[number], result)
         frames.append([brute.Sample(view, at, states) for at in range(len(view.grid))])
     expected = [
         brute.judge(samples, triangles, case.unit_lists, drawn, case.promise)

@@ -127,7 +127,7 @@ def agree(case: Case, kinds: tuple[str, ...], folder: Path, seen: Counter[str]) 
     frames = []
     for number, camera in enumerate(case.frames):
         view = brute.View(case.triangles, camera)
-        states = _States(view, scene, path.frames[number], Compared())
+        states = _States(view, scene, path.cameras[number], Compared())
         frames.append([brute.Sample(view, at, states) for at in range(len(view.grid))])
     for kind in kinds:
         draw(case, kind, rng)

@@ -135,7 +135,7 @@ def test_what_is_declared_out_of_bounds_is_its_cullers_failure_alone(declared):
     assert outcome.cullers[0].raster is None
 
 
-@pytest.mark.parametrize("raster", [object(), "raster", 0], ids=repr)
+@pytest.mark.parametrize("raster", [object(), "raster", 0], ids=["object", "text", "number"])
 def test_what_is_no_rasteriser_is_its_cullers_failure(raster):
     outcome = judged(Draws(raster))
     assert (outcome.exit, len(failures(outcome))) == (Exit.NOTHING_JUDGED, 1)

@@ -108,14 +108,14 @@ def test_culler_that_draws_nothing_is_a_violation_in_every_frame(engine):
         counts = record.verdict.counts
         assert counts.violations == counts.visible > 0
         owned = np.count_nonzero(
-            make_engine("exact", SCENE).frame(PATH.frames[record.frame]).buffer.triangle >= 0
+            make_engine("exact", SCENE).frame(PATH.cameras[record.frame]).buffer.triangle >= 0
         )
         assert counts.missed_pixels == owned
 
 
 def test_visible_objects_alone_are_safe_and_one_less_is_not():
     engine = make_engine("exact", SCENE)
-    seen = np.flatnonzero(objects_seen(engine.frame(PATH.frames[0]), SCENE).visible)
+    seen = np.flatnonzero(objects_seen(engine.frame(PATH.cameras[0]), SCENE).visible)
     outcome = run(Draws(*seen), Draws(*seen[1:]), frames=[0])
     first, second = (record.totals for record in outcome.cullers)
     assert (first.missed, first.superfluous) == (0, 0)
@@ -295,7 +295,7 @@ def test_only_the_asked_frames_are_judged_in_the_order_asked():
 
     outcome = run(Watches(), frames=[4, 1])
     assert [record.frame for record in outcome.cullers[0].frames] == [4, 1]
-    asked = [PATH.frames[4], PATH.frames[1]]
+    asked = [PATH.cameras[4], PATH.cameras[1]]
     assert [camera.definition() for camera in seen] == [camera.definition() for camera in asked]
 
 
@@ -415,7 +415,7 @@ def test_truth_is_cast_once_a_frame_and_told_before_its_verdicts():
 def recorded(tmp_path, engine="exact", frames=FRAMES):
     table, caster = TruthTable(SCENE), make_engine(engine, SCENE)
     for frame in frames:
-        truth = caster.frame(PATH.frames[frame])
+        truth = caster.frame(PATH.cameras[frame])
         table.add(frame, truth.camera.width, objects_seen(truth, SCENE))
     file = tmp_path / "truth.parquet"
     table.write(file, engine=engine, path=PATH, ties_complete=truth.ties_complete)
@@ -484,7 +484,7 @@ def superfluous_of(frames=FRAMES):
     """Of `Draws()`: how many objects with triangles are no owner, by a census of exact truths."""
     engine, total = make_engine("exact", SCENE), 0
     for frame in frames:
-        seen = objects_seen(engine.frame(PATH.frames[frame]), SCENE)
+        seen = objects_seen(engine.frame(PATH.cameras[frame]), SCENE)
         total += np.count_nonzero(~seen.visible & (SCENE.object_units().sizes > 0))
     return total
 
@@ -550,7 +550,7 @@ def half():
 def test_run_folder_holds_what_the_run_found(tmp_path):
     folder = tmp_path / "run"
     outcome = recording(folder, Draws(), half())
-    widths = dict.fromkeys(range(len(PATH)), PATH.frames[0].width)
+    widths = dict.fromkeys(range(len(PATH)), PATH.cameras[0].width)
     verdict = json.loads((folder / "verdict.json").read_text())
     expected = json.loads(json.dumps(verdict_json(outcome, SCENE, widths)))
     expected["cullers"]["draws#2"]["worst"]["view"] = ""
@@ -583,7 +583,7 @@ def test_recorded_witness_owns_its_sample_and_was_not_drawn(tmp_path):
     assert len(witnesses) == outcome.cullers[0].totals.missed > 0
     engine = make_engine("exact", SCENE)
     for witness in witnesses:
-        camera = PATH.frames[witness["frame"]]
+        camera = PATH.cameras[witness["frame"]]
         truth = engine.frame(camera)
         owner = truth.buffer.triangle[witness["y"], witness["x"]]
         assert SCENE.object_of_triangle[owner] == witness["object"]
@@ -617,7 +617,7 @@ def test_truth_of_a_run_serves_the_next(tmp_path):
 
 
 def test_drawing_a_subset_disputes_exactly_the_samples_of_the_rest():
-    truth = make_engine("exact", SCENE).frame(PATH.frames[0])
+    truth = make_engine("exact", SCENE).frame(PATH.cameras[0])
     owner = truth.buffer.triangle.reshape(-1)
     drawn = np.arange(SCENE.triangle_count) % 3 > 0
     disputed = find_disputes(walk_samples(truth, SCENE, drawn))
@@ -627,7 +627,7 @@ def test_drawing_a_subset_disputes_exactly_the_samples_of_the_rest():
 
 
 def test_path_of_one_frame_is_a_path():
-    assert run(Draws(), path=CameraPath(PATH.frames[:1]), frames=[0]).exit is Exit.NO_VIOLATION
+    assert run(Draws(), path=CameraPath(PATH.cameras[:1]), frames=[0]).exit is Exit.NO_VIOLATION
 
 
 class Halves(Culler):

@@ -42,7 +42,7 @@ def seen(spec: str, mask: Mask, folder: Path) -> tuple[int, int]:
             leaf = index
     scene_file, path_file, _ = write(case, folder)
     scene = load_scene(scene_file)
-    truth = make_engine(spec, scene).frame(load_path(path_file).frames[0])
+    truth = make_engine(spec, scene).frame(load_path(path_file).cameras[0])
     owner = truth.buffer.triangle[truth.buffer.triangle >= 0]
     open_ = scene.object_of_triangle[truth.doubt.triangle]
     return int((scene.object_of_triangle[owner] == leaf).sum()), int((open_ == leaf).sum())

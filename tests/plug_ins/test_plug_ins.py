@@ -267,7 +267,7 @@ def test_memory_is_limited_and_its_end_is_the_plug_in_s_fault(folder):
         ((_, culler),) = cullers
         culler.prepare(scene())
         with pytest.raises(CullerError, match=r"MemoryError|its process"):
-            culler.cull(path().frames[0])
+            culler.cull(path().cameras[0])
 
 
 @pytest.mark.parametrize("more", [(), ("--in-process",)])
@@ -308,7 +308,7 @@ def test_a_time_limit_that_is_none_is_refused():
 def test_nothing_that_a_plug_in_started_outlives_it(folder):
     culler = CullerApart("faulty:LeavesAThread", time_limit_s=60.0)
     culler.prepare(scene())
-    culler.cull(path().frames[0])
+    culler.cull(path().cameras[0])
     process = culler._process._process.pid
     culler.close()
     with pytest.raises(ProcessLookupError):

@@ -38,7 +38,7 @@ def problems_while_standing(
     """What is wrong where each camera of a case stands for three frames."""
     truths = exact_truths(built) if truths is None else truths
     places = [place for place in range(len(built.path)) for _ in range(FRAMES)]
-    standing = CameraPath(tuple(built.path.frames[place] for place in places))
+    standing = CameraPath(tuple(built.path.cameras[place] for place in places))
     held = replace(built, path=standing)
     return judge_on(make, held, [truths[place] for place in places])[0]
 

@@ -60,7 +60,7 @@ class ThreeViews(CameraPath):
 
 
 def test_views_of_a_frame_come_back_apart(tmp_path):
-    path = ThreeViews(PATH.frames)
+    path = ThreeViews(PATH.cameras)
     table = TruthTable(SCENE)
     for view, owners in (("left", [[0, 0]]), ("right", [[2, -1]]), ("", [[-1, -1]])):
         table.add(1, 2, objects_seen(truth(owners), SCENE), view=view)
@@ -86,7 +86,7 @@ def test_a_file_of_version_1_is_read_and_its_reader_told_what_it_does_not_say():
     assert set(read.views) == {(frame, "") for frame in range(4)}
     for frame, rows in read.frames.items():
         seen = objects_seen(
-            report_runs.Painter(report_runs.scene()).frame(report_runs.path(4).frames[frame]),
+            report_runs.Painter(report_runs.scene()).frame(report_runs.path(4).cameras[frame]),
             report_runs.scene(),
         )
         assert rows.objects.tolist() == np.flatnonzero(seen.visible).tolist()

@@ -42,7 +42,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, HardCase]:
 
 def truth_of(case: HardCase) -> tuple[Scene, FrameTruth]:
     scene = case.load()
-    return scene, ExactEngine(scene).frame(case.path.frames[0]).copy()
+    return scene, ExactEngine(scene).frame(case.path.cameras[0]).copy()
 
 
 def given_to(truth: FrameTruth, sample: int, triangle: int) -> FrameTruth:

@@ -55,7 +55,7 @@ def write_bench(
     folder: Path, bench: Bench, scene: Scene, path: CameraPath, threads: int | None
 ) -> None:
     """Write all files into a folder that exists and is empty."""
-    camera = path.frames[bench.frames[0]]
+    camera = path.cameras[bench.frames[0]]
     facts = {
         "scene": scene.source,
         "objects": scene.object_count,
@@ -150,7 +150,7 @@ def geometric_cells(bench: Bench) -> list[tuple[str, ...]]:
 
 
 def _markdown(bench: Bench, title: str) -> str:
-    lines = [f"# {headline(bench)}", "", title, ""]
+    lines = [f"# {headline(bench)}", "", words.plain(title), ""]
     for sentence in sentences(bench):
         lines += [sentence, ""]
     for heading, headings, cells in (
@@ -162,7 +162,7 @@ def _markdown(bench: Bench, title: str) -> str:
         lines += ["|---|" + "--:|" * (len(names) - 1)]
         lines += [f"| {' | '.join(row)} |" for row in cells]
         lines.append("")
-    lines += [f"Left out: {what}: {why}" for what, why in bench.left_out]
+    lines += [f"Left out: {words.plain(what)}: {words.plain(why)}" for what, why in bench.left_out]
     lines.append(
         "Counts are sums over frames, seconds a mean of each frame's median of "
         f"{REPEATS}. The three errors are not to be added up."

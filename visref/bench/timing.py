@@ -134,7 +134,7 @@ class BenchRun:
                 self._left_out.append((spec, str(error)))
 
     def _run(self, on_frame: Callable[[int], None]) -> Bench:
-        cameras = [self._path.frames[frame] for frame in self._frames]
+        cameras = [self._path.cameras[frame] for frame in self._frames]
         subsets = [nested_subsets(camera) for camera in cameras]
         densities: tuple[int, ...] = tuple(SUBSETS)
         if None in subsets:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 
 # A triangle has 3 corners and each of 6 planes cuts off one more at most.
@@ -79,7 +79,7 @@ def view_coordinates(camera: Camera, vertices: Float32) -> Float64:
     return result
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _clip(
     local: NDArray[Any],
     corners: NDArray[Any],
@@ -130,7 +130,7 @@ def _clip(
     return n
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _fan(p, k):  # type: ignore[no-untyped-def]
     """Area of the k-th triangle of a convex polygon's fan."""
     return 0.5 * abs(
@@ -139,7 +139,7 @@ def _fan(p, k):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def projected_areas(which: Int32, mesh: SeenMesh) -> Float64:
     """(k,) float64: the area that the part in view of each triangle of `which`, (k,) int32 ids,
     projects to, in pixels."""
@@ -156,7 +156,7 @@ def projected_areas(which: Int32, mesh: SeenMesh) -> Float64:
     return areas
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _mix(x: np.uint64) -> np.uint64:
     """SplitMix64's output function (Steele, Lea and Flood 2014)."""
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -164,7 +164,7 @@ def _mix(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def uniform(seed: int, stream: int, index: int) -> float:
     """A number in [0, 1): the index-th of the stream that belongs to two whole numbers."""
     golden = np.uint64(0x9E3779B97F4A7C15)
@@ -174,7 +174,7 @@ def uniform(seed: int, stream: int, index: int) -> float:
     return np.float64(value >> np.uint64(11)) * 2.0**-53
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def draw_points(
     aim: Aim, mesh: SeenMesh, seed: int, start: int, count: int, even_share: float
 ) -> tuple[Int32, Float64, Float64]:

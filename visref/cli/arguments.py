@@ -37,6 +37,11 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--lenient", action="store_true", help="drop triangles with a NaN or infinite vertex"
     )
+    parser.add_argument(
+        "--rest-pose",
+        action="store_true",
+        help="what the scene's file animates stands as it does at rest, whatever the path's time",
+    )
     add_memory_argument(parser)
 
 
@@ -78,5 +83,6 @@ def inputs_of(given: argparse.Namespace) -> Inputs:
         threads=given.threads,
         cull_backfaces=given.cull_backfaces,
         lenient=given.lenient,
+        rest_pose=given.rest_pose,
         max_memory=memory_of(given),
     )

@@ -32,8 +32,9 @@ def run(given: argparse.Namespace) -> Exit:
         measured = BenchRun(scene, path, frames, threads).run(bar.on_frame_done)
         write_bench(folder, measured, scene, path, threads)
     for line in (headline(measured), *sentences(measured)):
-        OUT.print(line, markup=False)
-    OUT.print(f"\nThe page: {given.out / 'bench.html'}", markup=False)
+        OUT.line(line)
+    OUT.line()
+    OUT.line(f"The page: {given.out / 'bench.html'}")
     return Exit.NO_VIOLATION
 
 

@@ -13,8 +13,15 @@ BROKE_DOWN = 70
 
 def broke_down() -> int:
     """Say so of the error in hand, and that it is no verdict; returns the status for it."""
-    with suppress(BaseException):  # standard error may be gone, and the status counts
-        traceback.print_exc()
+    text = traceback.format_exc()
+    try:
+        from visref.cli.terminal import ERRORS
+
+        # A name in the traceback is shown, and never obeyed.
+        ERRORS.lines(text)
+    except BaseException:  # what prints may be what failed
+        with suppress(BaseException):
+            sys.stderr.write(text)
     return said("visref broke down: this is a bug in it, not a verdict", BROKE_DOWN)
 
 

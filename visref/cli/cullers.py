@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from typing import Any, cast
 
 from visref.cli.terminal import OUT
@@ -22,16 +21,16 @@ def run(given: argparse.Namespace) -> Exit:
         for name in available(CULLERS)
     ]
     if given.json:
-        OUT.print_json(json.dumps([_row(name, culler) for name, culler in cullers]))
+        OUT.json([_row(name, culler) for name, culler in cullers])
         return Exit.NO_VIOLATION
     for name, culler in cullers:
         promise = culler.promise
-        OUT.print(f"{name}  ({promise.value}: {promise.statement})", markup=False)
-        OUT.print(f"    {culler.summary}", markup=False)
+        OUT.line(f"{name}  ({promise.value}: {promise.statement})")
+        OUT.line(f"    {culler.summary}")
         for option, about in culler.options.items():
             choices = "|".join(map(str, about.choices)) or type(about.default).__name__
             line = f"    {option}={choices} (default {about.default}): {about.help}"
-            OUT.print(line, markup=False)
+            OUT.line(line)
     return Exit.NO_VIOLATION
 
 

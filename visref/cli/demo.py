@@ -32,9 +32,7 @@ def run(given: argparse.Namespace) -> Exit:
         outcome = judge_to_folder(inputs, cullers, folder, image_check=True, listeners=[bar])
     page = write_report([folder], given.out)
     print_outcome(outcome)
-    OUT.print(
-        "\nThe last culler is broken on purpose, so that you see what a violation looks like."
-        f"\nThe report: {page}",
-        markup=False,
-    )
+    OUT.line()
+    OUT.line("The last culler is broken on purpose, so that you see what a violation looks like.")
+    OUT.line(f"The report: {page}")
     return Exit.NO_VIOLATION

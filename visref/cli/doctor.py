@@ -18,5 +18,5 @@ def run(given: argparse.Namespace) -> Exit:
     for check in doctor():
         mark = f"{'ok' if check.works else check.otherwise:7}"
         works = works or (check.works and check.is_engine)
-        OUT.print(f"{mark} {check.name}: {check.detail}", markup=False)
+        OUT.line(f"{mark} {check.name}: {check.detail}")
     return Exit.NO_VIOLATION if works else Exit.NOTHING_JUDGED

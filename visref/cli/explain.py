@@ -29,8 +29,8 @@ def run(given: argparse.Namespace) -> Exit:
         picture = _picture(given, explanation.witness, index)
         draw_neighbourhood(explanation, picture)
         for line in (*explanation.lines, f"the neighbourhood: {picture}"):
-            OUT.print(line, markup=False)
-        OUT.print("the claim holds" if explanation.holds else "THE CLAIM DOES NOT HOLD")
+            OUT.line(line)
+        OUT.line("the claim holds" if explanation.holds else "THE CLAIM DOES NOT HOLD")
     holds = all(explanation.holds for explanation in explanations)
     return Exit.NO_VIOLATION if holds else Exit.VIOLATION
 

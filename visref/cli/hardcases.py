@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
-
-from rich.markup import escape
-from rich.table import Table
 
 from visref.cli.terminal import OUT, frame_bar
 from visref.files import replacing_file
@@ -46,20 +42,19 @@ def run(given: argparse.Namespace) -> Exit:
             with replacing_file(given.out) as file:
                 file.write_text(hard_cases_page(table, machine), encoding="utf-8")
     if given.json:
-        OUT.print_json(json.dumps(table.to_json()))
+        OUT.json(table.to_json())
     else:
         _print(table)
     return table.exit
 
 
 def _print(table: HardCaseTable) -> None:
-    shown = Table(box=None, pad_edge=False)
-    for heading in ("case", *table.engines, *(["cullers"] if table.cullers else [])):
-        shown.add_column(heading, no_wrap=heading == "case", overflow="fold")
+    headings = ["case", *table.engines, *(["cullers"] if table.cullers else [])]
+    rows = []
     for case in table.cases:
         cells = [str(table.cells[case.name][spec]) for spec in table.engines]
         cullers = [culler_summary(table, case.name)] if table.cullers else []
-        shown.add_row(*map(escape, [case.name, *cells, *cullers]))
-    OUT.print(shown)
+        rows.append([case.name, *cells, *cullers])
+    OUT.table(headings, rows, left=headings)
     for reason in table.reasons():
-        OUT.print(reason, markup=False)
+        OUT.line(reason)

@@ -5,9 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from rich.markup import escape
-from rich.table import Table
-
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
 from visref.findings import Code
@@ -47,44 +44,45 @@ def judge(
     for paper, tables in tables_beside(read_run(given.out, objects=False)):
         for table in tables:
             _print_beside_published(paper.name, table)
-    OUT.print(f"\nThe run: {given.out}; `visref report {given.out} --out PAGE`", markup=False)
+    OUT.line()
+    OUT.line(f"The run: {given.out}; `visref report {given.out} --out PAGE`")
     return outcome.exit
 
 
 def print_outcome(outcome: RunOutcome) -> None:
     """A row for each culler, then the first findings."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column("culler", overflow="fold")
-    for heading in (
-        "frames", "visible", "drawn", "superfluous", "missed", "partly missed", "samples lost",
-        "undecided", "violations", "verdict",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = (
+        "culler", "frames", "visible", "drawn", "superfluous", "missed", "partly missed",
+        "samples lost", "undecided", "violations", "verdict",
+    )  # fmt: skip
+    rows = []
     for record in outcome.cullers:
         totals = record.totals
-        table.add_row(
-            escape(record.spec),
-            str(_frames(record)),
-            str(totals.visible),
-            str(totals.drawn),
-            str(totals.superfluous),
-            str(totals.missed),
-            str(totals.partly_missed),
-            str(totals.missed_pixels),
-            _undecided(totals),
-            str(totals.violations),
-            f"{words.GLYPHS[record.status]} {record.status.replace('_', ' ')}",
+        rows.append(
+            (
+                record.spec,
+                str(_frames(record)),
+                str(totals.visible),
+                str(totals.drawn),
+                str(totals.superfluous),
+                str(totals.missed),
+                str(totals.partly_missed),
+                str(totals.missed_pixels),
+                _undecided(totals),
+                str(totals.violations),
+                f"{words.GLYPHS[record.status]} {record.status.replace('_', ' ')}",
+            )
         )
-    OUT.print(table)
+    OUT.table(headings, rows, left=("culler",))
     if any(len(record.frames) > 1 for record in outcome.cullers):
-        OUT.print("Counts are summed over frames; those of objects are object-frames.")
+        OUT.line("Counts are summed over frames; those of objects are object-frames.")
     rounded = any(finding.code is Code.VERTICES_ROUNDED for finding in outcome.findings)
     said = {record.spec: _beside_the_verdict(record, rounded) for record in outcome.cullers}
     if len(said) > 1 and set(said.values()) == {words.ALL_DECIDED}:
-        OUT.print(words.ALL_DECIDED, markup=False)
+        OUT.line(words.ALL_DECIDED)
     else:
         for spec, text in said.items():
-            OUT.print(f"{spec}: {text}", markup=False)
+            OUT.line(f"{spec}: {text}")
     shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]
     for finding in shown[:FINDINGS_SHOWN]:
         where = ", ".join(
@@ -98,10 +96,10 @@ def print_outcome(outcome: RunOutcome) -> None:
         )
         # A plug-in's error may bring lines of its own.
         message = " ".join(finding.message.split())
-        OUT.print(": ".join(filter(None, (finding.code, where, message))), markup=False)
+        OUT.line(": ".join(filter(None, (finding.code, where, message))))
     if len(shown) > FINDINGS_SHOWN:
         rest = len(shown) - FINDINGS_SHOWN
-        OUT.print(f"… and {rest} more findings in verdict.json", markup=False)
+        OUT.line(f"… and {rest} more findings in verdict.json")
 
 
 def _frames(record: CullerRecord) -> int:
@@ -137,13 +135,10 @@ def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
 
 
 def _print_beside_published(name: str, of_paper: papers.Table) -> None:
-    table = Table(box=None, pad_edge=False)
-    for heading in HEADINGS[:4]:
-        table.add_column(heading, justify="left" if heading == HEADINGS[0] else "right")
-    for line in table_lines(of_paper):
-        table.add_row(*(escape(cell) for cell in line.cells[:4]))
-    OUT.print(f"\n{of_paper.title} ({name}, {of_paper.source})", markup=False)
-    OUT.print(table)
+    OUT.line()
+    OUT.line(f"{of_paper.title} ({name}, {of_paper.source})")
+    rows = [line.cells[:4] for line in table_lines(of_paper)]
+    OUT.table(HEADINGS[:4], rows, left=HEADINGS[:1])
     for trend in of_paper.trends:
         glyph, said = VERDICTS[trend.holds]
-        OUT.print(f"{glyph} {trend.claim}: {said}", markup=False)
+        OUT.line(f"{glyph} {trend.claim}: {said}")

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from visref.cli.breakdown import INTERRUPTED, broke_down
+from visref.cli.terminal import ERRORS, Parser, prepare
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Exit
 
@@ -34,7 +35,9 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit status (see `visref.judging.status.Exit`)."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        prepare()
+        arguments = sys.argv[1:]
     given = argparse.Namespace(interrupted="nothing was written", in_process=False)
     try:
         parser = _parser(arguments)
@@ -68,15 +71,13 @@ def _run(given: argparse.Namespace) -> int:
 
 
 def _said(line: str, status: int) -> int:
-    from visref.cli.terminal import ERRORS
-
-    ERRORS.print(line, markup=False)
+    ERRORS.line(line)
     return int(status)
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """A parser that knows every command by name, and the arguments of the one in `arguments`."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="visref",
         description="Is your occlusion culler safe, and what does it cost?",
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
+from itertools import chain
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 from visref.cli.arguments import add_memory_argument, memory_of
 from visref.cli.terminal import OUT
 from visref.inputs import open_scene
 from visref.judging.status import Exit
+
+HEADINGS = ("id", "triangles", "name")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,15 +24,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> Exit:
     scene, _, _ = open_scene(given.scene, max_memory=memory_of(given))
     sizes = np.diff(scene.object_offsets).tolist()
+    objects = enumerate(zip(scene.names, sizes, strict=True))
     if given.json:
-        rows = [
-            {"id": index, "name": name, "triangles": size}
-            for index, (name, size) in enumerate(zip(scene.names, sizes, strict=True))
+        OUT.json_rows({"id": id_, "name": name, "triangles": size} for id_, (name, size) in objects)
+    else:
+        # Names come last, and rows as they are read: no name decides how wide a column is.
+        widths = [
+            max(len(HEADINGS[0]), len(str(len(sizes)))),
+            max(len(HEADINGS[1]), len(str(max(sizes, default=0)))),
+            0,
         ]
-        OUT.print_json(json.dumps(rows))
-        return Exit.NO_VIOLATION
-    table = Table("id", "name", "triangles", box=None)
-    for index, (name, size) in enumerate(zip(scene.names, sizes, strict=True)):
-        table.add_row(str(index), escape(name), str(size))
-    OUT.print(table)
-    return Exit.NO_VIOLATION
+        rows = ((str(id_), str(size), name) for id_, (name, size) in objects)
+        OUT.columns(chain([HEADINGS], rows), widths, left=(False, False, True))
+    # Its output is all that it does.
+    return Exit.NO_VIOLATION if OUT.whole else Exit.BAD_INPUT

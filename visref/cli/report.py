@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    OUT.print(f"The report: {write_report(given.runs, given.out)}", markup=False)
+    OUT.line(f"The report: {write_report(given.runs, given.out)}")
     runs = [folder for folder in given.runs if not is_bench(folder)]
     _, exit_ = overall([read_run(folder, objects=False) for folder in runs])
     return exit_

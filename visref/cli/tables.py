@@ -54,7 +54,8 @@ def run(given: argparse.Namespace) -> Exit:
         )
     page, status = write_tables(measured)
     for label, why in measured.failures.items():
-        ERRORS.print(f"not measured: {label}: {why}", markup=False)
-    OUT.print((given.out / "trends.md").read_text(encoding="utf-8"), markup=False, end="")
-    OUT.print(f"\nThe tables: {page}", markup=False)
+        ERRORS.line(f"not measured: {label}: {why}")
+    OUT.lines((given.out / "trends.md").read_text(encoding="utf-8"))
+    OUT.line()
+    OUT.line(f"The tables: {page}")
     return status

@@ -1,33 +1,207 @@
-"""Where commands print: standard output, standard error and progress over frames."""
+"""Where commands print: standard output, standard error and progress over frames.
+
+Everything goes through here. Lines are made of what `visref.wording.shown` leaves: no name in a
+scene moves the cursor, hides text or speaks to a CI server. And printing costs no verdict: an
+encoding that lacks a character gets another, and who cannot be written to misses the rest.
+"""
 
 from __future__ import annotations
 
+import argparse
+import codecs
+import io
+import json
+import logging
 import os
+import re
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+import unicodedata
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
+from typing import IO, TYPE_CHECKING, Any, cast
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from visref.wording import shown
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from visref.judging.referee import Job, JudgedFrame
     from visref.visibility import FrameTruth, ObjectVisibility
 
+# For terminals whose encoding lacks them; anything else becomes an escape.
+_READABLE = {
+    "✓": "ok", "✕": "x", "–": "-", "—": "-", "…": "...", "‘": "'", "’": "'", "“": '"',
+    "”": '"', "×": "x", "≥": ">=", "≤": "<=", "→": "->", "·": "-", "µ": "u", "²": "^2",
+}  # fmt: skip
+_BACKSLASH = codecs.lookup_error("backslashreplace")
+# Rows that are written at a time.
+_CHUNK = 4096
 
-class _Out(Console):
-    """Standard output. Who stops reading (`| head`) misses the rest and changes no status."""
 
-    def on_broken_pipe(self) -> None:
-        self.quiet = True
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _readable(error: UnicodeError) -> tuple[str | bytes, int]:
+    if isinstance(error, UnicodeEncodeError):
+        other = _READABLE.get(error.object[error.start])
+        if other is not None:
+            return other, error.start + 1
+        one = UnicodeEncodeError(
+            error.encoding, error.object, error.start, error.start + 1, error.reason
+        )
+        return _BACKSLASH(one)
+    raise error
 
 
-# Names and specs are printed as they are: `:b:` in one is no emoji.
-ERRORS = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
-# A table in a log or a pipe is not folded to a terminal that is not there.
-OUT = _Out(highlight=False, soft_wrap=True, emoji=False, width=None if sys.stdout.isatty() else 200)
+codecs.register_error("visref-readable", _readable)
+
+
+class Printer:
+    """One of the two standard streams."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        # The stream that nobody reads any more, and the one that could not be written to.
+        self._deaf: IO[str] | None = None
+        self._broken: IO[str] | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether all was printed that somebody wanted to read: no disk was full, say."""
+        return self._broken is None or self._broken is not getattr(sys, self._name)
+
+    def line(self, text: str = "") -> None:
+        """One line, whatever is in the text."""
+        self._write(f"{shown(text)}\n")
+
+    def lines(self, text: str) -> None:
+        """Text of several lines, which are ours to break."""
+        self._write("".join(f"{shown(line)}\n" for line in text.removesuffix("\n").split("\n")))
+
+    def table(
+        self, headings: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[str] = ()
+    ) -> None:
+        """A table in columns: those that `left` names are aligned to the left, others to the
+        right."""
+        cells = [list(map(shown, row)) for row in (headings, *rows)]
+        widths = [max(map(_width, column)) for column in zip(*cells, strict=True)]
+        self.columns(cells, widths, left=[heading in left for heading in headings])
+
+    def columns(
+        self, rows: Iterable[Sequence[str]], widths: Sequence[int], *, left: Sequence[bool]
+    ) -> None:
+        """Rows of a table as they come, in columns of given widths; the last one's may be 0."""
+        lines = (_aligned(row, widths, left) for row in rows)
+        while chunk := list(islice(lines, _CHUNK)):
+            if not self._write("".join(chunk)):
+                return
+
+    def json(self, value: Any) -> None:
+        """A value for programs: exact, in ASCII."""
+        self._write(f"{_ascii(json.dumps(value, indent=2))}\n")
+
+    def json_rows(self, rows: Iterable[Any]) -> None:
+        """A JSON array, an element on each line, as they come."""
+        between, texts = "[\n", iter(rows)
+        while chunk := [_ascii(json.dumps(row)) for row in islice(texts, _CHUNK)]:
+            if not self._write(between + ",\n".join(chunk)):
+                return
+            between = ",\n"
+        self._write("\n]\n" if between != "[\n" else "[]\n")
+
+    def _write(self, text: str) -> bool:
+        """Whether somebody reads on."""
+        stream: IO[str] | None = getattr(sys, self._name)
+        if stream is None or stream is self._deaf:
+            return False
+        encoding = getattr(stream, "encoding", None) or "utf-8"
+        try:
+            stream.write(text.encode(encoding, "visref-readable").decode(encoding))
+            stream.flush()
+        except (OSError, ValueError) as error:
+            self._deaf = stream
+            self._let_go(stream)
+            if not isinstance(error, BrokenPipeError):
+                self._broken = stream
+                if self is not ERRORS:
+                    ERRORS.line(f"standard output: {error}")
+            return False
+        return True
+
+    @staticmethod
+    def _let_go(stream: IO[str]) -> None:
+        """What the stream still holds goes nowhere; Python would try again at its end, and end
+        with a status of its own."""
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+
+
+def _ascii(text: str) -> str:
+    """The same JSON without a command of a CI server in it."""
+    return re.sub("#(?=#)", r"\\u0023", text)
+
+
+def _width(text: str) -> int:
+    """The columns of a terminal that a text takes."""
+    if text.isascii():
+        return len(text)
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
+        for c in text
+    )
+
+
+def _aligned(row: Sequence[str], widths: Sequence[int], left: Sequence[bool]) -> str:
+    parts = []
+    for text, width, to_left in zip(map(shown, row), widths, left, strict=True):
+        space = " " * (width - _width(text))
+        parts.append(text + space if to_left else space + text)
+    return f"{'  '.join(parts).rstrip(' ')}\n"
+
+
+OUT = Printer("stdout")
+ERRORS = Printer("stderr")
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose words go the same way: arguments may be names out of a scene."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message:
+            (OUT if file is sys.stdout else ERRORS).lines(message)
+
+
+def prepare() -> None:
+    """Make the process's streams safe, before a file is opened: warnings and logs of libraries
+    go through here too."""
+    # A file that is opened where a standard stream is closed gets its number, and what libraries
+    # print gets into the file.
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    warnings.showwarning = _show_warning
+    logging.lastResort = _Last(logging.WARNING)
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: Any = None,
+    line: str | None = None,
+) -> None:
+    ERRORS.line(f"{filename}:{lineno}: {category.__name__}: {message}")
+
+
+class _Last(logging.Handler):
+    """The handler of records that nobody else handles."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        ERRORS.line(record.getMessage())
 
 
 class Bar:
@@ -58,7 +232,7 @@ class Steps:
         self._progress.update(self._bar, total=steps)
 
     def task(self, label: str) -> None:
-        self._progress.update(self._bar, description=label)
+        self._progress.update(self._bar, description=shown(label))
 
     def advance(self, steps: float) -> None:
         self._progress.advance(self._bar, steps)
@@ -66,19 +240,50 @@ class Steps:
 
 def progress() -> Progress:
     """A progress display, gone once it is done."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=ERRORS,
+        console=Console(file=cast(IO[str], _Careful())),
         transient=True,
-        disable=not sys.stderr.isatty(),
+        disable=not _Careful().isatty(),
     )
+
+
+class _Careful(io.TextIOBase):
+    """Standard error, for a display that anything may happen to: its terminal may be closed."""
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return getattr(sys.stderr, "encoding", None) or "utf-8"
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write(text.encode(self.encoding, "visref-readable").decode(self.encoding))
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stderr.flush()
+
+    def isatty(self) -> bool:
+        with suppress(OSError, ValueError, AttributeError):
+            return sys.stderr.isatty()
+        return False
 
 
 @contextmanager
 def frame_bar(frames: int | None) -> Iterator[Bar]:
     """A bar over so many frames (None: nobody knows how many)."""
-    with progress() as shown:
-        yield Bar(shown, frames)
+    with progress() as shown_bar:
+        yield Bar(shown_bar, frames)

@@ -31,14 +31,13 @@ def run(given: argparse.Namespace) -> Exit:
     frames = len(inputs.frames)
     with frame_bar(frames) as bar:
         cast = truth_to_file(inputs, given.out, geometric=given.geometric, listeners=[bar])
-    OUT.print(
+    OUT.line(
         f"{given.out}: {frames} frames, {np.count_nonzero(cast.visible)} of "
-        f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})",
-        markup=False,
+        f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})"
     )
     if given.geometric is not None:
-        OUT.print(f"{given.geometric}: {geometric_line(cast.between)}", markup=False)
+        OUT.line(f"{given.geometric}: {geometric_line(cast.between)}")
     for finding in cast.findings:
         if finding.rule.severity is not Severity.INFO:
-            OUT.print(f"{finding.code}: {finding.message}", markup=False)
+            OUT.line(f"{finding.code}: {finding.message}")
     return Exit.NO_VIOLATION

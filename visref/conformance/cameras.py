@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from visref.camera_path import CameraPath
 from visref.conformance.building import (
     Case,
     Point,
@@ -251,7 +252,7 @@ def about_an_origin_of_its_own(rng: np.random.Generator) -> Case:
         pose = view.world_from_camera.copy()
         pose[:3, 3] += origin
         views.append(replace(view, world_from_camera=pose))
-    path = replace(built.path, frames=tuple(views))
+    path = CameraPath(views, built.path.source)
     return Case(replace(built.scene, origin=origin), path)
 
 

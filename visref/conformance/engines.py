@@ -212,7 +212,7 @@ def _empty(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
     built, _ = built_case("walk_through_a_city", seed)
     engine = make_engine(Scene.from_objects([]))
     try:
-        truth = engine.frame(built.path.frames[0])
+        truth = engine.frame(built.path.cameras[0])
         if (truth.buffer.triangle != BACKGROUND).any() or not np.isinf(truth.buffer.depth).all():
             return ("an empty scene is not all background at infinite depth",)
     finally:
@@ -227,7 +227,7 @@ def _closes(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
     for used in (False, True):
         engine = make_engine(built.scene)
         if used:
-            engine.frame(built.path.frames[0])
+            engine.frame(built.path.cameras[0])
         for time in ("first", "second"):
             try:
                 engine.close()

@@ -250,7 +250,7 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
     lines = []
     losses = record.losses()
     for _, frame, miss in losses[:LINES_PER_CHECK]:
-        view = built.path.frames[frame]
+        view = built.path.cameras[frame]
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
             f"MISSED_OBJECT: frame {frame} ({view.width} x {view.height}): "
@@ -327,7 +327,7 @@ def _close_at_any_time(make_culler: MakeCuller, seed: int) -> tuple[tuple[str, .
         when = "after a frame" if prepared else "before prepare()"
         if prepared:
             culler.prepare(scene)
-            culler.cull(path.frames[0])
+            culler.cull(path.cameras[0])
         for time in ("first", "second"):
             try:
                 culler.close()

@@ -20,11 +20,11 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import RasterTolerance
 from visref.exact import ExactScene
 from visref.exact.depth_buffer import DepthBuffer, depth_buffer, with_doubtful_range
@@ -149,7 +149,7 @@ def _steps(depth: DepthBuffer) -> float:
     return (DEPTH_STEPS * 2.0**-24 + depth.step) * depth.scale
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _gather(
     nearby: Nearby,
     corners: NDArray[Any],

@@ -50,6 +50,11 @@ class TruthEngine(ABC):
         appeared or vanished; triangles, objects and names are those that the engine was made
         with. An engine that leaves this as it is casts scenes that stand still."""
 
+    @property
+    def poses(self) -> bool:
+        """Whether it can cast a scene in which something moves."""
+        return type(self).pose is not TruthEngine.pose
+
     def describe(self) -> str:
         """What it runs on here (library version, renderer, limits), for `visref doctor`."""
         return self.summary

@@ -16,10 +16,10 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, files
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float32, Int32
 
 _DEVICE_VERSION, _DEVICE_NATIVE_RAY8 = 0, 33
@@ -156,7 +156,7 @@ def _release(library: ctypes.CDLL, scene: int, device: int) -> None:
     library.rtcReleaseDevice(device)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _cast(
     intersect8: Any,
     scene: int,

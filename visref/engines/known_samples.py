@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.scene import Float32, Float64, Int32, Int64
 
 # Triangles asked for in each octave of size, evenly by id.
@@ -120,7 +120,7 @@ def points_in_view(corners: Float64, camera: Camera) -> tuple[Int64, Float64, Fl
     return found, point[found, 0], point[found, 1], depth.mean(axis=1)[found]
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def of_each_size(
     vertices: NDArray[Any], triangles: NDArray[Any], per_octave: int
 ) -> NDArray[np.int32]:

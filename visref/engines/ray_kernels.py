@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.visibility import BACKGROUND
 
 # In a visibility buffer between `resolve` and `splat`: the library's hit does not count.
@@ -68,12 +68,12 @@ class SampleGrid(NamedTuple):
     scattered: bool = False
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _dot(x, y):  # type: ignore[no-untyped-def]
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _cross(x, y):  # type: ignore[no-untyped-def]
     return (
         x[1] * y[2] - x[2] * y[1],
@@ -82,17 +82,17 @@ def _cross(x, y):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _minus(x, y):  # type: ignore[no-untyped-def]
     return x[0] - y[0], x[1] - y[1], x[2] - y[2]
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _magnitude(x, y):  # type: ignore[no-untyped-def]
     return abs(x[0] * y[0]) + abs(x[1] * y[1]) + abs(x[2] * y[2])
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _corner(mesh, t, k):  # type: ignore[no-untyped-def]
     v = mesh.triangles[t, k]
     return (
@@ -102,7 +102,7 @@ def _corner(mesh, t, k):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _offset(grid, a, b):  # type: ignore[no-untyped-def]
     """a R + b U."""
     m = grid.axes
@@ -113,7 +113,7 @@ def _offset(grid, a, b):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _facet(mesh, grid, t):  # type: ignore[no-untyped-def]
     """What a triangle's plane has in common for all rays: n, the sums of absolute products
     that n's rounding is relative to, and p."""
@@ -128,7 +128,7 @@ def _facet(mesh, grid, t):  # type: ignore[no-untyped-def]
     return _cross(u, v), size, _minus(v0, m[0])
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _plane(facet, grid, a, b):  # type: ignore[no-untyped-def]
     """Numerator and denominator of the plane's view depth along a ray."""
     n, _, p = facet
@@ -139,7 +139,7 @@ def _plane(facet, grid, a, b):  # type: ignore[no-untyped-def]
     return _dot(n, _minus(p, side)), _dot(n, m[1])
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
     """View depth of a triangle's plane along a ray, and a bound of its rounding error."""
     numerator, denominator = _plane(facet, grid, a, b)
@@ -163,7 +163,7 @@ def _depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
     return depth, PLANE_ROUNDING * (above + abs(depth) * below) / room
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def fill_rays(
     rays: NDArray[Any],
     start: int,
@@ -199,7 +199,7 @@ def fill_rays(
             y += 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def resolve(
     primitives: NDArray[Any],
     start: int,
@@ -262,7 +262,7 @@ def resolve(
     return pending
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def least_depths(which: NDArray[Any], mesh: Triangles, grid: SampleGrid) -> NDArray[np.float64]:
     """The least view depth, but for rounding, at which point i of a scattered grid meets the plane
     of triangle `which[i]`, (k,) int32 (`BACKGROUND`: infinity): (k,) float64."""
@@ -277,7 +277,7 @@ def least_depths(which: NDArray[Any], mesh: Triangles, grid: SampleGrid) -> NDAr
     return result
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
     """The edge's function of (a, b): (constant, a's, b's). Its sign says on which side of the
     edge a ray passes. Exactly antisymmetric in pi and pj, so that no sample slips between
@@ -290,7 +290,7 @@ def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
     return _dot(_cross(pi, pj), m[1]), _dot(q, m[2]), _dot(q, m[3])
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _extent(grid, corners):  # type: ignore[no-untyped-def]
     """Bounds low_a, high_a, low_b, high_b of what a triangle may cover."""
     m = grid.axes
@@ -318,7 +318,7 @@ def _extent(grid, corners):  # type: ignore[no-untyped-def]
     return low_a, high_a, low_b, high_b
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
     """Pixel bounds x0, x1, y0, y1 (x1 and y1 excluded) of what a triangle may cover."""
     low_a, high_a, low_b, high_b = _extent(grid, corners)
@@ -335,7 +335,7 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
     """Whether a ray meets the closed triangle, from a side that counts."""
     e0, e1, e2 = edges
@@ -348,14 +348,14 @@ def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
     return denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t])
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
     """`_rectangle`, cut to `window`."""
     x0, x1, y0, y1 = _rectangle(grid, corners)
     return max(x0, window[0]), min(x1, window[1]), max(y0, window[2]), min(y1, window[3])
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def splat(
     which: NDArray[Any],
     mesh: Triangles,
@@ -393,7 +393,7 @@ def splat(
                     depth[s] = z
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def layers(
     which: NDArray[Any],
     mesh: Triangles,
@@ -453,7 +453,7 @@ def layers(
     )
 
 
-@numba.njit(inline="always")
+@njit(inline="always")
 def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
     """Whether a ray meets the closed triangle, from a side that counts."""
     low, high = np.inf, -np.inf
@@ -466,7 +466,7 @@ def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
     return one_side and (denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t]))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def settle_points(
     which: NDArray[Any],
     mesh: Triangles,

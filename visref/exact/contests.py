@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Int32, Int64
 
 
@@ -24,7 +24,7 @@ class Contest(NamedTuple):
         return Contest(self.sample[kept], self.triangle[kept], self.state[kept])
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def group(
     sample: NDArray[Any],
     triangle: NDArray[Any],
@@ -69,7 +69,7 @@ def group(
     return out_sample, out_triangle, out_state
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def level_groups(
     sample: NDArray[Any], triangle: NDArray[Any], plane: NDArray[Any]
 ) -> NDArray[np.bool_]:
@@ -87,7 +87,7 @@ def level_groups(
     return result
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def crown(
     sample: NDArray[Any], triangle: NDArray[Any], level: NDArray[Any], owner: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:

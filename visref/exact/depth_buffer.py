@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import RasterTolerance
 from visref.exact.filters import View
 from visref.exact.scene import ExactScene
@@ -114,7 +114,7 @@ def with_doubtful_range(view: View, exact_scene: ExactScene, depth: DepthBuffer)
     return view._replace(near=near, far=1.0 / last if last > 0.0 else math.inf)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def key_error(p: NDArray[Any], view: View, depth: DepthBuffer) -> float:
     """How far off a float32 rasteriser's key of a triangle, (9,) float32 corners, may be at any of
     its points."""
@@ -132,7 +132,7 @@ def key_error(p: NDArray[Any], view: View, depth: DepthBuffer) -> float:
     return error
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def counted(error: float, key: float, depth: DepthBuffer) -> float:
     """An error of a key as far as it counts: none where the buffer resolves nothing."""
     limit = depth.most if depth.most > 0.0 else key

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.exact.filters import U, View
 
 SLACK = 40.0 * U * U
@@ -38,7 +38,7 @@ TERMS_SIZE = 10
 Pair = tuple[float, float]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _two_sum(a: float, b: float) -> Pair:
     s = a + b
     t = s - a
@@ -55,14 +55,14 @@ def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), generate
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _two_product(a: float, b: float) -> Pair:
     """Exact short of overflow and underflow."""
     p = a * b
     return p, _fused(a, b, -p)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _add(x: Pair, y: Pair) -> Pair:
     s, sl = _two_sum(x[0], y[0])
     t, tl = _two_sum(x[1], y[1])
@@ -73,7 +73,7 @@ def _add(x: Pair, y: Pair) -> Pair:
     return z, w - (z - v)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _scale(x: Pair, y: float) -> Pair:
     c, cl = _two_product(x[0], y)
     d = x[1] * y
@@ -83,7 +83,7 @@ def _scale(x: Pair, y: float) -> Pair:
     return z, tl - (z - t)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _multiply(x: Pair, y: Pair) -> Pair:
     c, cl = _two_product(x[0], y[0])
     d = cl + (x[0] * y[1] + x[1] * y[0])
@@ -91,35 +91,35 @@ def _multiply(x: Pair, y: Pair) -> Pair:
     return z, d - (z - c)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _less(x: Pair, y: Pair) -> Pair:
     difference: Pair = _add(x, (-y[0], -y[1]))
     return difference
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _across(x0: Pair, y0: Pair, x1: Pair, y1: Pair) -> Pair:
     component: Pair = _less(_multiply(x0, y1), _multiply(y0, x1))
     return component
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _along(x: Pair, y: Pair, z: Pair, d: NDArray[Any]) -> Pair:
     product: Pair = _add(_add(_scale(x, d[0]), _scale(y, d[1])), _scale(z, d[2]))
     return product
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _store(x: Pair, out: NDArray[Any], at: int) -> None:
     out[at], out[at + 1] = x
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _pair(c: NDArray[Any], at: int) -> Pair:
     return c[at], c[at + 1]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArray[Any]) -> None:
     """A triangle's depth into `out`, (TERMS_SIZE,) float64: see the layout above. `corners`: (3,)
     vertex indices."""
@@ -162,7 +162,7 @@ def _terms(vertices: NDArray[Any], corners: NDArray[Any], view: View, out: NDArr
         out[AFFINE_ERROR] = size * (far + view.reach) + view.tiny
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def depths(
     samples: NDArray[Any],
     owner: NDArray[Any],

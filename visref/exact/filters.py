@@ -46,10 +46,10 @@ import math
 from fractions import Fraction
 from typing import Any, NamedTuple, Protocol
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.errors import InputError
 from visref.scene import Float64
 
@@ -247,12 +247,12 @@ def _key_range(camera: Samples) -> tuple[float, float, float, float]:
     return too_near, near_enough, (1.0 / far) * (1.0 + 4.0 * U), (1.0 / far) * (1.0 - 4.0 * U)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _largest(x: float, y: float, z: float) -> float:
     return max(abs(x), max(abs(y), abs(z)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def set_up(
     p: NDArray[Any], one_sided: bool, perspective: bool, lens: NDArray[Any], out: NDArray[Any]
 ) -> int:

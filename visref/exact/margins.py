@@ -23,11 +23,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import RasterTolerance
 from visref.exact.depth_buffer import (
     NO_DEPTH_BUFFER,
@@ -179,7 +179,7 @@ def _with_projectable_near(view: View, exact_scene: ExactScene, nearest: float) 
     return view._replace(near=max(view.near, min(least, 0.5 * nearest)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     """On which side of the plane through the eye and edge i (orthographic: along the view)
     the opposite corner lies, with a bound of the error: the sign is certain above it."""
@@ -202,7 +202,7 @@ def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
     return value, 2.0**-44 * size * size * (size if view.perspective else view.f_norm)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
     same: bool = (
         p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
@@ -210,7 +210,7 @@ def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
     return same
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     """Whether triangle q shares p's edge and lies on its other side on the screen."""
     start, end = edge, (edge + 1) % 3
@@ -229,7 +229,7 @@ def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
     return False
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _examine(
     nearby: Nearby,
     objects: NDArray[Any],

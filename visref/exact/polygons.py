@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.exact.filters import PIXEL_SLACK, PROJECT, PROJECT_CLIPPED, View
 from visref.exact.screen import CLIP_SLACK
 
@@ -25,7 +25,7 @@ CLIPPED = 3
 MOST_CORNERS = 12
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def screen_polygon(
     p: NDArray[Any], view: View, polygon: NDArray[Any], tags: NDArray[Any]
 ) -> tuple[int, float]:
@@ -86,7 +86,7 @@ def screen_polygon(
     return count, error + PIXEL_SLACK
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def distance_to_segment(x: float, y: float, x0: float, y0: float, x1: float, y1: float) -> float:
     dx, dy = x1 - x0, y1 - y0
     length = dx * dx + dy * dy
@@ -97,7 +97,7 @@ def distance_to_segment(x: float, y: float, x0: float, y0: float, x1: float, y1:
     return math.hypot(x0 + part * dx - x, y0 + part * dy - y)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -> float:
     """Zero inside a convex polygon, (n, 3), of either winding, else the pixels to its rim; inf
     for none."""
@@ -115,7 +115,7 @@ def distance_to_polygon(x: float, y: float, polygon: NDArray[Any], count: int) -
     return 0.0 if left != right else nearest
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def clip_polygon(
     polygon: NDArray[Any], count: int, a: float, b: float, c: float, out: NDArray[Any]
 ) -> int:
@@ -138,7 +138,7 @@ def clip_polygon(
     return kept
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, float]:
     """The key's plane over the screen, q = c + gx x + gy y, of a polygon (n, 3): (whether it has
     area, c, gx, gy)."""
@@ -159,7 +159,7 @@ def key_plane(polygon: NDArray[Any], count: int) -> tuple[bool, float, float, fl
     return True, polygon[0, 2] - gx * polygon[0, 0] - gy * polygon[0, 1], gx, gy
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def key_range(
     x: float, y: float, radius: float, polygon: NDArray[Any], count: int
 ) -> tuple[float, float]:
@@ -175,7 +175,7 @@ def key_range(
     return least, greatest
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def distance_to_hiding(
     x: float,
     y: float,

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.exact.filters import (
     BOUND_0,
     BOUND_1,
@@ -81,7 +81,7 @@ class Owned(NamedTuple):
     ceiling: NDArray[np.float64]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: float) -> float:
     """The greatest computed value of an affine function over a rectangle's corners."""
     b = b1 if c[k + 2] > 0.0 else b0
@@ -90,7 +90,7 @@ def _greatest(c: NDArray[Any], k: int, a0: float, a1: float, b0: float, b1: floa
     return value
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _block_least(low: NDArray[Any], start: int, before: float) -> float:
     """The least key in a block, which was `before` and can only have grown."""
     least = np.inf
@@ -104,7 +104,7 @@ def _block_least(low: NDArray[Any], start: int, before: float) -> float:
     return least
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _with_room(out: NDArray[Any], count: int, more: int) -> NDArray[Any]:
     if count + more <= len(out):
         return out
@@ -115,7 +115,7 @@ def _with_room(out: NDArray[Any], count: int, more: int) -> NDArray[Any]:
     return grown
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _doubt(
     c: NDArray[Any],
     t: int,
@@ -162,7 +162,7 @@ def _doubt(
     return out, count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def rasterise(
     tiles: NDArray[Any],
     view: View,

@@ -86,6 +86,10 @@ class ExactScene:
         self._tile_order: tuple[tuple[int, int], Int64] = (0, 0), np.zeros(0, np.int64)
         self._plane_of_name: dict[tuple[int, int, int, int, int] | None, int] = {}
 
+    def pose(self, scene: Scene) -> None:
+        """Meet the scene as it stands now: its triangles and objects are those of before."""
+        ExactScene.__init__(self, scene, threads=self._threads)
+
     def decide(self, camera: Camera, samples: Int64, *, include: Bool | None = None) -> Owners:
         """The owners of some samples among the opaque triangles.
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.exact.filters import PIXEL_SLACK, PROJECT, PROJECT_CLIPPED, U, View
 
 TILE_SHIFT, BLOCK_SHIFT = 6, 3
@@ -56,7 +56,7 @@ class _Axis(NamedTuple):
     pixels: int
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _pixel_range(low: float, high: float, grow: float, count: int) -> tuple[int, int]:
     """The pixels between two coordinates, outward and NaN-proof: (first, last), maybe empty."""
     low -= grow + PIXEL_SLACK
@@ -81,7 +81,7 @@ def count_wanted(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.pad(blocks.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _none_wanted(sums: NDArray[Any], x0: int, x1: int, y0: int, y1: int) -> bool:
     """Whether no block that meets a pixel rectangle holds a wanted sample."""
     i0, i1 = x0 >> BLOCK_SHIFT, (x1 >> BLOCK_SHIFT) + 1
@@ -90,7 +90,7 @@ def _none_wanted(sums: NDArray[Any], x0: int, x1: int, y0: int, y1: int) -> bool
     return none
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _box_range(
     low: NDArray[Any],
     high: NDArray[Any],
@@ -127,7 +127,7 @@ def _box_range(
     return pixels
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def cluster_depths(
     bounds: NDArray[Any], view: View, grow: float, sums: NDArray[Any], nearest: NDArray[Any]
 ) -> None:
@@ -193,7 +193,7 @@ def cluster_depths(
             nearest[c] = np.inf
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def project(
     clusters: NDArray[Any],
     cluster_offsets: NDArray[Any],
@@ -292,7 +292,7 @@ def project(
     return count
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def bin_boxes(
     boxes: NDArray[Any], tile_wanted: NDArray[Any], tile_columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:

@@ -210,7 +210,7 @@ def flatten(
         for at in range(0, len(users), block):
             chosen = users[at : at + block]
             rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))
-            vertices[rows], moved[rows] = _transformed(worlds[chosen], mesh.positions, origin)
+            vertices[rows], moved[rows] = transformed(worlds[chosen], mesh.positions, origin)
             rows = starts[chosen, None] + np.arange(len(mesh.triangles))
             faces = mesh.triangles + vertex_starts[chosen, None, None]
             flip = mirrored[chosen]
@@ -264,7 +264,7 @@ def _starts(sizes: Sequence[int], mesh_of_object: Int64) -> Int64:
     return np.concatenate([np.zeros(1, np.int64), np.cumsum(by_mesh[mesh_of_object])])
 
 
-def _transformed(
+def transformed(
     worlds: Float64, positions: NDArray[Any], origin: Float64
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """`positions` under each of (k, 4, 4), less the origin: (k, v, 3) float32, float64 until the

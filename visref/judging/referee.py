@@ -45,6 +45,7 @@ from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
 from visref.scene import OBJECT, Int32, Scene, Units, unique_names
 from visref.stopwatch import Stopwatch
+from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
 
 Cast = tuple[FrameTruth, ObjectVisibility]
@@ -108,8 +109,9 @@ class JudgedFrame:
 
 @dataclass(eq=False)
 class Referee:
-    """Casts truths and judges cullers on one scene.
+    """Casts truths and judges cullers on one scene, which a path's frames may pose.
 
+    `timeline`: the scene of each of the path's frames; by default `scene` and the path make it.
     `engine` makes the truth engine on first use, so that a recorded truth with nothing to
     dispute never builds one. It must be the engine that cast a recorded truth: another may not
     see what that truth says was missed. `examine`: say too, where an engine is built, whether near,
@@ -122,10 +124,13 @@ class Referee:
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
     examine: bool = False
+    timeline: Timeline | None = None
 
     def __post_init__(self) -> None:
         self._engine: TruthEngine | None = None
         self._exact: ExactScene | None = None
+        # The scene of the frame at hand.
+        self._now = self.scene
         # By how many pixels rounding moved a vertex that is seen, less the frame, and a triangle.
         self._moved = (0.0, 0, -1)
 
@@ -141,10 +146,13 @@ class Referee:
         names = unique_names([spec for spec, _ in cullers])
         cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
         frames = list(frames)
+        timeline = self.timeline or Timeline(self.scene, path)
+        self._now = timeline.at(frames[0]) if frames else timeline.still
         outcome = RunOutcome([])
         try:
             jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
             for frame in frames:
+                self._pose(timeline.at(frame), frame, jobs, outcome)
                 self._frame(path, frame, jobs, outcome, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
@@ -172,7 +180,9 @@ class Referee:
             # Here and below a plug-in gets records of its own, and is not asked for its own later.
             with settings_restored():
                 record.promise = _promise(culler)
-                units = _checked(culler.prepare(self.scene.handed_out()), self.scene)
+                if self._now.moving is not None and not culler.moves:
+                    raise CullerError("it is for scenes that stand still: it has no update()")
+                units = _checked(culler.prepare(self._now.handed_out()), self._now)
                 # `prepare` may have settled what the options promise.
                 record.promise = _promise(culler)
         except NothingToJudge as error:
@@ -204,6 +214,27 @@ class Referee:
         record.failed = True
         text = fault_text(error)
         outcome.findings.append(Finding(Code.CULLER_FAILED, text, culler=record.spec, frame=frame))
+
+    def _pose(self, scene: Scene, frame: int, jobs: Sequence[Job], outcome: RunOutcome) -> None:
+        """Let everybody meet the scene of a frame, where it is not that of the frame before."""
+        if scene is self._now:
+            return
+        self._now = scene
+        if self._exact is not None and not isinstance(self._engine, ExactEngine):
+            self._exact.pose(scene)
+        for sees in (self._engine, self.image_check):
+            if isinstance(sees, TruthEngine):
+                sees.pose(scene)
+        for job in jobs:
+            if job.record.failed:
+                continue
+            try:
+                with settings_restored():
+                    job.culler.update(scene.handed_out())
+            except (InputError, KeyboardInterrupt):
+                raise
+            except BaseException as error:  # a plug-in may raise anything; the others go on
+                self._fail(job.record, outcome, frame, error)
 
     def _frame(
         self,
@@ -245,9 +276,9 @@ class Referee:
         if raster is not None:
             job.record.raster = looser(job.record.raster, raster.tolerance)
         drawn_units = drawn_set.unit_ids
-        drawn = job.units.mask(drawn_units, self.scene.triangle_count)
+        drawn = job.units.mask(drawn_units, self._now.triangle_count)
         rows = self.recorded.frames[frame] if self.recorded else None
-        verdict = _clean_verdict(self.scene, rows, job, drawn_units) if rows else None
+        verdict = _clean_verdict(self._now, rows, job, drawn_units) if rows else None
         settled = None
         if verdict is None:
             if camera.view not in casts:
@@ -255,7 +286,7 @@ class Referee:
             truth, seen = casts[camera.view]
             try:
                 settled = settle(
-                    self.scene,
+                    self._now,
                     truth,
                     job.units,
                     drawn_units,
@@ -289,14 +320,21 @@ class Referee:
 
     def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener]) -> Cast:
         if self._engine is None:
-            self._engine = self.engine()
+            self._engine = engine = self.engine()
+            if self._now.moving is not None and not engine.poses:
+                raise InputError(
+                    f"engine '{engine.name}' casts scenes that stand still",
+                    fix="use another, such as 'exact'",
+                )
+            if engine.scene is not self._now:
+                engine.pose(self._now)
         with Stopwatch() as watch:
             truth = self._engine.frame(camera)
             if truth.ties_complete != self._engine.exact:
                 # An engine that lists its ties and says so nowhere is taken at its class's word.
                 truth = replace(truth, ties_complete=self._engine.exact)
-            seen = objects_seen(truth, self.scene)
-            moved, triangle = greatest_move(self.scene, truth)
+            seen = objects_seen(truth, self._now)
+            moved, triangle = greatest_move(self._now, truth)
             self._moved = max(self._moved, (moved, -frame, triangle))
         for listener in listeners:
             listener.on_truth(frame, truth, seen, watch.ms)
@@ -322,7 +360,7 @@ class Referee:
             if isinstance(engine, ExactEngine):
                 self._exact = engine.arithmetic
             else:
-                self._exact = ExactScene(self.scene, threads=self.threads)
+                self._exact = ExactScene(self._now, threads=self.threads)
         return self._exact
 
     def _summarise(self, outcome: RunOutcome) -> None:

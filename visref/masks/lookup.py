@@ -39,10 +39,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks
 
 HOLE, SOLID, BETWEEN = 0, 1, 2
@@ -62,7 +62,7 @@ BOX_ROUNDING = 8.0 * 2.0**-53
 FAR_TEXEL = 2.0**52
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def texel_intervals(
     centre: float, half: float, error: float, size: int, wrap: int, reach: float
 ) -> Any:
@@ -101,7 +101,7 @@ def texel_intervals(
     return least, greatest, np.int64(0), np.int64(-1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def touched(
     m: MaskArrays, material: int, u: float, v: float, du: float, dv: float, eu: float, ev: float
 ) -> Any:
@@ -120,7 +120,7 @@ def touched(
     return columns, rows
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@njit(inline="always")
 def _blocks(spans, k):  # type: ignore[no-untyped-def]
     """How many blocks of level k two intervals of texels touch."""
     a0, a1, b0, b1 = spans
@@ -130,7 +130,7 @@ def _blocks(spans, k):  # type: ignore[no-untyped-def]
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def level_for(columns: Any, rows: Any, entries: int) -> int:
     """The finest level in which the texels take at most so many entries."""
     k = 0
@@ -139,7 +139,7 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
     return k
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> Any:
     """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
     image = m.textures[texture]
@@ -159,7 +159,7 @@ def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> An
     return least, greatest
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _decide(
     least: float, greatest: float, factor: float, low: float, high: float, cutoff: float
 ) -> int:
@@ -172,7 +172,7 @@ def _decide(
     return BETWEEN
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def mask_state(
     m: MaskArrays,
     row: int,
@@ -217,7 +217,7 @@ def mask_state(
     return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _mask_states(
     m: MaskArrays, row: Any, box: Any, low: Any, high: Any, result: NDArray[Any]
 ) -> None:

@@ -11,9 +11,10 @@ import struct
 import zlib
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from visref.compiled import njit
 
 # Samples in a pixel, by colour type: grey, RGB, grey with alpha, RGBA.
 _SAMPLES = {0: 1, 2: 3, 4: 2, 6: 4}
@@ -86,7 +87,7 @@ def _alpha(pixels: NDArray[Any], colour: int, key: bytes) -> NDArray[np.uint16]:
     return np.where(np.all(pixels == transparent, axis=-1), 0, 65535).astype(np.uint16)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _unfilter(lines: NDArray[Any], plain: NDArray[Any], pixel_bytes: int) -> bool:
     """Undo each line's filter, named by its first byte; False where there is no such filter."""
     for y in range(len(lines)):

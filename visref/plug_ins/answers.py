@@ -100,7 +100,7 @@ def declared(culler: Culler) -> dict[str, Any]:
         "promise": _said(culler.promise),
         "joint": bool(culler.joint),
         "memory": _said(culler.memory),
-        "moves": type(culler).update is not Culler.update,
+        "moves": bool(culler.moves),
         "raster": None if raster is None else _tolerance(raster),
     }
 

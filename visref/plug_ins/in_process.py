@@ -65,6 +65,10 @@ class CullerGuarded(Culler):
         return self._made.joint
 
     @property
+    def moves(self) -> bool:
+        return self._made.moves
+
+    @property
     def memory(self) -> int | None:  # type: ignore[override]
         return self._made.memory
 

@@ -85,6 +85,10 @@ class CullerApart(Culler):
         return bool(self._declared.get("joint"))
 
     @property
+    def moves(self) -> bool:
+        return bool(self._declared.get("moves"))
+
+    @property
     def memory(self) -> int | None:  # type: ignore[override]
         return self._declared.get("memory")
 

@@ -159,8 +159,8 @@ def _digest(table: pa.Table, facts: dict[str, Any]) -> str:
 
 
 def path_digest(path: CameraPath) -> str:
-    """SHA-256 (hexadecimal) of the samples' definition in every frame."""
-    definitions = [camera.definition() for camera in path]
+    """SHA-256 (hexadecimal) of what every frame's samples and scene hang on."""
+    definitions = [frame.definition() for frame in path.frames]
     return hashlib.sha256(json.dumps(definitions, sort_keys=True).encode()).hexdigest()
 
 

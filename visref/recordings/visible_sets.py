@@ -75,9 +75,12 @@ class Replay(Culler):
     def prepare(self, scene: Scene) -> Units:
         return self._recorded.units
 
+    def update(self, scene: Scene) -> None:
+        """What was recorded stands, whatever moves."""
+
     def cull(self, camera: Camera) -> DrawnSet:
         frame = next(self._coming)
-        asked, planned = camera.world_from_camera, self._path.frames[frame].world_from_camera
+        asked, planned = camera.world_from_camera, self._path.cameras[frame].world_from_camera
         assert np.array_equal(asked, planned), "cameras come in path order, each once"
         ids, stats = self._recorded.frames[frame], self._recorded.stats[frame]
         return DrawnSet(ids, stats, ordered=False)

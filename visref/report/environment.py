@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from visref.report import words
+from visref.wording import legible
 
 
 @cache
@@ -17,8 +19,14 @@ def page_environment(package: str) -> Environment:
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("visref.report")]),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=_legible,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters |= {"count": words.count}
     return environment
+
+
+def _legible(value: object) -> object:
+    """What an expression of a template gives: a name's invisible characters are shown."""
+    return legible(value) if isinstance(value, str) and not isinstance(value, Markup) else value

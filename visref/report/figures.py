@@ -15,6 +15,7 @@ from markupsafe import Markup, escape
 
 from visref.papers.contents import Curve, Figure
 from visref.report.plots import short, ticks
+from visref.wording import legible
 
 WIDTH = 560
 _PLOT_HEIGHT, _LEFT, _RIGHT, _BOTTOM = 250, 66, 18, 46
@@ -62,7 +63,8 @@ def figure_svg(figure: Figure) -> Markup:
     unseen = f" ({left_out} at zero not shown)" if left_out else ""
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="figure" '
-        f'viewBox="0 0 {WIDTH} {foot + _BOTTOM}" role="img" aria-label="{escape(_spoken(figure))}" '
+        f'viewBox="0 0 {WIDTH} {foot + _BOTTOM}" role="img" '
+        f'aria-label="{escape(legible(_spoken(figure)))}" '
         'font-family="system-ui, sans-serif" font-size="11">',
         legend,
         f'<g class="grid" fill="{_SOFT}" stroke-width="1">',
@@ -171,7 +173,7 @@ def _line(x1: float, y1: float, x2: float, y2: float) -> str:
 def _text(x: float, y: float, anchor: str, text: str, fill: str = _SOFT, name: str = "soft") -> str:
     return (
         f'<text class="{name}" stroke="none" fill="{fill}" text-anchor="{anchor}" '
-        f'x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
+        f'x="{x:.1f}" y="{y:.1f}">{escape(legible(text))}</text>'
     )
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from visref.findings import Code
@@ -23,9 +22,8 @@ from visref.report.words import (
     replay_command,
 )
 from visref.run_folder.read import RunFolder
+from visref.wording import shown
 
-# Control characters that XML 1.0 cannot carry, not even escaped.
-_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _MAX_LOST = 20
 
 
@@ -42,7 +40,7 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
         suite = ET.SubElement(
             suites,
             "testsuite",
-            name=_clean(run.scene_name),
+            name=shown(run.scene_name),
             tests=str(len(rows)),
             failures=str(failures),
             errors=str(errors),
@@ -55,7 +53,7 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
             ("path.sha256", run.manifest.path.sha256),
             ("frames", str(len(run.frame_numbers))),
         ):
-            ET.SubElement(properties, "property", name=name, value=_clean(value))
+            ET.SubElement(properties, "property", name=name, value=shown(value))
         for row in rows:
             _add_case(suite, run, row, out)
     ET.indent(suites)
@@ -67,14 +65,14 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
     case = ET.SubElement(
         suite,
         "testcase",
-        classname=_clean(run.scene_name),
-        name=_clean(row.culler),
+        classname=shown(run.scene_name),
+        name=shown(row.culler),
         time=f"{seconds:.3f}",
     )
-    sentence = _clean(culler_sentence(row))
+    sentence = shown(culler_sentence(row))
     if row.status is Status.VIOLATION:
         failure = ET.SubElement(case, "failure", type="violation", message=sentence)
-        failure.text = _clean("\n".join([*_losses(run, row, out), *_hidden(row)]))
+        failure.text = _lines([*_losses(run, row, out), *_hidden(row)])
     elif row.status is Status.INCONCLUSIVE:
         ET.SubElement(case, "error", type="inconclusive", message=sentence)
     elif row.status is Status.MEASURED:
@@ -85,7 +83,7 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
         for finding in run.verdict.findings
         if finding.culler == row.culler and finding.code in (Code.CULLER_FAILED, Code.NO_GL)
     ]
-    ET.SubElement(case, "system-out").text = _clean("\n".join(output))
+    ET.SubElement(case, "system-out").text = _lines(output)
 
 
 def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
@@ -108,5 +106,5 @@ def _hidden(row: CullerSummary) -> list[str]:
     return lines
 
 
-def _clean(text: str) -> str:
-    return _FORBIDDEN.sub("\ufffd", text)
+def _lines(lines: Iterable[str]) -> str:
+    return "\n".join(map(shown, lines))

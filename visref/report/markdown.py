@@ -94,7 +94,10 @@ def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
         )
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")
-    lines += ["", f"Replay the worst: `{words.replay_command(run, row.lost[0].worst, out)}`"]
+    lines += [
+        "",
+        f"Replay the worst: {words.code(words.replay_command(run, row.lost[0].worst, out))}",
+    ]
     return lines
 
 

@@ -27,6 +27,7 @@ from visref.run_folder.causes import Cause
 from visref.run_folder.layout import COUNTS
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FindingRow, FrameRow, LostObject, PictureSet, Witness
+from visref.wording import legible
 
 # How much of a long list the page carries; the tables in the run folder have the rest.
 MAX_LOST = 8
@@ -183,7 +184,7 @@ def _code(text: str) -> Markup:
 
 def _breakable(name: str) -> Markup:
     """A name that may be broken after its punctuation."""
-    return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", name))
+    return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", legible(name)))
 
 
 def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
+from visref.wording import legible
+
 WIDTH, HEIGHT = 440, 190
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 12, 26
 # The palette and the dashes are classes s0…s15 of the page's style: eight colours, and each again
@@ -116,7 +118,7 @@ def _svg(plot: Plot) -> Markup:
 
     parts = [
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="'
-        f'{escape(_spoken(plot))}"><g class="grid">'
+        f'{escape(legible(_spoken(plot)))}"><g class="grid">'
     ]
     for mark in marks:
         y = y_of(mark)

@@ -15,6 +15,7 @@ from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import HiddenUnit, LostObject, Witness
 from visref.wording import counted as counted
+from visref.wording import legible
 
 HEADLINES = {
     "violation": "Violation",
@@ -31,12 +32,20 @@ COUNTING = (
     "frame (and view) in which it is visible."
 )
 
-_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~])")
+_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~$])")
 
 
 def plain(text: str) -> str:
     """Text that Markdown and HTML leave alone."""
-    return _MARKDOWN.sub(r"\\\1", " ".join(text.split()))
+    return _MARKDOWN.sub(r"\\\1", legible(" ".join(text.split())))
+
+
+def code(text: str) -> str:
+    """Text as code in Markdown, between more backticks than it has together."""
+    text = legible(text)
+    most = max(map(len, re.findall("`+", text)), default=0)
+    fence, space = "`" * (most + 1), " " if most else ""
+    return f"{fence}{space}{text}{space}{fence}"
 
 
 def count(number: int | None) -> str:

@@ -25,11 +25,11 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.culler import DrawnSet
 from visref.exact.outside import certainly_outside
 from visref.picking import evenly_picked
@@ -175,7 +175,7 @@ def boxes_show(
     return result
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _boxes_show(
     boxes: NDArray[Any],
     rays: _Rays,

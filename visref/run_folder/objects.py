@@ -104,7 +104,8 @@ class ObjectsWriter:
         units = judged.record.verdict.superfluous_units
         if judged.truth is None or judged.record.frame not in self._explained:
             return pa.nulls(len(units), pa.string())
-        causes = superfluous_causes(self._scene, judged.truth, job.units, judged.drawn_set, units)
+        scene = self._scene if judged.settled is None else judged.settled.scene
+        causes = superfluous_causes(scene, judged.truth, job.units, judged.drawn_set, units)
         names = np.full(len(units), None, object)
         names[np.searchsorted(units, list(causes))] = list(causes.values())
         return pa.array(names, pa.string())

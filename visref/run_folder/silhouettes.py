@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.compiled import njit
 from visref.scene import Float32, Float64, Int32, Scene, Units
 
 
@@ -87,7 +87,7 @@ def silhouettes(
     return image.owner
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _rasterise(
     vertices: NDArray[Any],
     corners: NDArray[Any],

@@ -9,15 +9,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
+from visref.compiled import njit
 from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.scene import Alpha, Int32, Int64, Scene
+from visref.timeline import Timeline
 from visref.visibility import mask_states
 
 # A culler that draws nothing misses thousands of objects in every frame. Its worst misses, by
@@ -42,7 +43,7 @@ _BLOCK = 64
 _BALL_ERROR = 2.0**-40
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def _along(
     corners: NDArray[Any],
     origin: NDArray[Any],
@@ -168,7 +169,7 @@ def _triangles_along(
 
 def write_witnesses(
     file: Path,
-    scene: Scene,
+    timeline: Timeline,
     path: CameraPath,
     record: CullerRecord,
     drawn: Callable[[int, str], NDArray[np.bool_]],
@@ -188,12 +189,15 @@ def write_witnesses(
             by_view[frame, view].append(miss)
         if first:
             convicted.add(miss.object)
-    # Once for all frames: on a large scene these take longer than the rays.
-    corners = scene.vertices[scene.triangles]
-    balls = _balls(corners)
+    scene: Scene | None = None
     with file.open("w", encoding="utf-8") as lines:
         for frame, view in sorted(by_view):
             (camera,) = (camera for camera in path.views(frame) if camera.view == view)
+            if scene is None or timeline.at(frame) is not scene:
+                # Once for all frames that are alike: on a large scene these take longer than rays.
+                scene = timeline.at(frame)
+                corners = scene.vertices[scene.triangles]
+                balls = _balls(corners)
             chosen = sorted(by_view[frame, view], key=lambda miss: miss.object)
             shown = drawn(frame, view)
             along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])

@@ -42,6 +42,7 @@ from visref.run_folder.pictures import draw_pictures
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.witnesses import write_witnesses
 from visref.scene import Int32, Scene, Units
+from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
 
 # Half of a surrogate pair, as JSON writes one and as Python's texts hold one that has no other.
@@ -59,6 +60,7 @@ class RunWriter:
         scene: Scene,
         path: CameraPath,
         *,
+        timeline: Timeline,
         engine: str,
         settings: dict[str, Any],
         exact: bool | None = None,
@@ -67,6 +69,7 @@ class RunWriter:
         self._folder = folder
         self._scene = scene
         self._path = path
+        self._timeline = timeline
         self._engine = engine
         self._exact = exact
         self._settings = settings
@@ -159,7 +162,7 @@ class RunWriter:
                 folder.mkdir(exist_ok=True)
                 file = folder / f"{slug(record.spec)}.jsonl"
                 drawn = self._drawn_in(record.spec)
-                write_witnesses(file, self._scene, self._path, record, drawn)
+                write_witnesses(file, self._timeline, self._path, record, drawn)
 
     def _drawn_in(self, spec: str) -> Callable[[int, str], NDArray[np.bool_]]:
         units, drawn = self._drawn[spec]

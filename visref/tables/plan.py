@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from visref.camera_path import CameraPath, middles
+from visref.camera_path import CameraPath, Frame, middles
 from visref.papers import Paper
 from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import CULLERS, SCENES, available
@@ -56,11 +56,13 @@ def cut_path(path: CameraPath, frames: Sequence[int]) -> CameraPath:
     """The path, with a cut marked at every picked frame whose predecessor was not picked: what a
     temporal method remembers is not the frame before."""
     picked = set(frames)
-    cameras = tuple(
-        replace(camera, cut=True) if index in picked and index - 1 not in picked else camera
-        for index, camera in enumerate(path)
-    )
-    return replace(path, frames=cameras)
+    marked: list[Frame] = []
+    for index, frame in enumerate(path.frames):
+        if index in picked and index - 1 not in picked:
+            cameras = tuple(replace(camera, cut=True) for camera in frame.cameras)
+            frame = replace(frame, cameras=cameras)
+        marked.append(frame)
+    return CameraPath(marked, path.source)
 
 
 def code_digest(packages: Iterable[str] | None = None) -> str:

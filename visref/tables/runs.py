@@ -36,6 +36,7 @@ from visref.run_folder.read import RunFolder, read_run
 from visref.run_folder.write import RunWriter, write_json
 from visref.scene import Scene
 from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
+from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
 
 RESULT = "experiment.json"
@@ -289,8 +290,14 @@ def _judge(
 ) -> None:
     share.verdicts = len(frames) * len(judged.cullers)
     settings = {"frames": frames, "generated": generated_with(judged.scene), "asked": asked}
-    writer = RunWriter(folder, scene, path, engine=ENGINE, settings=settings)
-    referee = Referee(scene, lambda: _Kept(stage.engine()))
+    timeline = Timeline(scene, path)
+    writer = RunWriter(folder, scene, path, timeline=timeline, engine=ENGINE, settings=settings)
+
+    def engine() -> TruthEngine:
+        # An engine that is kept is one of a scene that stands still.
+        return make_engine(ENGINE, timeline.still) if timeline.moves else _Kept(stage.engine())
+
+    referee = Referee(scene, engine, timeline=timeline)
     cullers = [(spec, make_culler(spec)) for spec in judged.cullers]
     outcome = referee.run(path, frames, cullers, [writer, share])
     for finding in outcome.findings:

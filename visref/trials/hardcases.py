@@ -226,7 +226,7 @@ def _read_case(folder: Path, name: str) -> HardCase:
     path = load_path(folder / PATH_FILE.format(name))
     frames: tuple[ExpectedFrame, ...] = ()
     if "frames" in expected:
-        frames = tuple(map(ExpectedFrame.read, expected["frames"], path.frames))
+        frames = tuple(map(ExpectedFrame.read, expected["frames"], path.cameras))
     return HardCase(
         name,
         expected["what"],

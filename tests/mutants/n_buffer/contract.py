@@ -37,7 +37,7 @@ SUITE = Suite(
     },
     watched=("edges_of_the_image", "revealed_by_a_pierced_wall", "crowd", "peeking_by_a_pixel"),
     # Each camera stands for three frames: all is drawn, all is an occluder, what passed is drawn.
-    cameras=lambda path: [camera for camera in path.frames[:2] for _ in range(3)],
+    cameras=lambda path: [camera for camera in path.cameras[:2] for _ in range(3)],
 )
 
 # How far the method's inflated box may stand off the true one in pixels, and its stored depth in

@@ -37,7 +37,7 @@ SUITE = Suite(
     # leaves behind spoils the next. At this size a tile has several pixels, and neither side is a
     # multiple of a tile's.
     watched=("stacks_of_sheets", "object_crossing_the_near_plane", "crowd", "eye_inside_an_object"),
-    cameras=lambda path: path.resized(201, 133).frames[:5],
+    cameras=lambda path: path.resized(201, 133).cameras[:5],
     keeps=("maps",),
 )
 
