@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,13 +19,12 @@ from tests.fuzz_verdicts.compare import (
     Kept,
     States,
     clears_only,
-    counts_differ,
-    owners,
+    exact_differs,
+    lost_samples,
     status_differs,
 )
 from tests.fuzz_verdicts.moving_case import MovingCase
 from visref.camera_path import CameraPath
-from visref.culler import Promise
 from visref.formats.loading import load_path, load_scene
 from visref.judging.referee import Referee
 from visref.scene import Scene
@@ -63,7 +61,7 @@ def compare_moving(
     for name in engines:
         kept = Kept()
         culler = Drawn(case.unit_lists, case.promise, case.drawn, joint=case.joint)
-        referee = Referee(scene, lambda s, name=name: ENGINES[name](s, threads=1), threads=1)
+        referee = Referee(scene, lambda name=name: ENGINES[name](scene, threads=1), threads=1)
         outcome = referee.run(path, range(len(path)), [("fuzz", culler)], [kept])
         if outcome.cullers[0].failed:
             result.differences.append(f"{name}: failed: {outcome.findings}")
@@ -75,15 +73,14 @@ def compare_moving(
             zip(case.cells, expected, case.drawn, strict=True)
         ):
             judged, where = kept.judged[number], f"{name} frame {frame} {'+'.join(views)}"
-            samples = [sample for view in views for sample in seen[frame, view]]
+            samples = [seen[frame, view] for view in views]
             if name == "exact":
-                result.differences += owners(where, samples, judged.truth)
-                result.differences += counts_differ(where, judged, wanted)
+                result.differences += exact_differs(where, samples, judged, wanted)
             else:
                 shown = {i for unit in drawn for i in case.unit_lists[unit]}
-                result.differences += clears_only(
-                    where, samples, kept.cast[number], judged, wanted, shown
-                )
+                casts = [c for at, c in kept.cast if at == frame and c.camera.view in views]
+                result.differences += clears_only(where, samples, casts, judged, wanted, shown)
+            result.seen[f"moving: lost in {name}"] += len(lost_samples(judged))
         if name == "exact":
             result.differences += status_differs(outcome, expected, case.promise)
             result.seen[f"moving: status {outcome.cullers[0].status.value}"] += 1
@@ -123,9 +120,7 @@ def _corners(moment: Scene) -> np.ndarray:
     return moment.vertices.astype(np.float64)[moment.triangles] + moment.origin
 
 
-def _misplaced(
-    case: MovingCase, moment: Scene, triangles: list[Triangle], frame: int
-) -> list[str]:
+def _misplaced(case: MovingCase, moment: Scene, triangles: list[Triangle], frame: int) -> list[str]:
     """Objects whose corners are not where they were baked, or are there and should not be."""
     here = _corners(moment)
     wanted = np.array([[[float(x) for x in v] for v in t.corners] for t in triangles])
