@@ -263,11 +263,18 @@ class Scene(Shared):
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) float64, the box of all triangles; zeros for an empty scene."""
-        if not self.triangle_count:
+        """(2, 3) float64, the box of all triangles that are there; zeros where none is."""
+        boxes = self._boxes
+        if not len(boxes):
             return frozen(np.zeros((2, 3)))
-        boxes = self.object_bounds
         return frozen(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
+
+    @property
+    def _boxes(self) -> Float64:
+        """(k, 2, 3) float64, the boxes of the objects that are there and have triangles."""
+        boxes = self.object_bounds
+        there: Float64 = boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]
+        return there
 
     @cached_property
     def core_bounds(self) -> Float64:
@@ -277,7 +284,7 @@ class Scene(Shared):
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        return frozen(core_of(self.object_bounds[np.diff(self.object_offsets) > 0]))
+        return frozen(core_of(self._boxes))
 
     def object_units(self) -> Units:
         """The default units: an object each."""
