@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding
+from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
 from visref.scene import Scene
@@ -48,6 +49,7 @@ class CullerRecord:
     frames: list[FrameRecord] = field(default_factory=list)
     failed: bool = False
     raster: RasterTolerance | None = None
+    too_small: list[BoundsTooSmall] = field(default_factory=list)
 
     @property
     def totals(self) -> Counts:

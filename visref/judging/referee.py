@@ -7,8 +7,8 @@ only if a culler left something visible out of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +32,7 @@ from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
 from visref.findings import Code, Finding
+from visref.judging.bounds import BoundsAudit
 from visref.judging.culler_findings import culler_findings
 from visref.judging.frame import SettledFrame
 from visref.judging.joint import joined, located
@@ -86,6 +87,7 @@ class Job:
     culler: Culler
     record: CullerRecord
     units: Units
+    audit: BoundsAudit = field(default_factory=BoundsAudit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,6 +260,22 @@ class Referee:
             for cell in [cameras] if joint else [(camera,) for camera in cameras]:
                 if not job.record.failed:
                     self._cell(cell, frame, job, casts, outcome, listeners)
+            if not job.record.failed:
+                self._audit(job, frame, casts, outcome)
+
+    def _audit(self, job: Job, frame: int, casts: Mapping[str, Cast], outcome: RunOutcome) -> None:
+        """Hold the boxes that the culler says it tested against what they stand for."""
+        truths = [truth for truth, _ in casts.values()]
+        try:
+            with settings_restored():
+                boxes = job.culler.bounds()
+            if boxes is not None:
+                job.audit.look(frame, self._now, job.units, boxes, truths)
+        except (InputError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # a plug-in may raise anything; the others go on
+            self._fail(job.record, outcome, frame, error)
+        job.record.too_small = list(job.audit.found.values())
 
     def _cell(
         self,
