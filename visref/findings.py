@@ -176,11 +176,11 @@ class Code(StrEnum):
         "BOUNDS_TOO_SMALL",
         Severity.WARNING,
         "A box that the culler tests does not contain what it stands for",
-        "In these frames geometry lies outside its own box by more than float32 rounds, so a test "
-        "of the box says nothing of it: sooner or later it vanishes in view. Usual causes are a "
-        "box of the bind pose for a skinned mesh, of the rest shape for morph targets or for what a "
-        "shader moves, last frame's box for what moves, and an instance's scale that the box "
-        "lacks. It is said whether or not anything was missed.",
+        "In these frames geometry lies outside its own box by more than float32 rounds, so a "
+        "test of the box says nothing of it: sooner or later it vanishes in view. Usual causes "
+        "are a box of the bind pose for a skinned mesh, of the rest shape for morph targets or "
+        "for what a shader moves, last frame's box for what moves, and an instance's scale that "
+        "the box lacks. It is said whether or not anything was missed.",
     )
     CULLER_FAILED = Rule(
         "CULLER_FAILED",

@@ -125,7 +125,8 @@ class RayEngine(TruthEngine):
     def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
         """Which triangles a view shows by a pixel or more around their centres while its ray there
         meets nothing, or only what lies behind: (k,) int32; and how many were asked for."""
-        if not len(self._solid):
+        if not len(self._solid) or camera.clip_plane is not None:
+            # What a plane cuts away is known to nobody here.
             return np.zeros(0, np.int32), 0
         camera = camera.relative_to(self.scene.origin)
         corners = self.scene.vertices[self.scene.triangles[self._picked]].astype(np.float64)
@@ -381,7 +382,21 @@ def sample_grid(camera: Camera) -> SampleGrid:
         float(camera.far),
         camera.column_a,
         camera.row_b,
+        clips=camera.clip_plane is not None,
+        clip=_clip(camera),
     )
+
+
+def _clip(camera: Camera) -> Float64:
+    """(6,) float64, the clip plane as `SampleGrid.clip` has it; zeros without one."""
+    result = np.zeros(6)
+    if camera.clip_plane is not None:
+        normal, offset = np.array(camera.clip_plane[:3]), camera.clip_plane[3]
+        result[0], result[3] = normal @ camera.eye + offset, normal @ camera.forward
+        aside = normal @ camera.right_step, normal @ camera.up_step
+        result[4:6] = aside if camera.is_perspective else 0.0
+        result[1:3] = 0.0 if camera.is_perspective else aside
+    return result
 
 
 def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:
