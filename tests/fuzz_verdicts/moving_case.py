@@ -8,6 +8,7 @@ General ones turn and blend as it comes.
 
 from __future__ import annotations
 
+import itertools
 import random
 from dataclasses import dataclass, field
 from fractions import Fraction as Q
@@ -56,6 +57,7 @@ class MovingCase:
     kinds: set[str]
     units: list[list[int]] | None = None
     drawn: list[list[int]] = field(default_factory=list)
+    _posed: dict[int, list[tuple[Posed, bool]]] = field(default_factory=dict)
 
     @cached_property
     def file(self) -> Animated:
@@ -71,7 +73,9 @@ class MovingCase:
         return found
 
     def posed(self, frame: int) -> list[tuple[Posed, bool]]:
-        return bake(self.file, self.path, frame)
+        if frame not in self._posed:
+            self._posed[frame] = bake(self.file, self.path, frame)
+        return self._posed[frame]
 
     def camera(self, frame: int, view: str) -> dict[str, Any]:
         entry = self.path["frames"][frame]
@@ -214,8 +218,10 @@ class _Maker:
         off = self.rng.random() < 0.3
         extensions = {"KHR_node_visibility": {"visible": not off}}
         self.gltf.json["nodes"][node].setdefault("extensions", {}).update(extensions)
-        if self.rng.random() < 0.8:
-            self.track(node, "pointer", 1, lambda: [self.rng.choice((0, 1))], kinds=("STEP",))
+        if off or self.rng.random() < 0.8:
+            # What shows at no time at all a reader may leave out.
+            keys = itertools.chain([[1]], iter(lambda: [self.rng.choice((0, 1))], None))
+            self.track(node, "pointer", 1, lambda: next(keys), kinds=("STEP",))
         self.kinds.add("visibility")
         return node
 
@@ -340,6 +346,9 @@ class _Maker:
             children=children,
             extensions={"MSFT_lod": {"ids": levels}},
         )
+        for node in (*levels, finest):
+            if rng.random() < 0.25:
+                self.blinking(node)
         self.groups[self.gltf.json["nodes"][finest]["name"]] = len(levels) + 1
         return [self.mover([finest], mirror=False)] if rng.random() < 0.4 else [finest]
 
@@ -410,7 +419,7 @@ def _frame(
         free = sorted({*maker.names} - {*maker.groups})
         for name in rng.sample(free, min(len(free), rng.randint(1, 2))):
             matrix = _place(rng, maker, name)
-            skinned = any(p.skinned for p, _ in case.posed(number) if p.name == name)
+            skinned = any(p.skinned for p in case.file.at(None) if p.name == name)
             if skinned:  # from the left, so about where it is
                 matrix = multiply(matrix, shifted(tuple(-x for x in far_out)))
             places[name] = multiply(shifted(tuple(far_out)), matrix)

@@ -1,5 +1,5 @@
-"""A case in motion through visref, from its files to the exit status, beside the brute force on each
-frame's scene as it was baked."""
+"""A case in motion through visref, from its files to the exit status, beside the brute force on
+each frame's scene as it was baked."""
 
 from __future__ import annotations
 
