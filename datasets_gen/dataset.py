@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.files import replacing_file
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
@@ -192,9 +192,8 @@ def write_files(directory: Path, files: Mapping[Path, bytes]) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for path, content in files.items():
-            beside = path.with_name(path.name + ".part")
-            beside.write_bytes(content)
-            os.replace(beside, path)
+            with replacing_file(path) as beside:
+                beside.write_bytes(content)
     except OSError as error:
         raise InputError(
             f"cannot write: {error.strerror}",

@@ -205,8 +205,9 @@ class Code(StrEnum):
     ANIMATION_IGNORED = Rule(
         "ANIMATION_IGNORED",
         Severity.WARNING,
-        "Animated geometry is judged in its rest pose",
-        "Only cameras may move. The file animates nodes, skins or morph targets.",
+        "Something that the file animates stands as it is written",
+        "Of glTF's animations what moves, deforms, hides and shows objects is played at a frame's "
+        "time. A material's alpha, other properties, and other formats' animations are not.",
     )
     NONFINITE_DROPPED = Rule(
         "NONFINITE_DROPPED",

@@ -161,7 +161,7 @@ class Animated:
                 + (3 * u**2 - 2 * u**3) * keys[k + 1, 1]
                 + span * (u**3 - u**2) * keys[k + 1, 0]
             )
-            return value / math.sqrt(float(value @ value)) if path == "rotation" else value
+            return value
         first, second = keys[k, 0], keys[k + 1, 0]
         return slerp(first, second, u) if path == "rotation" else first + u * (second - first)
 
@@ -193,18 +193,20 @@ class Animated:
         if "inverseBindMatrices" in skin:
             inverse = self.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
             moves = [m @ b.T for m, b in zip(moves, inverse, strict=False)]
-        result = np.zeros_like(points)
+        result, total = np.zeros_like(points), np.zeros((len(points), 1))
         for k in range(sum(name.startswith("JOINTS_") for name in attributes)):
             joints = self.values(attributes[f"JOINTS_{k}"])
             weights = self.values(attributes[f"WEIGHTS_{k}"])
             for j, w in zip(joints.T, weights.T, strict=True):
                 m = np.array(moves)[j]
                 result += w[:, None] * (np.einsum("vij,vj->vi", m[:, :3, :3], points) + m[:, :3, 3])
-        return result
+                total += w[:, None]
+        return result / total  # 1, but for what float32 took off the weights
 
 
 def slerp(first: np.ndarray, second: np.ndarray, u: float) -> np.ndarray:
-    """Along the shorter arc."""
+    """Along the shorter arc; keys are unit quaternions, once what float32 took off is restored."""
+    first, second = unit(first), unit(second)
     cosine = float(first @ second)
     sign = -1.0 if cosine < 0.0 else 1.0
     angle = math.acos(min(abs(cosine), 1.0))
@@ -215,9 +217,13 @@ def slerp(first: np.ndarray, second: np.ndarray, u: float) -> np.ndarray:
     )
 
 
+def unit(q: np.ndarray) -> np.ndarray:
+    return q / math.sqrt(float(q @ q))
+
+
 def composed(t: np.ndarray, q: np.ndarray, s: np.ndarray) -> np.ndarray:
     """T R S."""
-    x, y, z, w = q
+    x, y, z, w = unit(q)
     result = np.eye(4)
     result[:3, :3] = np.array(
         [

@@ -9,6 +9,9 @@ Source: Khronos Group, "glTF 2.0 Specification", sections 3.5, 3.7, 3.11 and app
 
 from __future__ import annotations
 
+import base64
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,13 +28,24 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 ROUNDINGS = 128
 
 
+def opened(path: Path) -> tuple[dict[str, Any], list[bytes]]:
+    """The JSON and the buffers of a .gltf file."""
+    document = json.loads(path.read_text())
+    buffers = []
+    for buffer in document["buffers"]:
+        head, _, data = buffer["uri"].partition("base64,")
+        is_within = head.startswith("data:")
+        buffers.append(base64.b64decode(data) if is_within else (path.parent / head).read_bytes())
+    return document, buffers
+
+
 class Pose:
-    """A document (its JSON and its bytes) at a time of an animation, None for the rest pose."""
+    """A document (its JSON and its buffers) at a time of an animation, None for the rest pose."""
 
     def __init__(
-        self, document: dict[str, Any], blob: bytes, clip: int | None, time: float
+        self, document: dict[str, Any], buffers: list[bytes], clip: int | None, time: float
     ) -> None:
-        self.document, self.blob = document, blob
+        self.document, self.buffers = document, buffers
         self.nodes = document["nodes"]
         self.changes: dict[tuple[str, int, str], tuple[np.ndarray, np.ndarray]] = {}
         if clip is not None:
@@ -63,7 +77,12 @@ class Pose:
     def _bytes(self, entry: dict[str, Any], dtype: np.dtype, count: int) -> np.ndarray:
         view = self.document["bufferViews"][entry["bufferView"]]
         start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
-        return np.frombuffer(self.blob, dtype, count, start)
+        buffer = self.buffers[view["buffer"]]
+        if "byteStride" not in view:
+            return np.frombuffer(buffer, dtype, count, start)
+        width = WIDTHS[entry["type"]]
+        starts = range(start, start + count // width * view["byteStride"], view["byteStride"])
+        return np.concatenate([np.frombuffer(buffer, dtype, width, at) for at in starts])
 
     # Animations (section 3.11, appendix C).
     def _animate(self, animation: dict[str, Any], time: Any) -> None:

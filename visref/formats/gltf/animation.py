@@ -300,6 +300,12 @@ class Playback:
             width = channel.values.shape[1]
             group = (channel.target.kind, channel.target.path, channel.interpolation, width)
             alike.setdefault(group, []).append((channel, number))
+        sizes = [len(keys) for keys in self.keys]
+        self.all_keys: Float64 = np.concatenate([np.zeros(0), *self.keys])
+        self.starts: Int64 = np.cumsum([0, *sizes])[:-1]
+        self.last: Int64 = np.array(sizes, np.int64) - 1
+        self.low: Float64 = np.array([keys[0] for keys in self.keys])
+        self.high: Float64 = np.array([keys[-1] for keys in self.keys])
         self.banks = [
             Bank([channel for channel, _ in members], [number for _, number in members])
             for members in alike.values()
@@ -309,7 +315,13 @@ class Playback:
         """Each bank with its channels' values, (c, width) float64, at a time in seconds."""
         if not self.banks:
             return []
-        time = np.array([time_s])
-        found = [between(keys, time) for keys in self.keys]
-        left, right, u, span = (np.concatenate(part) for part in zip(*found, strict=True))
+        # As `between` does it, for one time and many sets of keys.
+        count = len(self.keys)
+        found = [int(keys.searchsorted(time_s, "right")) for keys in self.keys]
+        right: Int64 = np.minimum(np.maximum(np.array(found, np.int64), 1), self.last)
+        left = np.maximum(right - 1, 0)
+        before, after = (self.all_keys[self.starts + places] for places in (left, right))
+        span = np.where(right > left, after - before, 1.0)
+        clamped = np.minimum(np.maximum(np.full(count, time_s), self.low), self.high)
+        u = (clamped - before) / span
         return [(bank, bank.at(left, right, u, span)) for bank in self.banks]

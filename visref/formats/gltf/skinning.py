@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from visref.compiled import njit
 
 
-@njit()
+@njit(error_model="numpy")
 def blend(
     points: NDArray[Any],
     joints: NDArray[Any],
