@@ -369,7 +369,7 @@ class Referee:
                     f"engine '{engine.name}' casts scenes that stand still",
                     fix="use another, such as 'exact'",
                 )
-            if engine.scene is not self._now:
+            if self._now.moving is not None:
                 engine.pose(self._now)
         with Stopwatch() as watch:
             truth = self._engine.frame(camera)
