@@ -6,7 +6,6 @@ a frame's scene is what a file of that moment would give. Only what moves is com
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -58,13 +57,10 @@ class Timeline:
         self._source = path.source
         self._frames = path.frames
         self._motion = None if rest_pose or scene.rig is None else scene.rig.motion
+        # What is not there whatever level of detail is: of a scene from a file, what that hides.
+        hidden = scene.absent if scene.rig is None else scene.rig.hidden
+        self._rest_hidden = np.zeros(scene.object_count, np.bool_) if hidden is None else hidden
         self._scene = scene
-        none = np.zeros(scene.object_count, np.bool_)
-        rest = none if scene.absent is None else scene.absent
-        hidden = None if scene.rig is None else scene.rig.hidden
-        # Objects that the file switches off at rest, and those absent for no reason of the file's.
-        self._rest_hidden = none if hidden is None else hidden
-        self._rest_absent = rest & ~self._rest_hidden & ~self._coarser({})
         if self._motion is not None:
             self._refuse_without_time(scene)
         moving = self._moving(scene)
@@ -179,9 +175,8 @@ class Timeline:
 
     def _make_pose(self, index: int) -> _Pose:
         frame, rig = self._frames[index], self._rig
-        hidden = self._rest_hidden.copy()
-        pose = _Pose()
-        skinned = np.zeros(len(hidden), np.bool_)
+        pose = _Pose(absent=self._rest_hidden.copy())
+        skinned = np.zeros(len(pose.absent), np.bool_)
         if self._motion is not None and frame.time_s is not None:
             moment: Moment = self._motion.at(self._clip(frame, index), frame.time_s)
             for place, world in zip(moment.objects.tolist(), moment.worlds, strict=True):
@@ -189,7 +184,7 @@ class Timeline:
                     pose.worlds[place] = world
             pose.positions.update(moment.positions)
             if len(moment.hidden):
-                hidden[moment.objects] = moment.hidden[moment.objects]
+                pose.absent[moment.objects] = moment.hidden[moment.objects]
             skinned = self._motion.skinned
         for name, matrix in frame.world_from_object.items():
             _check_affine(matrix, self._source, f"frames[{index}].world_from_object.{name}")
@@ -199,24 +194,16 @@ class Timeline:
                     pose.before[place] = matrix
                 else:
                     pose.worlds[place] = matrix
-        chosen = {
-            self._meanings.level(name, level, index): level for name, level in frame.levels.items()
-        }
-        pose.absent = self._rest_absent | hidden | self._coarser(chosen)
+        there = {group.levels: 0 for group in self._scene.groups if group.levels}
+        for name, level in frame.levels.items():
+            there[self._meanings.level(name, level, index)] = level
+        for levels, chosen in there.items():
+            for number, objects in enumerate(levels):
+                if number != chosen:
+                    pose.absent[list(objects)] = True
         for name in frame.absent:
             pose.absent[list(self._meanings.objects(name, index, "absent"))] = True
         return pose
-
-    def _coarser(self, chosen: Mapping[tuple[tuple[int, ...], ...], int]) -> Bool:
-        """(n,) bool, objects of levels other than the one that is there: by a group's levels, the
-        number of the level `chosen`, the finest by default."""
-        result = np.zeros(self._scene.object_count, np.bool_)
-        for group in self._scene.groups:
-            there = chosen.get(group.levels, 0)
-            for number, objects in enumerate(group.levels):
-                if number != there:
-                    result[list(objects)] = True
-        return result
 
     def _posed(self, index: int) -> Scene:
         still, rig, pose = self.still, self._rig, self._pose(index)

@@ -243,9 +243,9 @@ def _clip(camera: Samples, a_size: float, b_size: float) -> Float64:
     """(6,) float64, the clip plane as `View.clip` has it; zeros without one.
 
     A point e + t d of a ray counts where C0 + t C1 >= 0, C0 = n . e + d and C1 = n . d (an
-    orthographic origin is e + aR + bU). Times the key 1/t that is C0 q + C1, and with the key -t it
-    is C0 - q C1. Each of the four numbers takes at most 7 roundings, and the sum at a sample 7 more:
-    16 u of the sums of absolute products hold both, with the second-order terms.
+    orthographic origin is e + aR + bU). Times the key 1/t that is C0 q + C1, and with the key -t
+    it is C0 - q C1. Each of the four numbers takes at most 7 roundings, and the sum at a sample 7
+    more: 16 u of the sums of absolute products hold both, with the second-order terms.
     """
     if camera.clip_plane is None:
         return np.zeros(6)
