@@ -120,7 +120,7 @@ class Code(StrEnum):
     )
     TRUTH_UNSEALED = Rule(
         "TRUTH_UNSEALED",
-        Severity.INFO,
+        Severity.WARNING,
         "The truth file has no digest",
         "It is of version 1: whether somebody edited it after it was cast cannot be seen, and it "
         "does not say whether its engine is exact. Cast the truth again to have both.",

@@ -38,9 +38,12 @@ class Motion(Protocol):
     `digest`: of everything that it poses by. `skinned`: (n,) bool, objects whose vertices their
     joints place."""
 
-    clips: Sequence[str]
-    digest: str
-    skinned: NDArray[np.bool_]
+    @property
+    def clips(self) -> Sequence[str]: ...
+    @property
+    def digest(self) -> str: ...
+    @property
+    def skinned(self) -> NDArray[np.bool_]: ...
 
     def affected(self, clip: int) -> NDArray[np.bool_]:
         """(n,) bool, the objects that a clip may move, deform, hide or show."""

@@ -55,9 +55,9 @@ class SampleGrid(NamedTuple):
     """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
     with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth.
 
-    `clips`: whether a hit at depth t counts only where clip[0] + a clip[1] + b clip[2] + t (clip[3]
-    + a clip[4] + b clip[5]) >= 0, (6,) float64. `scattered` makes it no grid but single points of the image, (column_a[i], row_b[i]) each:
-    the flat index is i.
+    `clips`: whether a hit at depth t counts only where clip[0] + a clip[1] + b clip[2] +
+    t (clip[3] + a clip[4] + b clip[5]) >= 0, (6,) float64. `scattered` makes it no grid but single
+    points of the image, (column_a[i], row_b[i]) each: the flat index is i.
     """
 
     axes: NDArray[np.float64]
