@@ -415,12 +415,10 @@ def _frame(
         case.kinds.add("absent in the path")
     if rng.random() < 0.5:
         places = {}
-        # Of a level the name is its group's too.
-        free = sorted({*maker.names} - {*maker.groups})
-        for name in rng.sample(free, min(len(free), rng.randint(1, 2))):
+        for name in rng.sample(maker.names, rng.randint(1, 2)):
             matrix = _place(rng, maker, name)
             skinned = any(p.skinned for p in case.file.at(None) if p.name == name)
-            if skinned:  # from the left, so about where it is
+            if skinned or name in maker.groups:  # from the left, so about where it is
                 matrix = multiply(matrix, shifted(tuple(-x for x in far_out)))
             places[name] = multiply(shifted(tuple(far_out)), matrix)
         entry["world_from_object"] = places
@@ -441,7 +439,7 @@ def _frame(
 
 
 def _place(rng: random.Random, maker: _Maker, name: str) -> Matrix:
-    if name in maker.masked:  # a mask that a pose mirrors is refused
+    if name in maker.masked or name in maker.groups:  # a mask that a pose mirrors is refused
         turn = rng.choice(TURNS)
         return multiply(shifted(tuple(rng.randint(-2, 2) for _ in range(3))), turn)
     matrix = random_node(rng)
@@ -462,3 +460,8 @@ def _draw(rng: random.Random, case: MovingCase) -> None:
     case.drawn = [
         [u for u in range(len(case.unit_lists)) if rng.random() < share] for _ in case.cells
     ]
+
+
+def mixed_case(seed: int) -> MovingCase:
+    """Every fifth a general one."""
+    return random_moving_case(seed, general=seed % 5 == 4)

@@ -247,10 +247,14 @@ def bake(file: Animated, path: Mapping[str, Any], frame: int) -> list[tuple[Pose
     places = entry.get("world_from_object", {})
     result = []
     for posed in file.at(time_s, clip):
-        if posed.name in places:
+        # The name of the finest level is that of all of them.
+        group = posed.level[0] if posed.level is not None else None
+        if group in places:
+            posed.world = np.array(places[group], float) @ posed.world
+        elif posed.name in places:
             posed.world = np.array(places[posed.name], float)
-        here = not posed.hidden and posed.name not in absent
+        here = not posed.hidden and posed.name not in absent and group not in absent
         if posed.level is not None:
-            here = here and levels.get(posed.level[0], 0) == posed.level[1]
+            here = here and levels.get(group, 0) == posed.level[1]
         result.append((posed, here))
     return result
