@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inputs_of
+from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inputs_of, memory_of
 from visref.cli.judged import judge
 from visref.cli.terminal import ERRORS
 from visref.judging.status import Exit
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    limit = default_budget() if given.max_memory is None else given.max_memory
+    given_limit = memory_of(given)
+    limit = default_budget() if given_limit is None else given_limit
     making = Making(given.in_process, given.time_limit, limit, say=_say)
     # An unknown culler is said before a large scene is read.
     with making_cullers(given.culler, making) as cullers:
