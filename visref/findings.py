@@ -178,9 +178,18 @@ class Code(StrEnum):
         "A box that the culler tests does not contain what it stands for",
         "In these frames geometry lies outside its own box by more than float32 rounds, so a test "
         "of the box says nothing of it: sooner or later it vanishes in view. Usual causes are a "
-        "box of the bind pose for a skinned mesh, of the rest shape for morph targets or for what a "
-        "shader moves, last frame's box for what moves, and an instance's scale that the box "
+        "box of the bind pose for a skinned mesh, of the rest shape for morph targets or for what "
+        "a shader moves, last frame's box for what moves, and an instance's scale that the box "
         "lacks. It is said whether or not anything was missed.",
+    )
+    ABSENT_NAMED = Rule(
+        "ABSENT_NAMED",
+        Severity.INFO,
+        "Something that is not there was drawn, and is ignored",
+        "The path says that the object is absent in that frame (`absent`, another of its group's "
+        "`levels`, or the file's own visibility), and the drawn set names it. It counts neither as "
+        "drawn nor as superfluous. If the engine did draw it, the path tells of another moment "
+        "than the engine's.",
     )
     CULLER_FAILED = Rule(
         "CULLER_FAILED",
