@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import ClassVar
 
 import numpy as np
 
-from visref.culler import Option
+from visref.camera import Camera
+from visref.culler import DrawnSet, Option, QueryStats
 from visref.errors import InputError
 from visref.scene import Int64
 from visref_culling.gl.view import View
@@ -29,18 +31,63 @@ class NoCulling(GLCuller):
         self.draw(frame, np.arange(len(frame.ids)))
 
 
-class FrustumCulling(GLCuller):
+VIEWS_OPTION = {
+    "views": Option(
+        "each",
+        "one set for each view of a frame, or one for all: what any needs",
+        ("each", "union"),
+    )
+}
+
+
+class ViewsCulling(GLCuller):
+    """A method that may answer for all views of a frame together, with what any of them needs: one
+    draw list for both eyes of a stereo image."""
+
+    def __init__(self, *, views: str, depth: int, fragments: bool) -> None:
+        super().__init__(depth=depth, fragments=fragments)
+        self.joint = views == "union"
+
+    def cull_joint(self, cameras: Sequence[Camera]) -> DrawnSet:
+        """Each view is decided by itself. Costs add up; units come in the order in which a view
+        first needed them."""
+        answers = [self.cull(camera) for camera in cameras]
+        if len(answers) == 1:
+            return answers[0]
+        ids = np.concatenate([np.zeros(0, np.int32), *(answer.unit_ids for answer in answers)])
+        _, first = np.unique(ids, return_index=True)
+        return DrawnSet(ids[np.sort(first)], sum_of([answer.stats for answer in answers]))
+
+
+def sum_of(parts: Sequence[QueryStats]) -> QueryStats:
+    """Counts and times added up; what one of them did not measure is not known of all."""
+    total = QueryStats()
+    for f in fields(QueryStats):
+        values = [getattr(part, f.name) for part in parts]
+        if f.name != "ms" and None not in values:
+            setattr(total, f.name, sum(values))
+    for part in parts:
+        for phase, ms in part.ms.items():
+            total.ms[phase] = total.ms.get(phase, 0.0) + ms
+    return total
+
+
+class FrustumCulling(ViewsCulling):
     """Draws what meets the view frustum, front to back."""
 
     name = "frustum"
     summary = "view-frustum culling alone, by bounding boxes"
     notes_asked = True
+    options: ClassVar[Mapping[str, Option]] = {**VIEWS_OPTION, **GL_OPTIONS}
+
+    def __init__(self, *, views: str = "each", depth: int = 24, fragments: bool = False) -> None:
+        super().__init__(views=views, depth=depth, fragments=fragments)
 
     def decide(self, frame: Frame) -> None:
         self.draw(frame, np.arange(len(frame.ids)))
 
 
-class SingleQueryCulling(GLCuller):
+class SingleQueryCulling(ViewsCulling):
     """Front to back, an occlusion query for each object's box before the object is drawn.
 
     The baseline of Staneker, Bartz, Meissner 2003 (section 2) and of most later papers. With
@@ -54,6 +101,7 @@ class SingleQueryCulling(GLCuller):
     options: ClassVar[Mapping[str, Option]] = {
         **QUERY_OPTIONS,
         "size": Option(64, "boxes asked together, unless query=sync"),
+        **VIEWS_OPTION,
         **GL_OPTIONS,
     }
 
@@ -63,10 +111,11 @@ class SingleQueryCulling(GLCuller):
         query: str = "sync",
         backfaces: bool = False,
         size: int = 64,
+        views: str = "each",
         depth: int = 24,
         fragments: bool = False,
     ) -> None:
-        super().__init__(depth=depth, fragments=fragments)
+        super().__init__(views=views, depth=depth, fragments=fragments)
         if size < 1:
             raise InputError(f"size is {size}", place="size", fix="ask 1 box or more together")
         self.way = query

@@ -5,6 +5,8 @@ Each condition is one overridable step of `GLCuller`, so that a test can break e
 | step | condition |
 |---|---|
 | `unit_bounds` | the box contains the geometry |
+| `moved_bounds` | where it is in this frame; what is absent has no box |
+| `move_geometry` | what is drawn, and what hides, is where it is in this frame |
 | `occluders` | only opaque triangles fill the depth that queries see |
 | `view_of` | this frame's camera, for drawing and for queries |
 | `target_for`, `clear` | one image, emptied at the frame's start |
@@ -27,12 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.culler import Culler, DrawnSet, Option, QueryStats
+from visref.culler import Culler, CullerError, DrawnSet, Option, QueryStats
+from visref.errors import InputError
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 from visref.stopwatch import Stopwatch
 from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query, round_outward
 from visref_culling.boxes.hierarchy import BoxTree, front_to_back
 from visref_culling.gl import geometry
+from visref_culling.gl.changes import Changes, taken
 from visref_culling.gl.device import State, Target, UsesDevice, device
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.view import View
@@ -121,7 +125,31 @@ class GLCuller(UsesDevice, Culler):
         self.raster: GLRaster | None = self.raster_of(scene)
         return self.units
 
+    def update(self, scene: Scene) -> None:
+        """What has changed is sent to the GPU and gets boxes anew. The units stay what they are."""
+        changes = Changes.between(self.scene, scene)
+        self.scene = scene
+        self.follow(changes)
+
+    def follow(self, changes: Changes) -> None:
+        """Bring all that was made of the scene up to `self.scene`. A method that makes more of it
+        in `prepare` brings that up to date here."""
+        units = changes.units(self.units)
+        self.unit_boxes = self.moved_bounds(units)
+        self.tree = BoxTree(self.unit_boxes)
+        self.move_geometry(changes)
+        if self.raster is not None:
+            self.raster.update(self.scene, changes)
+
     def cull(self, camera: Camera) -> DrawnSet:
+        """Raises CullerError where OpenGL cannot hold the scene as it is seen, or has no image of
+        that size: a culler that needs none of it is judged all the same."""
+        try:
+            return self._cull(camera)
+        except InputError as error:
+            raise CullerError(str(error)) from error
+
+    def _cull(self, camera: Camera) -> DrawnSet:
         if self.raster is not None:
             self.raster.see(camera)
         self.device.context.finish()
@@ -162,6 +190,17 @@ class GLCuller(UsesDevice, Culler):
     def unit_bounds(self, scene: Scene, units: Units) -> Float64:
         """(u, 2, 3) float64 world boxes."""
         return scene.bounds_of(units)
+
+    def moved_bounds(self, units: Int64) -> Float64:
+        """(u, 2, 3) float64 world boxes of all units as the scene stands now; those of `units`,
+        (k,) ids, alone have changed."""
+        boxes = self.unit_boxes.copy()
+        boxes[units] = self.unit_bounds(self.scene, taken(self.units, units))
+        return boxes
+
+    def move_geometry(self, changes: Changes) -> None:
+        assert self.geometry is not None
+        self.geometry.update(self.scene, changes)
 
     def occluders(self, scene: Scene) -> NDArray[np.bool_]:
         """(t,) bool, the triangles that write depth."""

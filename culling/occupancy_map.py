@@ -44,6 +44,7 @@ from visref.errors import InputError
 from visref.scene import Float64, Int32, Int64, Scene, Units
 from visref_culling.boxes.conservative import inflated, nearest_depth
 from visref_culling.boxes.rectangles import screen_rectangles
+from visref_culling.gl.changes import Changes, taken
 from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
 
@@ -124,6 +125,19 @@ class OccupancyMapCulling(GLCuller):
         self.part_bounds, offsets = parts_of(scene, units, self.cells)
         self.parts = Units(offsets, np.arange(len(self.part_bounds), dtype=np.int32), "part")
         return units
+
+    def follow(self, changes: Changes) -> None:
+        super().follow(changes)
+        units = changes.units(self.units)
+        own, offsets = parts_of(self.scene, taken(self.units, units), self.cells)
+        # All parts, and those made anew behind them; then each unit's in the order of the units.
+        sizes, first = self.parts.sizes.copy(), self.parts.offsets[:-1].copy()
+        sizes[units], first[units] = np.diff(offsets), len(self.part_bounds) + offsets[:-1]
+        ends = np.cumsum(sizes)
+        at = np.repeat(first - (ends - sizes), sizes) + np.arange(sizes.sum())
+        self.part_bounds = np.concatenate([self.part_bounds, own])[at]
+        parts = np.arange(len(at), dtype=np.int32)
+        self.parts = Units(np.concatenate([[0], ends]), parts, "part")
 
     def decide(self, frame: Frame) -> None:
         with phase(frame.stats, "arrange"):
@@ -289,6 +303,7 @@ def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
     bounds = scene.bounds_of(units)[unit]
     extent = bounds[:, 1] - bounds[:, 0]
     at = (0.5 * low + 0.5 * high - bounds[:, 0]) / np.where(extent > 0.0, extent, 1.0)
+    at[extent < 0.0] = 0.0  # an absent unit's triangles are somewhere, and its box is nowhere
     cell = np.minimum((at * cells).astype(np.int64), cells - 1)
     key = unit * cells**3 + (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
     order = np.argsort(key, kind="stable")

@@ -120,7 +120,7 @@ class Code(StrEnum):
     )
     TRUTH_UNSEALED = Rule(
         "TRUTH_UNSEALED",
-        Severity.INFO,
+        Severity.WARNING,
         "The truth file has no digest",
         "It is of version 1: whether somebody edited it after it was cast cannot be seen, and it "
         "does not say whether its engine is exact. Cast the truth again to have both.",
@@ -176,11 +176,11 @@ class Code(StrEnum):
         "BOUNDS_TOO_SMALL",
         Severity.WARNING,
         "A box that the culler tests does not contain what it stands for",
-        "In these frames geometry lies outside its own box by more than float32 rounds, so a test "
-        "of the box says nothing of it: sooner or later it vanishes in view. Usual causes are a "
-        "box of the bind pose for a skinned mesh, of the rest shape for morph targets or for what "
-        "a shader moves, last frame's box for what moves, and an instance's scale that the box "
-        "lacks. It is said whether or not anything was missed.",
+        "In these frames geometry lies outside its own box by more than float32 rounds, so a "
+        "test of the box says nothing of it: sooner or later it vanishes in view. Usual causes "
+        "are a box of the bind pose for a skinned mesh, of the rest shape for morph targets or "
+        "for what a shader moves, last frame's box for what moves, and an instance's scale that "
+        "the box lacks. It is said whether or not anything was missed.",
     )
     ABSENT_NAMED = Rule(
         "ABSENT_NAMED",
@@ -214,8 +214,9 @@ class Code(StrEnum):
     ANIMATION_IGNORED = Rule(
         "ANIMATION_IGNORED",
         Severity.WARNING,
-        "Animated geometry is judged in its rest pose",
-        "Only cameras may move. The file animates nodes, skins or morph targets.",
+        "Something that the file animates stands as it is written",
+        "Of glTF's animations what moves, deforms, hides and shows objects is played at a frame's "
+        "time. A material's alpha, other properties, and other formats' animations are not.",
     )
     NONFINITE_DROPPED = Rule(
         "NONFINITE_DROPPED",

@@ -35,6 +35,7 @@ _COLOR = 0x1800
 _DEPTH_ATTACHMENT = 0x8D00
 _DEPTH_SIZE = 0x8216
 _DEPTH_CLAMP = 0x864F
+_CLIP_DISTANCE0 = 0x3000
 _TEXTURE_2D = 0x0DE1
 _DEPTH_FORMAT = {24: 0x81A6, 32: 0x8CAC}  # GL_DEPTH_COMPONENT24, GL_DEPTH_COMPONENT32F
 
@@ -108,7 +109,8 @@ class State(NamedTuple):
 
     `depth_func` is "<", "<=" or, for no depth test at all, "". `cull_back_faces` takes counter-
     clockwise as the front. `clamp_depth` clamps depth to the range instead of clipping there.
-    `add_colours` adds to the colours that are there instead of replacing them.
+    `add_colours` adds to the colours that are there instead of replacing them. `cut` leaves out
+    what is on the wrong side of the clip plane; the program writes the distance to it.
     """
 
     framebuffer: moderngl.Framebuffer
@@ -119,6 +121,7 @@ class State(NamedTuple):
     cull_back_faces: bool = False
     clamp_depth: bool = False
     add_colours: bool = False
+    cut: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,6 +308,7 @@ class Device:
         if state.depth_func:
             context.depth_func = state.depth_func
         (context.enable_direct if state.clamp_depth else context.disable_direct)(_DEPTH_CLAMP)
+        (context.enable_direct if state.cut else context.disable_direct)(_CLIP_DISTANCE0)
         if before is None:
             return len(state)
         return sum(old != new for old, new in zip(before, state, strict=True))
@@ -381,9 +385,12 @@ def device() -> Device:
 
 
 # What of a class with GL resources is called from outside.
-_CALLED = frozenset(("__init__", "prepare", "cull", "see", "item_buffer", "image", "close")) | {
+_CALLED = frozenset(
+    ("__init__", "prepare", "update", "cull", "cull_joint", "see", "item_buffer", "image", "close")
+) | {
     # of an engine
     "frame",
+    "pose",
     "pixels_differ",
     "describe",
 }

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import QueryStats
-from visref.scene import Alpha, Int64, Scene, Units
+from visref.scene import Alpha, Int32, Int64, Scene, Units
+from visref_culling.gl.changes import Changes, write_indices, write_vertices
 from visref_culling.gl.device import Device, State, Target, set_uniform
 from visref_culling.gl.masks import certainly_solid, with_known_mask
 from visref_culling.gl.solid_masks import SolidMasks
@@ -36,7 +37,8 @@ def occluders(scene: Scene) -> NDArray[np.bool_]:
 
 @dataclass(eq=False)
 class TriangleClass:
-    """Index buffer of one class. `first`, `count`: (u,) int64 ranges of each unit, in indices."""
+    """Index buffer of one class. `first`, `count`: (u,) int64 ranges of each unit, in indices;
+    `triangles`: (n,) int32, those in the buffer, in its order."""
 
     writes_depth: bool
     one_sided: bool
@@ -44,6 +46,7 @@ class TriangleClass:
     vertex_array: moderngl.VertexArray
     first: Int64
     count: Int64
+    triangles: Int32
 
 
 class Geometry:
@@ -76,13 +79,28 @@ class Geometry:
     ) -> TriangleClass:
         context = self.device.context
         before = np.concatenate([[0], np.cumsum(chosen)])[self.units.offsets]
-        indices = context.buffer(scene.triangles[self.units.triangles[chosen]].tobytes())
+        triangles = self.units.triangles[chosen]
+        indices = context.buffer(scene.triangles[triangles].tobytes())
         vertex_array = context.vertex_array(
             self.program, [(self.vertices, "3f", "vertex_world")], index_buffer=indices
         )
         return TriangleClass(
-            writes_depth, one_sided, indices, vertex_array, 3 * before[:-1], 3 * np.diff(before)
+            writes_depth,
+            one_sided,
+            indices,
+            vertex_array,
+            3 * before[:-1],
+            3 * np.diff(before),
+            triangles,
         )
+
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        write_vertices(self.vertices, scene, changes)
+        for part in self.classes:
+            write_indices(part.indices, scene, changes, part.triangles)
+        if self.solid_masks is not None:
+            self.solid_masks.update(scene, changes)
 
     def draw(self, view: View, target: Target, unit_ids: Int64, stats: QueryStats) -> None:
         """Draw units, (k,) ids, into the target's image and depth, and count what that took."""
@@ -94,7 +112,9 @@ class Geometry:
         """Draw what commands on the GPU say: `slots` of each class, class after class."""
         view_uniforms(self.program, view)
         for place, part in enumerate(self.classes):
-            state = State(target.framebuffer, self.program, depth_write=part.writes_depth)
+            state = State(
+                target.framebuffer, self.program, depth_write=part.writes_depth, cut=view.is_cut
+            )
             changes = self.device.apply(state._replace(cull_back_faces=part.one_sided))
             part.vertex_array.render_indirect(commands, count=slots, first=place * slots)
             stats.state_changes = (stats.state_changes or 0) + changes
@@ -152,6 +172,7 @@ class Geometry:
                 base._replace(
                     depth_write=base.depth_write and part.writes_depth,
                     cull_back_faces=part.one_sided,
+                    cut=view.is_cut,
                 )
             )
             self._draw_ranges(part.vertex_array, part.first[ids], part.count[ids])
@@ -163,7 +184,7 @@ class Geometry:
             ids = unit_ids[masks.count[unit_ids] > 0]
             if len(ids):
                 view_uniforms(masks.program, view)
-                changes += masks.ready(view, base)
+                changes += masks.ready(view, base._replace(cut=view.is_cut))
                 self._draw_ranges(masks.vertex_array, masks.first[ids], masks.count[ids])
                 calls += 1
         stats.triangles_drawn = (stats.triangles_drawn or 0) + triangles
@@ -195,7 +216,9 @@ class Geometry:
 
 
 def view_uniforms(program: moderngl.Program, view: View) -> None:
-    """Set what `mesh.vert` needs to know of the view."""
+    """Set what `mesh.vert` and its like need to know of the view."""
+    if view.clip_plane is not None and program.get("clip_plane", None) is not None:
+        set_uniform(program, "clip_plane", view.clip_plane.astype(np.float32).tobytes())
     set_uniform(program, "eye_high", view.eye_high.tobytes())
     set_uniform(program, "eye_low", view.eye_low.tobytes())
     set_uniform(program, "clip_from_relative", view.clip_from_relative_bytes)

@@ -10,6 +10,7 @@ be looked up, may be drawn over these, whole.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import MOST_SNAP_PX, Raster, RasterTolerance
-from visref.scene import Int32, Scene
+from visref.scene import OTHERS_MOVE, Int32, Scene, same_moving
 from visref.visibility import BACKGROUND
+from visref_culling.gl.changes import Changes, write_indices, write_rows, write_vertices
 from visref_culling.gl.device import Device, State, Target, UsesDevice, device
 from visref_culling.gl.geometry import occluders, view_uniforms
 from visref_culling.gl.masks import (
@@ -34,10 +36,11 @@ from visref_culling.gl.view import View
 @dataclass(eq=False)
 class _Batch:
     """Triangles on the GPU, drawn at once: ids ascending, back faces all or none shown.
-    `data`: their indices, or where `material` is not None their corners. `count` triangles."""
+    `data`: their indices, or where `material` is not None their corners. `triangles`: (n,) int32,
+    their ids."""
 
     one_sided: bool
-    count: int
+    triangles: Int32
     data: moderngl.Buffer
     ids: moderngl.Buffer
     vertex_array: moderngl.VertexArray
@@ -66,6 +69,13 @@ class ItemBuffer:
         self.opaque, self.others = self.upload(self.solid), self.upload(self.over)
         self.masked = self.upload_masked(self.by_mask)
 
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment: what it changes is written. Raises ValueError where
+        other objects move than in the scene that this was made of."""
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        self.update(scene, Changes.between(self.scene, scene))
+
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
 
@@ -81,7 +91,7 @@ class ItemBuffer:
                     self.program, [(self.vertices, "3f", "vertex_world")], index_buffer=indices
                 )
                 ids_buffer = context.buffer(ids.tobytes())
-                batches.append(_Batch(one_sided, len(ids), indices, ids_buffer, vertex_array))
+                batches.append(_Batch(one_sided, ids, indices, ids_buffer, vertex_array))
         return batches
 
     def upload_masked(self, chosen: NDArray[np.bool_]) -> list[_Batch]:
@@ -105,7 +115,7 @@ class ItemBuffer:
             batches.append(
                 _Batch(
                     bool(sided[part[0]]),
-                    len(ids),
+                    ids,
                     data,
                     context.buffer(ids.tobytes()),
                     vertex_array,
@@ -113,6 +123,22 @@ class ItemBuffer:
                 )
             )
         return batches
+
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        self.scene = scene
+        write_vertices(self.vertices, scene, changes)
+        for batch in (*self.opaque, *self.others):
+            write_indices(batch.data, scene, changes, batch.triangles)
+        for batch in self.masked:
+            write_rows(
+                batch.data, changes.triangles[batch.triangles], partial(self._corners, batch)
+            )
+
+    def _corners(self, batch: _Batch, first: int, end: int) -> NDArray[np.void]:
+        """(end - first, 3) of CORNER."""
+        assert self.scene.masks is not None
+        return corners(self.scene, self.scene.masks, batch.triangles[first:end])
 
     def clear(self, camera: Camera) -> Target:
         """The camera's empty integer image."""
@@ -138,6 +164,7 @@ class ItemBuffer:
                     program,
                     depth_write=depth_write,
                     cull_back_faces=batch.one_sided,
+                    cut=view.is_cut,
                 )
             )
             batch.ids.bind_to_storage_buffer(0)
@@ -198,6 +225,12 @@ class GLRaster(UsesDevice, Raster):
         self._items: ItemBuffer | None = None
         self.tolerance = RasterTolerance(0.0, None if depth_bits == 32 else depth_bits)
 
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        self.scene = scene
+        if self._items is not None:
+            self._items.update(scene, changes)
+
     def see(self, camera: Camera) -> None:
         """Widen the tolerance to hold for this camera too."""
         view = View.of(camera, self.scene, device().subpixel_bits)
@@ -206,6 +239,12 @@ class GLRaster(UsesDevice, Raster):
             declared = replace(declared, snap_px=MOST_SNAP_PX)
         if declared.snap_px > self.tolerance.snap_px:
             self.tolerance = declared
+
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment, as `ItemBuffer.pose`."""
+        self.scene = scene
+        if self._items is not None:
+            self._items.pose(scene)
 
     def _ready(self) -> ItemBuffer:
         if self._items is None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Int64, Scene
+from visref_culling.gl.changes import Changes, write_indices
 from visref_culling.gl.device import Device, State, Target, set_uniform
 from visref_culling.gl.geometry import view_uniforms
 from visref_culling.gl.view import View
@@ -40,11 +41,14 @@ class Layers:
         self.count = gl.context.buffer(reserve=4)
         self.most = gl.max_block_bytes // HIT_BYTES
         self.capacity = 0
+        self.cut = False
         self.hits: moderngl.Buffer | None = None
         self.parts: list[tuple[bool, int, moderngl.VertexArray, list[moderngl.Buffer]]] = []
+        self.triangles: list[Int32] = []
         for one_sided in (False, True):
             ids = np.flatnonzero(chosen & (scene.one_sided == one_sided)).astype(np.int32)
             if len(ids):
+                self.triangles.append(ids)
                 buffers = [
                     gl.context.buffer(scene.triangles[ids].tobytes()),
                     gl.context.buffer(ids.tobytes()),
@@ -54,9 +58,16 @@ class Layers:
                 )
                 self.parts.append((one_sided, len(ids), vertex_array, buffers))
 
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed; the vertices are the
+        caller's."""
+        for (_, _, _, buffers), ids in zip(self.parts, self.triangles, strict=True):
+            write_indices(buffers[0], scene, changes, ids)
+
     def before(self, view: View, target: Target) -> Hits:
         """The fragments before the target's depth or level with it; that depth stays."""
         view_uniforms(self.program, view)
+        self.cut = view.is_cut
         size = np.array(target.framebuffer.size, np.int32)
         set_uniform(self.program, "size", size.tobytes())
         found = [np.zeros((0, 3), np.uint32)]
@@ -113,7 +124,13 @@ class Layers:
         self.count.bind_to_storage_buffer(1)
         self.hits.bind_to_storage_buffer(2)
         self.device.apply(
-            State(target.scratch, self.program, depth_write=False, cull_back_faces=one_sided)
+            State(
+                target.scratch,
+                self.program,
+                depth_write=False,
+                cull_back_faces=one_sided,
+                cut=self.cut,
+            )
         )
         vertex_array.render(vertices=3 * count, first=3 * first)
         self.device.context.memory_barrier()

@@ -86,7 +86,9 @@ class SharedGeometry(Geometry):
             self.indices.write(rows.tobytes())
             changes += self.device.apply(
                 base._replace(
-                    depth_write=base.depth_write and number < 2, cull_back_faces=number % 2 == 1
+                    depth_write=base.depth_write and number < 2,
+                    cull_back_faces=number % 2 == 1,
+                    cut=view.is_cut,
                 )
             )
             self.vertex_array.render(vertices=rows.size)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from visref.masks.store import Masks
 from visref.scene import Int32, Int64, Scene, Units
+from visref_culling.gl.changes import Changes, write_rows
 from visref_culling.gl.device import Device, State, set_uniform
 from visref_culling.gl.view import View
 
@@ -33,6 +34,7 @@ class SolidMasks:
             masks.arrays.triangles["material"][masks.row[triangles]]
         ]
         triangles = triangles[(texture >= 0) & kept[texture]]
+        self.triangles = triangles
         row_of_triangle = np.full(scene.triangle_count, -1, np.int64)
         row_of_triangle[triangles] = np.arange(len(triangles))
         rows = row_of_triangle[units.triangles]
@@ -53,6 +55,15 @@ class SolidMasks:
         self.indices = context.buffer(indices.astype(np.int32).tobytes() or bytes(12))
         self.vertex_array = context.vertex_array(self.program, [], index_buffer=self.indices)
         self.textures_at, self.levels_at = facts.size, facts.size + textures.size
+
+    def update(self, scene: Scene, changes: Changes) -> None:
+        """Follow the scene to another moment, in which this has changed."""
+        corners, triangles = self.buffers[0], self.triangles
+        write_rows(
+            corners,
+            changes.triangles[triangles],
+            lambda first, end: scene.vertices[scene.triangles[triangles[first:end]]],
+        )
 
     def ready(self, view: View, state: State) -> int:
         """Everything but the draw; returns the state changes."""

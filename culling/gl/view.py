@@ -108,14 +108,48 @@ class View:
 
     @cached_property
     def planes(self) -> Float64:
-        """(5 or 6, 4) float64: a point p relative to the eye is in the view where
-        row[:3] @ p + row[3] >= 0 for every row. The pixels' outer edges, not their centres."""
+        """(5 to 7, 4) float64: a point p relative to the eye is in the view where
+        row[:3] @ p + row[3] >= 0 for every row. The pixels' outer edges, not their centres; near,
+        far where it is finite, and the clip plane, where there is one, last."""
         clip = self.clip_from_relative
         rows = [clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1]]
         rows.append(np.append(self.depth_row, -self.camera.near))
         if math.isfinite(self.far):
             rows.append(np.append(-self.depth_row, self.far))
+        if self.is_cut:
+            plane, error = self._clip_plane
+            rows.append(plane + np.array([0.0, 0.0, 0.0, error]))
         return np.stack(rows)
+
+    @cached_property
+    def _clip_plane(self) -> tuple[Float64, float]:
+        """(4,) float64: the camera's clip plane for a vector from the eye, its normal of length 1;
+        and by how much the fourth number may err. (What the normal errs by is relative to the
+        vector, and far less than what boxes are inflated by.)"""
+        given = np.array(self.camera.clip_plane)
+        # By a power of two first: no square leaves the range.
+        plane = np.ldexp(given, -np.frexp(np.abs(given[:3]).max())[1])
+        plane /= float(np.linalg.norm(plane[:3]))
+        eye = self.camera.eye
+        # 4 units of 2**-53 for each quotient, 2 for products and 3 for sums: under 2**-49.
+        error = 2.0**-49 * float(np.abs(plane[:3]) @ np.abs(eye) + abs(plane[3]))
+        plane[3] += plane[:3] @ eye
+        return plane, error
+
+    @cached_property
+    def clip_plane(self) -> Float64 | None:
+        """(4,) float64: where this row times (p, 1), for p relative to the eye, is positive, p is
+        for certain on the side of the camera's clip plane that counts; None without one."""
+        if self.camera.clip_plane is None:
+            return None
+        plane, error = self._clip_plane
+        inner: Float64 = plane - np.array([0.0, 0.0, 0.0, error])
+        return inner
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether draws of the scene are cut by a clip plane: `State.cut`."""
+        return self.camera.clip_plane is not None
 
     @cached_property
     def pixel(self) -> float:

@@ -43,6 +43,7 @@ from visref.culler import Option
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
 from visref_culling.boxes.conservative import FARTHEST_QUERY, nearest_depth
+from visref_culling.gl.changes import Changes
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.view import View
 from visref_culling.lazy_grid.boxes import triangle_boxes
@@ -147,6 +148,11 @@ class LazyGridCulling(GLCuller):
         self.areas = self.area_queries()
         self.opaque = self.occluders(scene)
         return units
+
+    def follow(self, changes: Changes) -> None:
+        super().follow(changes)
+        assert self.areas is not None
+        self.areas.update(self.scene)
 
     def _release(self) -> None:
         super()._release()

@@ -14,10 +14,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.camera import Camera
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.scene import Float64, Int64
 from visref_culling.boxes.conservative import growth
+from visref_culling.gl.changes import write_rows
 from visref_culling.gl.device import Device, Target
 from visref_culling.gl.geometry import COMMAND_WORDS, Geometry
 from visref_culling.gl.view import View
@@ -26,6 +28,7 @@ from visref_culling.n_buffer.gpu import NBufferTexture
 
 GROUP = 64  # work items of a group, as in the shader
 SHADER = "n_buffer_cull.comp"
+SEEN = 3  # its binding
 # As in the shader: of `seen`, and of `drawn`.
 VISIBLE, LOOKED_UP = 1, 2
 BEFORE, AFTER = 1, 2
@@ -74,35 +77,50 @@ class GpuCull:
             [[part.first, part.count] for part in geometry.classes], np.uint32
         ).transpose(0, 2, 1) if geometry.classes else np.zeros(0, np.uint32)  # fmt: skip
         slots = max(1, len(geometry.classes) * self.units)
-        self.seen, self.drawn = buffer(nothing), buffer(nothing)
+        self.nothing = nothing
+        self.seen_of_view: dict[str, moderngl.Buffer] = {}
+        self.bounds, self.drawn = buffer(bounds.tobytes() or bytes(8)), buffer(nothing)
         self.commands = buffer(reserve=4 * COMMAND_WORDS * slots)
         self.view = buffer(reserve=8 * 4 * 16)
-        # By binding, from 1.
-        self.blocks = (
-            buffer(bounds.tobytes() or bytes(8)),
-            buffer(can_occlude.astype(np.uint32).tobytes() or bytes(4)),
-            self.seen,
-            self.drawn,
-            buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8)),
-            self.commands,
-            self.view,
-        )
+        # By binding; that of what a view has seen is `SEEN`.
+        self.blocks = {
+            1: self.bounds,
+            2: buffer(can_occlude.astype(np.uint32).tobytes() or bytes(4)),
+            4: self.drawn,
+            5: buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8)),
+            6: self.commands,
+            7: self.view,
+        }
         self.map: NBufferTexture | None = None
 
     def load(self) -> moderngl.ComputeShader:
         return self.device.compute(SHADER)
 
+    def move(self, bounds: Float64, units: Int64) -> None:
+        """The units' boxes from now on, (u, 2, 3) float64; those of `units`, (k,) ids, have
+        changed."""
+        changed = np.zeros(self.units, np.bool_)
+        changed[units] = True
+        write_rows(self.bounds, changed, lambda first, end: bounds[first:end])
+
+    def seen_by(self, camera: Camera) -> moderngl.Buffer:
+        """What the camera's view has seen in its last frame, a word per unit."""
+        if camera.view not in self.seen_of_view:
+            self.seen_of_view[camera.view] = self.device.context.buffer(self.nothing)
+        return self.seen_of_view[camera.view]
+
     def frame(self, view: View, target: Target, stats: QueryStats) -> Decided:
         """Draw what may be visible."""
         if not self.units:
             return Decided(*np.zeros((3, 0), np.int64))
-        levels = self.map_of(target)
+        levels, of_view = self.map_of(target), self.seen_by(view.camera)
         self.view.write(_view_bytes(view, len(self.geometry.classes)))
         for occluders in (True, False):
             if not occluders:
                 levels.build(target)
-            for binding, buffer in enumerate(self.blocks, start=1):
+            for binding, buffer in self.blocks.items():
                 buffer.bind_to_storage_buffer(binding)
+            of_view.bind_to_storage_buffer(SEEN)
             levels.use(self.shader)
             self.shader["occluders"] = occluders
             self.shader["units"] = self.units
@@ -114,7 +132,7 @@ class GpuCull:
         self.device.context.memory_barrier()
         drawn = np.frombuffer(self.drawn.read(4 * self.units), np.uint32)
         self.geometry.tally(np.flatnonzero(drawn), stats)
-        seen = np.frombuffer(self.seen.read(4 * self.units), np.uint32)
+        seen = np.frombuffer(of_view.read(4 * self.units), np.uint32)
         stats.bytes_read_back = (stats.bytes_read_back or 0) + 8 * self.units
         stats.batches = (stats.batches or 0) + 1
         asked, passed = seen & LOOKED_UP != 0, seen == (VISIBLE | LOOKED_UP)
@@ -136,7 +154,7 @@ class GpuCull:
     def release(self) -> None:
         if self.map is not None:
             self.map.release()
-        for buffer in self.blocks:
+        for buffer in (*self.blocks.values(), *self.seen_of_view.values()):
             buffer.release()
 
 
@@ -145,11 +163,11 @@ def _view_bytes(view: View, classes: int) -> bytes:
     camera = view.camera
     rows = np.zeros((16, 4))
     rows[: len(view.planes)] = view.planes
-    rows[6:10] = view.clip_from_relative
-    rows[10, :3] = view.depth_row
-    rows[11] = *camera.eye, np.abs(camera.eye).max()
-    rows[12] = *growth(view), camera.near
+    rows[7:11] = view.clip_from_relative
+    rows[11, :3] = view.depth_row
+    rows[12] = *camera.eye, np.abs(camera.eye).max()
+    rows[13] = *growth(view), camera.near
     clip = camera.clip_from_camera(view.far)
-    rows[13] = -clip[2, 2], clip[2, 3], view.depth_shift_ndc, float(camera.is_perspective)
-    rows[14] = camera.width, camera.height, len(view.planes), classes
+    rows[14] = -clip[2, 2], clip[2, 3], view.depth_shift_ndc, float(camera.is_perspective)
+    rows[15] = camera.width, camera.height, len(view.planes), classes
     return rows.tobytes()

@@ -10,8 +10,10 @@ screen. What is visible and not drawn yet is drawn then. What was tested visible
 drawn, is remembered: a stale occluder is drawn once for nothing and forgotten.
 
 Memory only chooses occluders, and these are drawn with the camera of the frame that they hide
-things in; so neither a jump cut nor a fast turn can make the method unsafe. An occluder hides
-nothing of itself either: its own depth lies in its own rectangle, and is not nearer than its box.
+things in, and where they are in that frame; so neither a jump cut nor a fast turn, and nothing that
+moves, can make the method unsafe. What is absent is not drawn, and what appears was not seen, so it
+is tested. Each view of a frame remembers what it saw itself. An occluder hides nothing of itself
+either: its own depth lies in its own rectangle, and is not nearer than its box.
 
 - `where=cpu`: `n_buffer.depth_map`; `where=gpu`: `n_buffer.gpu_cull`.
 - `hierarchy`: whole branches of a tree of boxes are tested first (CPU).
@@ -39,6 +41,7 @@ from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
 from visref_culling.boxes.conservative import inflated, meets_frustum, nearest_depth
 from visref_culling.boxes.hierarchy import FAN_OUT
+from visref_culling.gl.changes import Changes
 from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from visref_culling.n_buffer.cover import FOUR, ONE
@@ -92,12 +95,18 @@ class NBufferCulling(GLCuller):
         hides = self.occluders(scene) if self.on_gpu else self.geometry.hides
         hiding = np.concatenate([[0], np.cumsum(hides[units.triangles])])
         self.can_occlude: NDArray[np.bool_] = np.diff(hiding[units.offsets]) > 0
-        self.seen = np.zeros(units.count, np.bool_)
+        # By view, whose occluders are what it saw itself.
+        self.seen_of_view: dict[str, NDArray[np.bool_]] = {}
         if self.on_gpu:
             self.gpu = self.gpu_cull(
                 self.device, self.geometry, self.unit_boxes, self.can_occlude, self.squares
             )
         return units
+
+    def follow(self, changes: Changes) -> None:
+        super().follow(changes)
+        if self.gpu is not None:
+            self.gpu.move(self.unit_boxes, changes.units(self.units))
 
     def _release(self) -> None:
         super()._release()
@@ -109,8 +118,14 @@ class NBufferCulling(GLCuller):
 
     def remembered(self, frame: Frame) -> NDArray[np.bool_]:
         """(k,) bool of the frame's units: the occluders."""
-        chosen: NDArray[np.bool_] = (self.seen & self.can_occlude)[frame.ids]
+        seen = self.seen_by(frame.view.camera)
+        chosen: NDArray[np.bool_] = (seen & self.can_occlude)[frame.ids]
         return chosen
+
+    def seen_by(self, camera: Camera) -> NDArray[np.bool_]:
+        """(u,) bool: the units that the camera's view saw last."""
+        nothing = np.zeros(self.units.count, np.bool_)
+        return self.seen_of_view.setdefault(camera.view, nothing)
 
     def visible(self, frame: Frame, boxes: Float64, sure: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(k,) bool, whether boxes would show: units' or branches'. `boxes`: (k, 2, 3) float64,
@@ -160,8 +175,9 @@ class NBufferCulling(GLCuller):
         shown = self.descend(frame) if self.hierarchy else self.test_all(frame)
         # Occluders were drawn without asking, and are asked about for the next frame's sake.
         frame.note_asked(frame.ids[shown & ~frame.sure & ~old])
-        self.seen[:] = False
-        self.seen[frame.ids[shown]] = True
+        seen = self.seen_by(frame.view.camera)
+        seen[:] = False
+        seen[frame.ids[shown]] = True
         self.draw(frame, np.flatnonzero(shown & ~old))
 
     def test_all(self, frame: Frame) -> NDArray[np.bool_]:

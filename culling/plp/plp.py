@@ -12,7 +12,8 @@ Departures from the paper:
   way from the near plane meets the frustum, so none is cut off by that.
 - The front starts with every cell that the near plane may cut in view, not the eye's alone, and
   where a part of the near plane's rectangle lies beyond one of the root's faces, with every cell
-  in view along that face: a ray enters the octree in one of these.
+  in view along that face: a ray enters the octree in one of these. Where a clip plane cuts off
+  what is nearer, the front also starts with every cell that the plane may cut.
 - The traversal ends with the cell whose triangles reach the budget, so it may pass it by less
   than a leaf's triangles.
 - A triangle in several cells is drawn, and counted, once.
@@ -79,6 +80,11 @@ class PLPCulling(GLCuller):
         self.marks = Marks(scene.triangle_count)
         return units
 
+    @property
+    def moves(self) -> bool:
+        """No: the octree's cells are the units, and where a triangle moves it is in other cells."""
+        return False
+
     def open(self, camera: Camera) -> Frame:
         assert self.geometry is not None
         self.geometry.begin()
@@ -122,7 +128,13 @@ class PLPCulling(GLCuller):
         # A corner that rounding puts on the wrong side of a face is inside the face's cells
         # inflated, so they hold a part of the near plane: one of the two finds them.
         faces = (octree.hull() & beyond.any(axis=1)).any(axis=(1, 2))
-        return np.union1d(frame.ids[frame.sure], np.flatnonzero(faces))
+        starts = np.union1d(frame.ids[frame.sure], np.flatnonzero(faces))
+        plane = frame.view.clip_plane
+        if plane is not None:
+            low, high = frame.boxes[:, 0], frame.boxes[:, 1]
+            least = np.where(plane[:3] > 0.0, low, high) @ plane[:3] + plane[3]
+            starts = np.union1d(starts, frame.ids[least <= 0.0])
+        return starts
 
     def begin_walk(self, frame: Frame) -> None:
         with phase(frame.stats, "traverse"):

@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import QueryStats
-from visref.scene import Float32, Float64, Int64
+from visref.scene import Float32, Float64, Int64, Scene
 from visref_culling.gl.device import Device, State, Target, set_uniform
 from visref_culling.gl.view import View
 
@@ -60,6 +60,9 @@ class AreaQueries(ABC):
 
     def begin(self, view: View, target: Target, stats: QueryStats) -> None:
         self.view, self.target, self.stats = view, target, stats
+
+    def update(self, scene: Scene) -> None:
+        """The scene as it stands from now on."""
 
     def depth_of(self, nearest: Float64) -> Float64:
         """Depths as the buffer holds them, (k,) float64, from view depths beyond the near plane.

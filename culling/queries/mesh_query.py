@@ -55,7 +55,12 @@ def _samples(
     device = geometry.device
     view_uniforms(geometry.program, view)
     base = State(
-        target.framebuffer, geometry.program, depth_func, depth_write=False, colour_write=False
+        target.framebuffer,
+        geometry.program,
+        depth_func,
+        depth_write=False,
+        colour_write=False,
+        cut=view.is_cut,
     )
     pool = device.queries(len(unit_ids))
     changes = 0

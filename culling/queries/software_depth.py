@@ -32,6 +32,10 @@ EDGE_UNITS = 2.0**-48
 # The determinant is such an edge times a third corner: 30 + 12 + 3 units, under 2**6.
 VOLUME_UNITS = 2.0**-47
 
+# A distance to the clip plane: the eye's subtraction (1), the normal's rounding (4), a product and
+# three sums: under 2**4 units of the coordinates' and the fourth number's sum.
+PLANE_UNITS = 2.0**-49
+
 # A quotient or a weighted mean of depths rounds a few times more; all of it is below 2**-49.
 DEPTH_UNITS = 2.0**-49
 
@@ -46,7 +50,8 @@ class _Mesh(NamedTuple):
 
 
 class _Rays(NamedTuple):
-    """The samples: h of a vector from the `eye` is `rows` (3, 3) times it; see the module."""
+    """The samples: h of a vector from the `eye` is `rows` (3, 3) times it; see the module. `plane`:
+    (4,), what a vector from the eye must not lie behind."""
 
     eye: Float64
     rows: Float64
@@ -55,6 +60,7 @@ class _Rays(NamedTuple):
     far: float
     column_a: Float64
     row_b: Float64
+    plane: Float64
 
 
 class SoftwareBuffer(PixelQueries):
@@ -69,6 +75,9 @@ class SoftwareBuffer(PixelQueries):
         self.scene, self.units, self.occludes = scene, units, occludes
         self.marks_only = marks_only
         self.depth: Float32 = np.zeros((0, 0), np.float32)
+
+    def update(self, scene: Scene) -> None:
+        self.scene = scene
 
     def begin(self, view: View, target: Target, stats: QueryStats) -> None:
         super().begin(view, target, stats)
@@ -95,6 +104,7 @@ class SoftwareBuffer(PixelQueries):
             self.view.far,
             camera.column_a,
             camera.row_b,
+            np.zeros(4) if self.view.clip_plane is None else self.view.clip_plane,
         )
         _rasterise(mesh, rays, triangles, self.marks_only, self.depth)
 
@@ -127,7 +137,8 @@ def _rasterise(
     depth: NDArray[Any],
 ) -> None:
     vertices, triangles, occludes, one_sided = mesh
-    eye, rows, perspective, near, far, column_a, row_b = rays
+    eye, rows, perspective, near, far, column_a, row_b, plane = rays
+    cuts = plane[0] != 0.0 or plane[1] != 0.0 or plane[2] != 0.0
     height, width = depth.shape
     scale = np.abs(rows[:2]).max()
     h = np.empty((3, 3))
@@ -140,6 +151,7 @@ def _rasterise(
     for triangle in chosen:
         if not occludes[triangle]:
             continue
+        behind = False
         for i in range(3):
             v = triangles[triangle, i]
             reach = 0.0
@@ -147,12 +159,18 @@ def _rasterise(
                 p[i, axis] = vertices[v, axis] - eye[axis]
                 reach += abs(p[i, axis])
             size[i] = reach
+            if cuts:
+                ahead = plane[0] * p[i, 0] + plane[1] * p[i, 1] + plane[2] * p[i, 2] + plane[3]
+                behind |= ahead <= PLANE_UNITS * (reach + abs(plane[3]))
             for row in range(3):
                 h[i, row] = rows[row, 0] * p[i, 0] + rows[row, 1] * p[i, 1] + rows[row, 2] * p[i, 2]
             t[i] = h[i, 2]
             if not perspective:
                 h[i, 2] = 1.0
                 size[i] = max(reach, 1.0)
+        # One that the plane cuts hides nothing: that only draws more.
+        if behind:
+            continue
         nearest, farthest = min(t[0], t[1], t[2]), max(t[0], t[1], t[2])
         if farthest <= near or nearest >= far:
             continue

@@ -7,7 +7,9 @@ layout(location = 3) in vec2 alpha_range;
 uniform vec3 eye_high;
 uniform vec3 eye_low;
 uniform mat4 clip_from_relative;
+#include "clip_plane.glsl"
 invariant gl_Position;
+out float gl_ClipDistance[1];
 out vec2 uv;
 out float alpha;
 flat out vec2 range;
@@ -15,6 +17,7 @@ flat out vec2 range;
 void main() {
     precise vec3 vertex_relative = (vertex_world - eye_high) - eye_low;
     gl_Position = clip_from_relative * vec4(vertex_relative, 1.0);
+    gl_ClipDistance[0] = kept_by(vertex_relative);
     uv = vertex_uv;
     alpha = vertex_alpha;
     range = alpha_range;

@@ -11,7 +11,7 @@ layout(std430, binding = 4) buffer Drawn { uint drawn[]; };  // 1 as an occluder
 layout(std430, binding = 5) readonly buffer Ranges { Range range_of[]; };
 layout(std430, binding = 6) writeonly buffer Commands { uint commands[]; };
 layout(std430, binding = 7) readonly buffer View {
-    dvec4 planes[6];
+    dvec4 planes[7];
     dvec4 clip_rows[4];
     dvec4 depth_row;
     dvec4 eye;  // and its greatest component

@@ -6,12 +6,14 @@ layout(std430, binding = 5) readonly buffer Coordinates { double uv_of[]; };  //
 uniform vec3 eye_high;
 uniform vec3 eye_low;
 uniform mat4 clip_from_relative;
+#include "clip_plane.glsl"
 uniform dvec3 eye, forward, right_step, up_step;
 uniform bool perspective;
 // Upper bounds: of the length (sum of components) of a ray's direction, and of how far from the
 // eye it starts.
 uniform dvec2 way_side;
 invariant gl_Position;
+out float gl_ClipDistance[1];
 flat out int row;
 // Linear forms in (1, a, b): texture coordinates less the first corner's, times `below`.
 flat out dvec3 u_form, v_form, below_form;
@@ -45,6 +47,7 @@ void main() {
     vec3 vertex_world = world[gl_VertexID % 3];
     precise vec3 vertex_relative = (vertex_world - eye_high) - eye_low;
     gl_Position = clip_from_relative * vec4(vertex_relative, 1.0);
+    gl_ClipDistance[0] = kept_by(vertex_relative);
 
     dvec3 v0 = dvec3(world[0]) - eye, v1 = dvec3(world[1]) - eye, v2 = dvec3(world[2]) - eye;
     dvec3 e1 = dvec3(world[1]) - dvec3(world[0]), e2 = dvec3(world[2]) - dvec3(world[0]);

@@ -27,6 +27,9 @@ Departures from the slides, and what they leave open:
 - What is semi-transparent (BLEND) or alpha-tested does not occlude; it is queried and drawn.
 - Only objects whose boxes meet the view take part; what is drawn comes front to back.
 - The slides do not say how they simplify: see `three_pass.stand_ins`.
+- They say that it "works for dynamic scenes", and not how. Here the stand-in of an object that
+  moves as one (by an affine map) moves with it, and one of an object that is deformed is made anew
+  before the frame; in the conservative mode the boxes of its parts are.
 """
 
 from __future__ import annotations
@@ -43,6 +46,7 @@ from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float32, Float64, Int64, Scene, Units
 from visref_culling.boxes.conservative import inflated, meets_frustum, round_outward
+from visref_culling.gl.changes import Changes, taken
 from visref_culling.gl.device import Target
 from visref_culling.gl.geometry import Geometry
 from visref_culling.gl.view import View
@@ -50,7 +54,7 @@ from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
 from visref_culling.queries.mesh_query import ask_meshes, mesh_fragments
 from visref_culling.three_pass.parts import parts_of
 from visref_culling.three_pass.small_image import FarthestDepth, grown, small_camera
-from visref_culling.three_pass.stand_ins import stand_ins
+from visref_culling.three_pass.stand_ins import StandIns
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +130,41 @@ class ThreePassCulling(GLCuller):
         # What stands in for itself, and in the conservative mode occludes whole.
         self.whole = units.sizes <= self.extra
         if self.conservative:
-            parts, self.first_part = self.parts_of(scene)
-            self.part_bounds = self.unit_bounds(scene, parts)
+            self.parts, self.first_part = self.parts_of(scene)
+            self.part_bounds = self.unit_bounds(scene, self.parts)
         else:
-            low = self.stand_ins_of(scene)
-            occludes = self.occluders(low)
-            self.low = Geometry(self.device, low, low.object_units(), occludes)
+            self.stand_ins = StandIns(scene, self.reduction, self.extra)
+            self.make_low()
         return units
+
+    def make_low(self) -> None:
+        """Put the stand-ins on the GPU."""
+        if self.low is not None:
+            self.low.release()
+        self.low_scene = self.stand_ins_of(self.scene)
+        units, occludes = self.low_scene.object_units(), self.occluders(self.low_scene)
+        self.low = Geometry(self.device, self.low_scene, units, occludes)
+
+    def follow(self, changes: Changes) -> None:
+        super().follow(changes)
+        if self.conservative:
+            parts = changes.units(self.parts)
+            self.part_bounds = self.part_bounds.copy()
+            self.part_bounds[parts] = self.unit_bounds(self.scene, taken(self.parts, parts))
+            return
+        assert self.low is not None
+        self.stand_ins.update(self.scene, changes.units(self.units))
+        before, now = self.low_scene, self.stand_ins_of(self.scene)
+        if (
+            len(before.vertices) != len(now.vertices)
+            or not np.array_equal(before.object_offsets, now.object_offsets)
+            or not np.array_equal(before.alpha, now.alpha)
+            or not np.array_equal(before.one_sided, now.one_sided)
+        ):
+            self.make_low()
+            return
+        self.low_scene = now
+        self.low.update(now, Changes.between(before, now))
 
     def decide(self, frame: Frame) -> None:
         before = self.pre_pass(frame)
@@ -157,7 +189,7 @@ class ThreePassCulling(GLCuller):
 
     def stand_ins_of(self, scene: Scene) -> Scene:
         """Published: the same objects at low resolution."""
-        return stand_ins(scene, self.reduction, self.extra)
+        return self.stand_ins.scene(scene)
 
     def parts_of(self, scene: Scene) -> tuple[Units, Int64]:
         """Conservative: parts of each object, and each object's first part, (objects + 1,)

@@ -282,7 +282,7 @@ BAD_ARGUMENTS = {
     "frames beyond the path": (["truth", "--frames", "7:9"], "none of the path's 2 frames"),
     "frames backwards": (["truth", "--frames", "::-1"], "in order"),
     "negative pictures": (["run", "--culler", "none", "--pictures", "-1"], "--pictures is -1"),
-    "no such recording": (["check", "--visible", "none.jsonl"], "cannot read it"),
+    "no such recording": (["check", "--visible", "none.jsonl"], "none.jsonl: cannot read the file"),
     "raster not understood": (
         ["check", "--visible", "none.jsonl", "--raster", "tight"],
         "not understood",

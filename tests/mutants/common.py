@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,12 @@ COMMON = {
     "G12": "U single-sample query against a multisampled image",
     "G13": "U transparent or alpha-cut surface as occluder",
     "G14": "U unfinished query read as zero",
+    "M1": "U boxes of the pose at rest",
+    "M2": "U boxes of the frame before",
+    "M3": "U occluder depth at its old place",
+    "M4": "U a removed object's depth kept",
+    "M5": "U an object that appears has no entry",
+    "M6": "U a box around joints, without the mesh's reach",
 }
 
 
@@ -131,3 +138,76 @@ class UnfinishedQueryReadAsZero:
         ready = samples.copy()
         ready[-1:] = 0
         return super().passes(ready)
+
+
+# What is not brought up to date in a scene that moves.
+
+
+@common_step("M1", caught_by="carried_about")
+class BoxesAtRest:
+    """Boxes are those that things had when the scene was met."""
+
+    def moved_bounds(self, units):
+        return self.unit_boxes
+
+
+@common_step("M2", caught_by="carried_about")
+class BoxesOfTheFrameBefore:
+    """Boxes are brought up to date a change late."""
+
+    coming = None
+
+    def moved_bounds(self, units):
+        now = self.unit_bounds(self.scene, self.units)
+        last, self.coming = self.coming, now
+        return self.unit_boxes if last is None else last
+
+
+@common_step("M3", caught_by="sliding_door")
+class DepthAtItsOldPlace:
+    """What is drawn, and so what hides, is moved a change late."""
+
+    coming = None
+
+    def move_geometry(self, changes):
+        last, self.coming = self.coming, (self.scene, changes)
+        if last is not None:
+            self.geometry.update(*last)
+
+
+@common_step("M4", caught_by="appearing_and_vanishing")
+class RemovedObjectsDrawn:
+    """What is absent keeps its triangles and its box, and hides others."""
+
+    def follow(self, changes):
+        there = self.scene.present
+        stale = replace(
+            changes, indices=changes.indices & there, triangles=changes.triangles & there
+        )
+        super().follow(stale)
+        if self.raster is not None:
+            self.raster.update(self.scene, changes)
+
+
+@common_step("M5", caught_by="appearing_and_vanishing")
+class NoEntryForWhatAppears:
+    """What was absent when the scene was met has no box, then or later."""
+
+    def moved_bounds(self, units):
+        first = vars(self).setdefault("first_boxes", self.unit_boxes)
+        now = super().moved_bounds(units)
+        none = (first[:, 0] > first[:, 1]).any(axis=1)
+        now[none] = first[none]
+        return now
+
+
+@common_step("M6", caught_by="bending_reeds")
+class BoxesOfJoints:
+    """Boxes of what moves hold its middle, where its joints are, and not what they carry."""
+
+    def moved_bounds(self, units):
+        now = super().moved_bounds(units)
+        there = units[(now[units, 0] <= now[units, 1]).all(axis=1)]
+        middle = now[there].mean(axis=1, keepdims=True)
+        now[there] = middle + 0.25 * (now[there] - middle)
+        return now

@@ -151,3 +151,8 @@ not_here(
     COARSE_TOY,
     "it differs from the toy in its texels alone",
 )
+not_here(
+    "M1 M2 M3 M4 M5 M6",
+    (*TOY, *COARSE_TOY),
+    "it has no update(), so it is not asked about scenes that move",
+)

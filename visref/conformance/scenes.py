@@ -25,11 +25,12 @@ from visref.conformance.building import (
 from visref.conformance.cameras import CAMERAS
 from visref.conformance.layers import LAYERS
 from visref.conformance.materials import MATERIALS
+from visref.conformance.moving import MOVING
 from visref.conformance.occlusion import OCCLUSION
 from visref.conformance.revealed import REVEALED
 from visref.conformance.shapes import SHAPES
 
-SCENES: list[SceneMaker] = [*CAMERAS, *OCCLUSION, *MATERIALS, *SHAPES, *LAYERS, *REVEALED]
+SCENES: list[SceneMaker] = [*CAMERAS, *OCCLUSION, *MATERIALS, *SHAPES, *LAYERS, *REVEALED, *MOVING]
 
 __all__ = [
     "SCENES",

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING
+from unittest import SkipTest
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from visref.findings import Code, Severity
 from visref.judging.outcome import CullerRecord
 from visref.judging.referee import Referee
 from visref.scene import Scene
+from visref.timeline import Timeline
 from visref.visibility import FrameTruth
 from visref.wording import did_you_mean
 
@@ -48,20 +50,26 @@ MakeCuller = Callable[[], Culler]
 LINES_PER_CHECK = 4
 
 
+class NotForThis(Exception):
+    """A culler says that it is not for such a scene; the text says why."""
+
+
 class Status(StrEnum):
-    """How a check ended. Only the first and the third let `assert_conforms` pass."""
+    """How a check ended. A check is skipped where the culler says that it is not for such scenes
+    (`Culler.moves`). One that failed, or passed unexpectedly, fails `assert_conforms`."""
 
     PASSED = "passed"
     FAILED = "failed"
     EXPECTED_FAILURE = "expected failure"
     UNEXPECTED_PASS = "unexpected pass"
+    SKIPPED = "skipped"
 
 
 @dataclass(frozen=True)
 class CheckResult:
     """One check's outcome. `problems` are readable lines, empty if it passed; `reason` is the
-    one given for an expected failure; `missed` counts objects of which something is lost,
-    over all frames, whatever the culler promises."""
+    one given for an expected failure, or why it was skipped; `missed` counts objects of which
+    something is lost, over all frames, whatever the culler promises."""
 
     check: str
     status: Status
@@ -71,7 +79,7 @@ class CheckResult:
 
     @property
     def ok(self) -> bool:
-        return self.status in (Status.PASSED, Status.EXPECTED_FAILURE)
+        return self.status in (Status.PASSED, Status.EXPECTED_FAILURE, Status.SKIPPED)
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,11 @@ def check_culler(
     _known(expected)
     results = []
     for check in conformance_checks() if checks is None else checks:
-        problems, missed = check.run(make_culler, seed)
+        try:
+            problems, missed = check.run(make_culler, seed)
+        except NotForThis as why:
+            results.append(CheckResult(check.name, Status.SKIPPED, reason=str(why)))
+            continue
         reason = expected.get(check.name, "")
         if problems:
             status = Status.EXPECTED_FAILURE if reason else Status.FAILED
@@ -126,7 +138,8 @@ def assert_conforms(
     expected_failures: Mapping[str, str] | None = None,
     seed: int = 0,
 ) -> None:
-    """Raise AssertionError, with a witness for every loss, unless each check ends as it should.
+    """Raise AssertionError, with a witness for every loss, unless each check ends as it should; and
+    unittest.SkipTest, which pytest shows as skipped, if each was skipped.
 
     Takes and raises what `check_culler` does.
     """
@@ -137,6 +150,8 @@ def assert_conforms(
     if bad:
         lines = [f"{len(bad)} of {len(results)} conformance checks failed (seed {seed}):"]
         raise AssertionError("\n".join([*lines, *(_describe(result, seed) for result in bad)]))
+    if results and all(result.status is Status.SKIPPED for result in results):
+        raise SkipTest("; ".join(f"{result.check}: {result.reason}" for result in results))
 
 
 def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
@@ -194,12 +209,22 @@ def _built(made: SceneMaker, seed: int) -> Case:
 
 
 def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
-    """The exact engine's truth of each frame of a case."""
-    engine = ExactEngine(built.scene)
+    """The exact engine's truth of each view of each frame of a case, in the path's order. What
+    moves is met by an engine of its own in each frame."""
     path = built.path.relative_to(built.scene.origin)
-    truths = tuple(engine.frame(camera).copy() for camera in path)
-    engine.close()
-    return truths
+    timeline = Timeline(built.scene, path)
+    truths: list[FrameTruth] = []
+    engine: ExactEngine | None = None
+    for number, frame in enumerate(path.frames):
+        scene = timeline.at(number)
+        if engine is None or engine.scene is not scene:
+            if engine is not None:
+                engine.close()
+            engine = ExactEngine(scene)
+        truths += [engine.frame(camera).copy() for camera in frame.cameras]
+    if engine is not None:
+        engine.close()
+    return tuple(truths)
 
 
 @lru_cache(maxsize=128)
@@ -219,9 +244,13 @@ def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, 
 def judge_on(
     make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
 ) -> tuple[tuple[str, ...], int]:
-    """Judge a culler on a case whose exact truths are known, one a frame: what is wrong, in
-    readable lines, and how many objects lose something, over all frames."""
+    """Judge a culler on a case whose exact truths are known, one per view of each frame: what is
+    wrong, in readable lines, and how many objects lose something, over all frames. Raises
+    NotForThis where something moves and the culler is for scenes that stand still."""
     culler = make_culler()
+    if not culler.moves and Timeline(built.scene, built.path).moves:
+        culler.close()
+        raise NotForThis(f"'{culler.name}' has no update(): it is for scenes that stand still")
     path = built.path.relative_to(built.scene.origin)
     referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
     try:
@@ -250,10 +279,13 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
     lines = []
     losses = record.losses()
     for _, frame, miss in losses[:LINES_PER_CHECK]:
-        view = built.path.cameras[frame]
+        rows = [row for row in record.frames if row.frame == frame]
+        (named,) = {row.view for row in rows if any(m is miss for m in row.verdict.misses)}
+        (view,) = [one for one in built.path.views(frame) if one.view == named]
+        where = f"frame {frame}, view '{named}'" if named else f"frame {frame}"
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
-            f"MISSED_OBJECT: frame {frame} ({view.width} x {view.height}): "
+            f"MISSED_OBJECT: {where} ({view.width} x {view.height}): "
             f"'{built.scene.names[miss.object]}' (object {miss.object}) lost {miss.samples} of "
             f"its {miss.owned} samples; witness: pixel ({x}, {y}), triangle {miss.triangle} "
             f"at depth {miss.depth:.6g}"

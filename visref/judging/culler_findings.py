@@ -71,8 +71,8 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         unit, frame = min(record.ignored.items(), key=lambda pair: (pair[1], pair[0]))
         of_object = record.unit_kind == OBJECT
         name = scene.names[unit] if of_object else ""
-        first = "this one" if of_object else f"{record.unit_kind} {unit}"
-        text = f"{len(record.ignored)} different, first {first} in frame {frame}"
+        which = "this one" if of_object else f"{record.unit_kind} {unit}"
+        text = f"{len(record.ignored)} different, first {which} in frame {frame}"
         found.append(Finding(Code.ABSENT_NAMED, text, record.spec, frame, name))
     totals = record.totals
     if totals.undecided_samples > MAX_UNDECIDED * totals.owned_samples:

@@ -114,10 +114,11 @@ class Referee:
     """Casts truths and judges cullers on one scene, which a path's frames may pose.
 
     `timeline`: the scene of each of the path's frames; by default `scene` and the path make it.
-    `engine` makes the truth engine on first use, so that a recorded truth with nothing to
-    dispute never builds one. It must be the engine that cast a recorded truth: another may not
-    see what that truth says was missed. `examine`: say too, where an engine is built, whether near,
-    far or the winding hide most of the scene; then the engine must cast any camera.
+    Where something moves, the engine is to be made of `timeline.still`. `engine` makes the truth
+    engine on first use, so that a recorded truth with nothing to dispute never builds one. It
+    must be the engine that cast a recorded truth: another may not see what that truth says was
+    missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
+    most of the scene; then the engine must cast any camera.
     """
 
     scene: Scene

@@ -187,7 +187,8 @@ def read_truth(
     _check_rows(table, on_file, scene, path, source)
     cells = {cell: count for cell, count in on_file.items() if cell[0] in wanted}
     rows = _rows_by_cell(table, cells, None if version_1 else table["view"])
-    findings = (Finding(Code.TRUTH_UNSEALED, source),) if version_1 else ()
+    unsealed = Finding(Code.TRUTH_UNSEALED, f"{source} is of version 1 and has no digest")
+    findings = (unsealed,) if version_1 else ()
     return RecordedTruth(facts["engine"], facts.get("exact"), rows, findings)
 
 
@@ -290,7 +291,8 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
     try:
-        with pq.ParquetFile(file) as opened:
+        # pyarrow takes a leading ~ for the home folder.
+        with pq.ParquetFile(file.absolute()) as opened:
             found, count = opened.schema_arrow, opened.metadata.num_rows
     except (OSError, pa.ArrowException) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
@@ -331,7 +333,7 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
     if count > len(facts["frames"]) * scene.object_count:
         raise spoilt(f"it has {count} rows, more than objects in its frames")
     try:
-        table = pq.read_table(file)
+        table = pq.read_table(file.absolute())
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
     except (OSError, pa.ArrowException) as error:

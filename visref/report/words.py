@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 from visref.culler import RasterTolerance
 from visref.judging.status import MAX_UNDECIDED, Exit, Status, decide, run_status
+from visref.markdown import code as code
+from visref.markdown import plain as plain
 from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import HiddenUnit, LostObject, Witness
 from visref.wording import counted as counted
-from visref.wording import legible
 
 HEADLINES = {
     "violation": "Violation",
@@ -31,21 +31,6 @@ COUNTING = (
     "Counts are summed over frames: of objects they are object-frames, an object once for every "
     "frame (and view) in which it is visible."
 )
-
-_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~$])")
-
-
-def plain(text: str) -> str:
-    """Text that Markdown and HTML leave alone."""
-    return _MARKDOWN.sub(r"\\\1", legible(" ".join(text.split())))
-
-
-def code(text: str) -> str:
-    """Text as code in Markdown, between more backticks than it has together."""
-    text = legible(text)
-    most = max(map(len, re.findall("`+", text)), default=0)
-    fence, space = "`" * (most + 1), " " if most else ""
-    return f"{fence}{space}{text}{space}{fence}"
 
 
 def count(number: int | None) -> str:

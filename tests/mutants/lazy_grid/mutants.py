@@ -7,9 +7,11 @@ depth; with the occlusion buffer, also, every object drawn lies wholly before th
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from tests.mutants.common import common
+from tests.mutants.common import RemovedObjectsDrawn, common
 from tests.mutants.harness import breaks, equivalent, mutant, not_here
 from tests.mutants.lazy_grid.contract import SUITE
 from visref_culling.lazy_grid import LazyGridCulling
@@ -357,6 +359,44 @@ class SoftwareDepthOfTheLastFrame:
 
 
 common("G13", of=ALL, caught_by="behind_glass")
+common("M1 M2 M5 M6", of=ALL)
+common("M3 M4", of=(OCCLUSION, Z, GL, GL_Z))
+
+
+@mutant("M3", of=SOFTWARES, caught_by="sliding_door")
+class SoftwareDepthAtItsOldPlace:
+    """The software buffer's triangles are moved a change late."""
+
+    def area_queries(self):
+        class Late(SoftwareBuffer):
+            def update(self, scene):
+                last, self.coming = vars(self).get("coming", self.scene), scene
+                super().update(last)
+
+        made = super().area_queries()
+        made.__class__ = Late
+        return made
+
+
+@mutant("M4", of=SOFTWARES, caught_by="appearing_and_vanishing")
+class RemovedObjectsInTheSoftwareBuffer(RemovedObjectsDrawn):
+    """What is absent keeps its triangles in the software buffer, and its box."""
+
+    def prepare(self, scene):
+        self.kept_triangles = scene.triangles.copy()
+        return super().prepare(scene)
+
+    def area_queries(self):
+        owner = self
+
+        class Kept(SoftwareBuffer):
+            def update(self, scene):
+                owner.kept_triangles[scene.present] = scene.triangles[scene.present]
+                super().update(replace(scene, triangles=owner.kept_triangles.copy(), absent=None))
+
+        made = super().area_queries()
+        made.__class__ = Kept
+        return made
 
 
 @mutant("G14", of=(GL, GL_Z), caught_by="peeking_by_a_pixel")

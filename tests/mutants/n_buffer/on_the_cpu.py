@@ -342,7 +342,8 @@ class StaleOccludersKept:
 
     def decide(self, frame):
         super().decide(frame)
-        self.seen[np.concatenate([np.zeros(0, np.int64), *frame.drawn])] = True
+        seen = self.seen_by(frame.view.camera)
+        seen[np.concatenate([np.zeros(0, np.int64), *frame.drawn])] = True
 
 
 @mutant("occluders not tested", of=(FOUR, ONE), contract="every_unit_in_view_is_tested")

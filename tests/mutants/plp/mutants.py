@@ -281,3 +281,4 @@ not_here("W15", (HP, *ITEMS, HG_RESTORE), "the ways of asking share the geometry
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W")]
 not_here(" ".join(UNSAFE), (PLP,), "it promises nothing: what its budget leaves out is measured")
 not_here("W14", (PLP,), "no cell is asked")
+not_here("M1 M2 M3 M4 M5 M6", ALL, "it is for scenes that stand still, and says so")

@@ -40,7 +40,7 @@ SUITE.kept_by(PUBLISHED, reduction=10)
 common("G2", of=(BOXES, SMALL))
 common("G10", of=(BOXES, SMALL))
 common("G12", of=(WHOLE, BOXES))
-common("G13 G14", of=SAFE)
+common("G13 G14 M1 M2 M3 M4 M5", of=SAFE)
 not_here("G2 G10", (WHOLE,), "no box is asked: an object is, with the faces that it is drawn with")
 not_here("G12", (SMALL,), "its depth is the window's, read a pixel at a time")
 not_here("G1 G5 G6", SAFE, "the rasteriser projects the boxes and compares the depths")
@@ -49,6 +49,21 @@ not_here("G11", SAFE, "nothing is kept from one frame to the next")
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W") and id != "U3"]
 not_here(" ".join(UNSAFE), (PUBLISHED,), "it promises nothing: what it leaves out is measured")
 not_here("W9 W10 W11 W12", SAFE, "the contracts are those of the published mode")
+
+
+not_here("M6", (WHOLE,), "no box is asked: an object is, where it is")
+not_here("M6", (SMALL,), "the boxes are those of three-pass-boxes, grown by a texel")
+
+
+@mutant("M6", of=(BOXES,), caught_by="bending_reeds")
+class BoxesOfJoints:
+    """Boxes of the parts of what moves hold their middles, and not what is around them."""
+
+    def follow(self, changes):
+        super().follow(changes)
+        parts = changes.units(self.parts)
+        middle = self.part_bounds[parts].mean(axis=1, keepdims=True)
+        self.part_bounds[parts] = middle + 0.25 * (self.part_bounds[parts] - middle)
 
 
 @mutant("U1", of=(WHOLE,), caught_by="crowd")
