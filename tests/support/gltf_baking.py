@@ -155,13 +155,12 @@ class Animated:
         span = times[k + 1] - times[k]
         u = (time_s - times[k]) / span
         if how == "CUBICSPLINE":
-            value = (
+            return (
                 (2 * u**3 - 3 * u**2 + 1) * keys[k, 1]
                 + span * (u**3 - 2 * u**2 + u) * keys[k, 2]
                 + (3 * u**2 - 2 * u**3) * keys[k + 1, 1]
                 + span * (u**3 - u**2) * keys[k + 1, 0]
             )
-            return value
         first, second = keys[k, 0], keys[k + 1, 0]
         return slerp(first, second, u) if path == "rotation" else first + u * (second - first)
 
