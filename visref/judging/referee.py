@@ -382,12 +382,13 @@ class Referee:
         """A view's truth; in arrays of its own where others are cast before it is done with."""
         if self._engine is None:
             self._engine = engine = self.engine()
-            if self._now.moving is not None and not engine.poses:
+            moving = self._now.moving is not None
+            if moving and not engine.poses:
                 raise InputError(
                     f"engine '{engine.name}' casts scenes that stand still",
                     fix="use another, such as 'exact'",
                 )
-            if engine.scene is not self._now:
+            if moving and engine.scene is not self._now:
                 engine.pose(self._now)
         with Stopwatch() as watch:
             truth = self._engine.frame(camera)
