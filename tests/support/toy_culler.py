@@ -36,8 +36,7 @@ class ToyCuller(Culler):
     def cull(self, camera):
         depth = self.empty_depth(camera)
         drawn = []
-        filled = np.flatnonzero(np.diff(self.scene.object_offsets))
-        corners = {int(unit): self.corners(int(unit)) for unit in filled}
+        corners = {int(unit): self.corners(int(unit)) for unit in self.filled()}
         nearest = {unit: self.nearest(camera, points) for unit, points in corners.items()}
         for unit in sorted(corners, key=lambda unit: (nearest[unit], unit)):
             if self.sure(camera, corners[unit]):
@@ -53,6 +52,10 @@ class ToyCuller(Culler):
         return DrawnSet(np.array(drawn, np.int32))
 
     # The steps.
+
+    def filled(self):
+        """The units that there is anything of."""
+        return np.flatnonzero(np.diff(self.scene.object_offsets))
 
     def empty_depth(self, camera):
         return np.full((camera.height, camera.width), np.inf)
