@@ -37,9 +37,11 @@ test: setup
 test-fast: setup
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
-# Random cases against a brute force in whole numbers; `make test` holds the first of them.
+# Random cases against a brute force in whole numbers, and runs killed at random moments; `make
+# test` holds the first of each.
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
+	$(BIN)/python -u -m tests.kills
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -22,13 +22,13 @@ ROUNDS = 9
 OBJECTS, SIDE_CELLS = 4000, 4
 
 
-def town(seed: int = 7) -> Scene:
-    """4,000 boxes on a grid, each face 4 x 4 quads: 192 triangles an object."""
+def town(seed: int = 7, count: int = OBJECTS) -> Scene:
+    """Boxes on a grid, each face 4 x 4 quads: 192 triangles an object."""
     rng = np.random.default_rng(seed)
     points, faces = _tessellated_box(SIDE_CELLS)
-    columns = math.isqrt(OBJECTS) + 1
+    columns = math.isqrt(count) + 1
     objects = []
-    for i in range(OBJECTS):
+    for i in range(count):
         size = rng.uniform((8.0, 3.0, 8.0), (18.0, 30.0, 18.0))
         at = 20.0 * np.array([i % columns - columns / 2, 0.0, i // columns - columns / 2])
         objects.append((f"box {i}", points * size + at, faces))

@@ -12,7 +12,7 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.engines.base import TruthEngine
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Alpha, Float32, Float64, Int32, Scene
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving, somewhere
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,
@@ -54,6 +54,8 @@ class ItemBufferEngine(UsesDevice, TruthEngine):
             self.given_depth = GivenDepth(device())
 
     def pose(self, scene: Scene) -> None:
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
         changes = Changes.between(self.scene, scene)
         self.scene = scene
         self.items.update(scene, changes)
@@ -114,8 +116,8 @@ class ItemBufferEngine(UsesDevice, TruthEngine):
         blended = scene.alpha == Alpha.BLEND
         samples, triangles = [np.zeros(0, np.int64)], [np.zeros(0, np.int32)]
         for object_id in np.unique(scene.object_of_triangle[blended]):
-            bounds = inflated(view, scene.object_bounds[object_id : object_id + 1])
-            if not meets_frustum(view, bounds)[0]:
+            bounds = somewhere(scene.object_bounds[object_id : object_id + 1])
+            if not len(bounds) or not meets_frustum(view, inflated(view, bounds))[0]:
                 continue
             batches = self.items.upload(blended & (scene.object_of_triangle == object_id))
             self.items.forget_ids(target)

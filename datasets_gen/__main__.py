@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import inspect
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from visref.errors import InputError
@@ -60,12 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write(dataset: Dataset, out: Path, width: int | None, height: int | None) -> None:
     if width is not None and height is not None:
-        if dataset.expected is not None:
-            raise InputError(
-                f"'{dataset.name}' has a verdict for its own image size",
-                fix="leave out --width and --height",
-            )
-        dataset = replace(dataset, path=dataset.path.resized(width, height))
+        dataset = dataset.resized(width, height)
     for file in dataset.write(out):
         print(file)
 

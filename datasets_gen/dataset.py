@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.files import replacing_file
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
@@ -46,19 +46,20 @@ class Dataset:
         """
         scene_file = directory / f"{self.name}.glb"
         path_file = directory / f"{self.name}.path.json"
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            _replace(scene_file, glb_bytes(self.nodes))
-            _replace(path_file, _json_bytes(self.path.to_json()))
-            if self.expected is not None:
-                _replace(directory / f"{self.name}.expected.json", _json_bytes(self.expected))
-        except OSError as error:
-            raise InputError(
-                f"cannot write: {error.strerror}",
-                source=str(error.filename or directory),
-                fix="give a directory that can be written",
-            ) from error
+        files = {scene_file: glb_bytes(self.nodes), path_file: json_bytes(self.path.to_json())}
+        if self.expected is not None:
+            files[directory / f"{self.name}.expected.json"] = json_bytes(self.expected)
+        write_files(directory, files)
         return scene_file, path_file
+
+    def resized(self, width: int, height: int) -> Dataset:
+        """The same with images of another size. Raises InputError where it says what is seen."""
+        if self.expected is not None:
+            raise InputError(
+                f"'{self.name}' has a verdict for its own image size",
+                fix="leave out --width and --height",
+            )
+        return replace(self, path=self.path.resized(width, height))
 
 
 def scene_of(dataset: Dataset, *, cull_backfaces: bool = False) -> Scene:
@@ -173,7 +174,8 @@ def _product(a: Float64, b: Float64) -> Float64:
     return result
 
 
-def _json_bytes(value: Any) -> bytes:
+def json_bytes(value: Any) -> bytes:
+    """A JSON value as a file holds it, innermost lists on a line each."""
     text = json.dumps(value, indent=1)
     # Innermost lists (a matrix's row, a span of pixels) on one line. No string holds a newline.
     text = re.sub(r"\[\n\s*([^][{}]*?)\s*\]", lambda row: f"[{_one_line(row[1])}]", text)
@@ -184,7 +186,17 @@ def _one_line(text: str) -> str:
     return re.sub(r"\s*\n\s*", " ", text)
 
 
-def _replace(path: Path, content: bytes) -> None:
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content)
-    os.replace(beside, path)
+def write_files(directory: Path, files: Mapping[Path, bytes]) -> None:
+    """Write files into a directory, in their order; each beside its name, then renamed. Raises
+    InputError where the directory cannot be written."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for path, content in files.items():
+            with replacing_file(path) as beside:
+                beside.write_bytes(content)
+    except OSError as error:
+        raise InputError(
+            f"cannot write: {error.strerror}",
+            source=str(error.filename or directory),
+            fix="give a directory that can be written",
+        ) from error

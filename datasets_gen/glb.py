@@ -27,13 +27,16 @@ _SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071
 
 def glb_bytes(nodes: tuple[Node, ...]) -> bytes:
     """The GLB file that holds `nodes`, in their order."""
-    document = _Document()
+    document = GlbDocument()
     roots = [document.node(node) for node in nodes]
     return document.pack(roots)
 
 
-class _Document:
-    """Collects the parts of one file; ids are handed out in the order of first use."""
+class GlbDocument:
+    """Collects the parts of one file; ids are handed out in the order of first use.
+
+    `more`: top-level properties besides those of a still scene.
+    """
 
     def __init__(self) -> None:
         self.nodes: list[dict[str, Any]] = []
@@ -48,6 +51,7 @@ class _Document:
         self._accessor_ids: dict[tuple[int, int], int] = {}
         self.images: list[dict[str, Any]] = []
         self._texture_ids: dict[AlphaTexture, int] = {}
+        self.more: dict[str, Any] = {}
 
     def node(self, node: Node) -> int:
         index = len(self.nodes)
@@ -60,27 +64,27 @@ class _Document:
         else:
             entry["matrix"] = _short(matrix.T.reshape(-1))
         if node.mesh is not None:
-            entry["mesh"] = self._mesh(node.mesh)
+            entry["mesh"] = self.mesh(node.mesh)
         if node.children:
             entry["children"] = [self.node(child) for child in node.children]
         return index
 
-    def _mesh(self, mesh: Mesh) -> int:
+    def mesh(self, mesh: Mesh) -> int:
         if id(mesh) not in self._mesh_ids:
             self._mesh_ids[id(mesh)] = len(self.meshes)
-            primitives = [self._primitive(primitive) for primitive in mesh.primitives]
+            primitives = [self.primitive(primitive) for primitive in mesh.primitives]
             self.meshes.append({"name": mesh.name, "primitives": primitives})
         return self._mesh_ids[id(mesh)]
 
-    def _primitive(self, primitive: Primitive) -> dict[str, Any]:
+    def primitive(self, primitive: Primitive) -> dict[str, Any]:
         entry: dict[str, Any] = {
-            "attributes": {"POSITION": self._accessor(primitive.vertices, _ARRAY_BUFFER)},
+            "attributes": {"POSITION": self.accessor(primitive.vertices, _ARRAY_BUFFER)},
             "material": self._material(primitive.material),
         }
         if primitive.uv is not None:
-            entry["attributes"]["TEXCOORD_0"] = self._accessor(primitive.uv, _ARRAY_BUFFER)
+            entry["attributes"]["TEXCOORD_0"] = self.accessor(primitive.uv, _ARRAY_BUFFER)
         if len(primitive.triangles):
-            entry["indices"] = self._accessor(primitive.triangles, _ELEMENT_ARRAY_BUFFER)
+            entry["indices"] = self.accessor(primitive.triangles, _ELEMENT_ARRAY_BUFFER)
         else:
             # glTF has no empty primitive; points are an object without triangles.
             entry["mode"] = _POINTS
@@ -111,11 +115,11 @@ class _Document:
         """A texture's id, which is its image's too."""
         if texture not in self._texture_ids:
             self._texture_ids[texture] = len(self.images)
-            view = self._view(png_bytes(texture.alpha))
+            view = self.view(png_bytes(texture.alpha))
             self.images.append({"bufferView": view, "mimeType": "image/png"})
         return self._texture_ids[texture]
 
-    def _view(self, data: bytes, **more: Any) -> int:
+    def view(self, data: bytes, **more: Any) -> int:
         """A buffer view's id; the next one starts at a multiple of 4 bytes."""
         entry = {"buffer": 0, "byteOffset": self.size, "byteLength": len(data), **more}
         self.views.append(entry)
@@ -123,7 +127,7 @@ class _Document:
         self.size += len(self.chunks[-1])
         return len(self.views) - 1
 
-    def _accessor(self, array: NDArray[Any], target: int) -> int:
+    def accessor(self, array: NDArray[Any], target: int) -> int:
         key = (id(array), target)
         if key in self._accessor_ids:
             return self._accessor_ids[key]
@@ -138,7 +142,7 @@ class _Document:
         else:
             data = np.ascontiguousarray(array, "<u4")
             entry |= {"componentType": _UNSIGNED_INT, "count": data.size, "type": "SCALAR"}
-        view = self._view(data.tobytes(), target=target)
+        view = self.view(data.tobytes(), target=target)
         self.accessors.append({"bufferView": view, **entry})
         self._accessor_ids[key] = len(self.accessors) - 1
         return self._accessor_ids[key]
@@ -161,6 +165,7 @@ class _Document:
         if self.images:
             document["samplers"] = [_SAMPLER]
             document["textures"] = [{"source": k, "sampler": 0} for k in range(len(self.images))]
+        document |= self.more
         if self.size:
             document["buffers"] = [{"byteLength": self.size}]
         text = json.dumps(document, separators=(",", ":")).encode()

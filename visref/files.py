@@ -1,29 +1,45 @@
 """Files in and out. Reading: bytes and JSON, with an InputError for whatever is wrong with them.
-Writing without halves: everything is written beside its place, then renamed into it.
+Writing without halves and without loss: everything is written beside its place and is on disk
+before it is renamed into it (`visref.beside`), and what is not ours is never replaced.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import re
 import shutil
 import stat
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from visref import beside
 from visref.errors import InputError
 
 Bytes = NDArray[np.uint8]
 
-# Not the target's own name, which may be as long as names get.
-_PREFIX = ".visref-unfinished-"
 _BLOCK = 1 << 24
+# What a disk says while it is written to, wherever in a block that is.
+_FULL_OR_BROKEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+# A folder that can be neither renamed nor removed: something is mounted there.
+_MOUNTED = (errno.EBUSY, errno.EXDEV)
+
+
+@dataclass(frozen=True)
+class FolderKind:
+    """How a folder that visref wrote is known. `marker`: the name of its JSON file that says so.
+    `wrote`: from the content of that file, patterns of the files that stand in such a folder, by
+    path with "/"; None where the content is not visref's."""
+
+    marker: str
+    wrote: Callable[[Any], Sequence[str] | None]
 
 
 def _refuse(path: Path, reason: str, fix: str) -> InputError:
@@ -31,74 +47,189 @@ def _refuse(path: Path, reason: str, fix: str) -> InputError:
 
 
 @contextmanager
-def _refusing(target: Path) -> Iterator[None]:
-    """What the system refuses at `target` is said in one line."""
+def _refusing(target: Path, only: Sequence[int] = ()) -> Iterator[None]:
+    """What the system refuses at `target` (of the `only` numbers) is said in one line."""
     try:
         yield
     except OSError as error:
+        if only and error.errno not in only:
+            raise
         raise _refuse(target, error.strerror or "no access", "name another place") from error
 
 
+def _place(path: Path | str) -> Path:
+    """Where a path leads: a link stays, and what it names is replaced; "." gets a name."""
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise _refuse(target, "it is a link to itself", "name another place")
+    return target
+
+
 @contextmanager
-def replacing_file(path: Path | str) -> Iterator[Path]:
+def replacing_file(path: Path | str, *, begins: bytes = b"") -> Iterator[Path]:
     """Yields a path beside `path`; renames it there when the block ends well.
 
-    What stands there already is replaced only if it is a file: never a folder, a device or a
-    pipe.
+    What stands there already is replaced only if it is a file, and empty or one that `begins` so:
+    never a folder, a device or a pipe.
     """
-    target = Path(path)
-    with _refusing(target):
+    with _refusing(Path(path)):
+        target = _place(path)
         if target.is_dir():
             raise _refuse(target, "it is a folder", "name a file")
-        if target.exists() and not target.is_file():
-            raise _refuse(target, "it is no ordinary file", "name a file")
-        # A link stays, and what it names is replaced.
-        target = target.resolve()
+        if target.exists():
+            if not target.is_file():
+                raise _refuse(target, "it is no ordinary file", "name a file")
+            with target.open("rb") as old:
+                if old.read(len(begins)) not in (b"", begins):
+                    raise _refuse(target, "what stands there is of another kind", "name a new file")
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_PREFIX))
-    try:
-        written = beside / target.name
+        beside.sweep(target.parent)
+    with _writing(target, target.parent, name=target.name) as folder:
+        written = folder / beside.WRITTEN / target.name
         yield written
         with _refusing(target):
+            beside.on_disk(written)
             written.replace(target)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+            beside.names_on_disk(target.parent)
 
 
 @contextmanager
-def replacing_folder(path: Path | str, *, marker: str) -> Iterator[Path]:
+def _writing(target: Path, folder: Path, *, name: str, marker: str = "") -> Iterator[Path]:
+    """`beside.beside`, with a full disk, or one that cannot be written to, said in one line."""
+    with _refusing(target, _FULL_OR_BROKEN), ExitStack() as closing:
+        with _refusing(target):
+            path = closing.enter_context(beside.beside(folder, name=name, marker=marker))
+        yield path
+
+
+@contextmanager
+def replacing_folder(path: Path | str, *, kind: FolderKind) -> Iterator[Path]:
     """Yields a new folder beside `path`; renames it there when the block ends well.
 
-    An existing folder is replaced only if it is empty or holds `marker`, a file that says
-    that it is one of ours; it is gone only once the new one stands in its place.
+    An existing folder is replaced only if it is empty, or if its marker says that it is one of
+    ours and it holds nothing else than what visref writes there. It is gone only once the new one
+    stands in its place. Where it can be neither renamed nor removed (something is mounted there),
+    the files are put into it.
     """
-    target = Path(path)
-    with _refusing(target):
-        # A link stays, and what it names is replaced; "." gets a name.
-        target = target.resolve()
+
+    def check(folder: Path, *, shared: bool = False) -> None:
+        if reason := _not_ours(folder, kind, shared=shared):
+            raise _refuse(target, reason, "name a new folder")
+
+    def check_shared(folder: Path) -> None:
+        check(folder, shared=True)
+
+    with _refusing(Path(path)):
+        target = _place(path)
         if target.exists() and not target.is_dir():
             raise _refuse(target, "it is no folder", "name a folder")
-        if target.is_dir() and any(target.iterdir()) and not (target / marker).is_file():
-            raise _refuse(
-                target, f"the folder is not empty and has no {marker}", "name a new folder"
-            )
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_PREFIX))
-    try:
-        written, replaced = beside / "written", beside / "replaced"
-        written.mkdir()
-        yield written
+        beside.sweep(target.parent)
+        beside.sweep(target)
+        stays = target.is_dir() and (
+            os.path.ismount(target) or not os.access(target.parent, os.W_OK)
+        )
+        # Another run may be moving its files in.
+        with beside.alone_in(target) if stays else nullcontext():
+            beside.steady(target, check_shared if stays else check)
+    if stays:
+        with _writing(target, target, name="", marker=kind.marker) as folder:
+            yield folder / beside.WRITTEN
+            with _refusing(target):
+                beside.on_disk(folder / beside.WRITTEN)
+                beside.move_into(folder, check_shared, marker=kind.marker)
+                beside.names_on_disk(target)
+        return
+    with _writing(target, target.parent, name=target.name) as folder:
+        yield folder / beside.WRITTEN
         with _refusing(target):
-            if target.is_dir():
-                target.rename(replaced)
+            beside.on_disk(folder / beside.WRITTEN)
             try:
-                written.rename(target)
-            except OSError:
-                if replaced.is_dir():
-                    replaced.rename(target)
-                raise
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+                beside.put(folder, target, check)
+            except OSError as error:
+                if error.errno not in _MOUNTED or not target.is_dir():
+                    raise
+                _put_into(folder / beside.WRITTEN, target, check_shared, kind.marker)
+            beside.names_on_disk(target.parent)
+
+
+def _put_into(written: Path, target: Path, check: beside.Check, marker: str) -> None:
+    with beside.beside(target, name="", marker=marker) as inside:
+        shutil.copytree(written, inside / beside.WRITTEN, dirs_exist_ok=True)
+        beside.on_disk(inside / beside.WRITTEN)
+        beside.move_into(inside, check, marker=marker)
+        beside.names_on_disk(target)
+
+
+def remove_folder(path: Path, kind: FolderKind) -> None:
+    """Remove a folder of ours, if that is what stands there and nothing else is in it."""
+    with suppress(OSError):
+        if _not_ours(path, kind) is None:
+            shutil.rmtree(path)
+
+
+def _not_ours(folder: Path, kind: FolderKind, *, shared: bool = False) -> str | None:
+    """Why a folder is not to be replaced; None where it is ours, empty, or not there. `shared`:
+    other runs may be writing in it."""
+    try:
+        entries = list(folder.iterdir())
+    except FileNotFoundError:
+        return None
+    unfinished = [entry for entry in entries if beside.is_unfinished(entry)]
+    if unfinished and not shared:
+        return "another command of visref is writing in it"
+    entries = [entry for entry in entries if entry not in unfinished]
+    if not entries:
+        return None
+    marker = folder / kind.marker
+    if not _is_ordinary(marker):
+        return f"the folder is not empty and has no {kind.marker}"
+    try:
+        wrote = kind.wrote(json.loads(marker.read_bytes()))
+    except (ValueError, RecursionError):
+        wrote = None
+    if wrote is None:
+        return f"the folder is not empty and its {kind.marker} is not visref's"
+    for name in _files_in(folder, entries, {pattern.partition("/")[0] for pattern in wrote}):
+        if not any(re.fullmatch(pattern, name) for pattern in wrote):
+            return f"the folder holds {name!r}, which visref did not write"
+    return None
+
+
+def _files_in(folder: Path, entries: Iterable[Path], entered: set[str]) -> Iterator[str]:
+    """Paths of all that stands in a folder; of its folders, only the `entered` ones are looked
+    into, and anything but an ordinary file ends in "/"."""
+    for entry in entries:
+        name = entry.relative_to(folder).as_posix()
+        if _is_ordinary(entry):
+            yield name
+        elif name in entered and entry.is_dir() and not entry.is_symlink():
+            yield from _files_in(folder, entry.iterdir(), set())
+        else:
+            yield f"{name}/"
+
+
+def _is_ordinary(path: Path) -> bool:
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+def refuse_inputs(out: Path | str, inputs: Iterable[Path | str | None]) -> None:
+    """Raises InputError if writing to `out` would replace or remove one of the `inputs`, by this
+    or another name. An input that is no file (a generated scene, None) is passed over."""
+    target = Path(os.path.realpath(out))
+    for given in inputs:
+        if given is None or not os.path.lexists(given):
+            continue
+        source = Path(os.path.realpath(given))
+        # The link itself, and what it leads to.
+        names = (source, Path(os.path.realpath(Path(given).parent)) / Path(given).name)
+        same = target.exists() and source.exists() and target.samefile(source)
+        if same or any(name.is_relative_to(target) for name in names):
+            reason = f"an input of this command, {str(given)!r}, would be lost"
+            raise _refuse(Path(out), reason, "name another place")
 
 
 def map_file(path: Path) -> Bytes:
@@ -133,7 +264,7 @@ def open_file(path: Path) -> BinaryIO:
     raise InputError("this is a pipe, a device or a socket", fix="give an ordinary file")
 
 
-def beside(file: Path, named: str) -> Path:
+def named_beside(file: Path, named: str) -> Path:
     """The file that `file` names: relative to its folder, and by `..` outside it too, where
     exporters put textures. Nothing of such a file is ever shown.
 

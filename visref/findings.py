@@ -172,6 +172,16 @@ class Code(StrEnum):
         "the unculled one. It does not change the exit status: the verdict rests on rays "
         "and exact arithmetic.",
     )
+    BOUNDS_TOO_SMALL = Rule(
+        "BOUNDS_TOO_SMALL",
+        Severity.WARNING,
+        "A box that the culler tests does not contain what it stands for",
+        "In these frames geometry lies outside its own box by more than float32 rounds, so a "
+        "test of the box says nothing of it: sooner or later it vanishes in view. Usual causes "
+        "are a box of the bind pose for a skinned mesh, of the rest shape for morph targets or "
+        "for what a shader moves, last frame's box for what moves, and an instance's scale that "
+        "the box lacks. It is said whether or not anything was missed.",
+    )
     CULLER_FAILED = Rule(
         "CULLER_FAILED",
         Severity.ERROR,
@@ -195,8 +205,9 @@ class Code(StrEnum):
     ANIMATION_IGNORED = Rule(
         "ANIMATION_IGNORED",
         Severity.WARNING,
-        "Animated geometry is judged in its rest pose",
-        "Only cameras may move. The file animates nodes, skins or morph targets.",
+        "Something that the file animates stands as it is written",
+        "Of glTF's animations what moves, deforms, hides and shows objects is played at a frame's "
+        "time. A material's alpha, other properties, and other formats' animations are not.",
     )
     NONFINITE_DROPPED = Rule(
         "NONFINITE_DROPPED",

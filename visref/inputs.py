@@ -10,9 +10,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from visref.beside import sweep
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
+from visref.files import replacing_file
 from visref.findings import Finding
 from visref.formats import GLTF, load_path, load_scene
 from visref.generators import Generator, find_generator
@@ -55,6 +57,11 @@ class Inputs:
     def timeline(self) -> Timeline:
         """The scene of each of the path's frames."""
         return Timeline(self.scene, self.path, rest_pose=self.rest_pose)
+
+    @property
+    def files(self) -> tuple[str, str]:
+        """Where scene and path came from: files, but for what was generated."""
+        return self.scene.source, self.path.source
 
     def make_engine(self) -> TruthEngine:
         return make_engine(self.engine, self.timeline.still, threads=self.threads)
@@ -166,11 +173,13 @@ def _generator(spec: str) -> Generator | None:
 
 def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:
     """The generated files in `folder`, from the time before or written now."""
+    sweep(folder)
     # Written last, so that where it stands the scene is whole.
     names = folder / f"{generator.name}.files.json"
     if not names.is_file():
         scene, path = generator.write(folder)
-        names.write_text(json.dumps([scene.name, path.name]), encoding="utf-8")
+        with replacing_file(names) as beside:
+            beside.write_text(json.dumps([scene.name, path.name]), encoding="utf-8")
     scene_name, path_name = json.loads(names.read_text(encoding="utf-8"))
     return folder / scene_name, folder / path_name
 

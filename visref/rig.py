@@ -38,9 +38,12 @@ class Motion(Protocol):
     `digest`: of everything that it poses by. `skinned`: (n,) bool, objects whose vertices their
     joints place."""
 
-    clips: Sequence[str]
-    digest: str
-    skinned: NDArray[np.bool_]
+    @property
+    def clips(self) -> Sequence[str]: ...
+    @property
+    def digest(self) -> str: ...
+    @property
+    def skinned(self) -> NDArray[np.bool_]: ...
 
     def affected(self, clip: int) -> NDArray[np.bool_]:
         """(n,) bool, the objects that a clip may move, deform, hide or show."""
@@ -59,7 +62,9 @@ class Rig:
     rest pose; `vertex_starts`: (n + 1,) int64, object i's vertices are `vertex_starts[i]:
     vertex_starts[i + 1]` of all before `kept`, (v,) bool, left out what is not finite (None: all
     are kept). `triangles`: (t, 3) int32, the scene's own where something is absent at rest, whose
-    triangles there are collapsed; None where the scene's are whole."""
+    triangles there are collapsed; None where the scene's are whole. `hidden`: (n,) bool, objects
+    that the file switches off at rest, None for none; the coarser levels of `Scene.groups` are
+    absent there too."""
 
     positions: Sequence[NDArray[Any]]
     mesh_of_object: Int64
@@ -68,3 +73,4 @@ class Rig:
     kept: NDArray[np.bool_] | None = None
     motion: Motion | None = None
     triangles: NDArray[np.int32] | None = None
+    hidden: NDArray[np.bool_] | None = None

@@ -22,7 +22,7 @@ from visref.engines import TruthEngine, check_engine, make_engine
 from visref.engines.rays import RayEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
-from visref.files import replacing_file, replacing_folder
+from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
 from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome
@@ -30,9 +30,12 @@ from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Refer
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.layout import MANIFEST, TRUTH
+from visref.run_folder.layout import RUN_FOLDER, TRUTH
 from visref.run_folder.write import RunWriter
 from visref.visibility import FrameTruth, ObjectVisibility
+
+# How every Parquet file begins: what is none is no earlier truth.
+PARQUET = b"PAR1"
 
 
 def judge_to_folder(
@@ -51,18 +54,20 @@ def judge_to_folder(
     `pictures`: how many frames to draw, evenly picked. `image_check`: redraw each drawn set by
     OpenGL and compare it with the unculled picture.
 
-    Raises InputError where `out` cannot be written to or holds what is no run, and where the
-    truth file is of another scene, path or engine; NothingToJudge where an engine cannot start.
+    Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
+    the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
+    an engine cannot start.
     """
     if pictures < 0:
         raise InputError(f"--pictures is {pictures}", fix="give 0 or more")
     scene, frames = inputs.scene, inputs.frames
+    refuse_inputs(out, [*inputs.files, truth])
     recorded = None
     if truth is not None:
         truth = Path(truth)
         recorded = read_truth(truth, scene, inputs.path, frames)
         inputs = _of_the_same_engine(inputs, recorded.engine, truth)
-    with replacing_folder(out, marker=MANIFEST) as folder, ExitStack() as closing:
+    with replacing_folder(out, kind=RUN_FOLDER) as folder, ExitStack() as closing:
         checker = None
         if image_check:
             # Any engine that redraws and compares pictures would do.
@@ -132,13 +137,15 @@ def truth_to_file(
     """Cast who owns which samples in each frame and write it to `out`, a Parquet file; with
     `geometric`, who shows between the samples to another.
 
-    Raises InputError where a file cannot be written, and NothingToJudge where the engine cannot
-    start.
+    Raises InputError where a file cannot be written or is one of the inputs, and NothingToJudge
+    where the engine cannot start.
     """
-    out = Path(out)
-    if geometric is not None and Path(geometric).resolve() == out.resolve():
+    for file in (out, geometric):
+        if file is not None:
+            refuse_inputs(file, inputs.files)
+    if geometric is not None and Path(geometric).resolve() == Path(out).resolve():
         raise InputError("--geometric and --out are the same file", fix="name two")
-    with replacing_file(out) as file:
+    with replacing_file(out, begins=PARQUET) as file:
         engine = inputs.make_engine()
         search = _geometric_search(inputs, engine) if geometric is not None else None
         cast_ = _Casting(inputs, search)
@@ -157,7 +164,7 @@ def truth_to_file(
             if search is not None:
                 search.close()
         if geometric is not None:
-            with replacing_file(geometric) as beside:
+            with replacing_file(geometric, begins=PARQUET) as beside:
                 write_geometric(
                     beside, inputs.scene, inputs.path, cast_.between, engine=inputs.engine
                 )

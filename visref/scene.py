@@ -263,10 +263,9 @@ class Scene(Shared):
 
     @cached_property
     def bounds(self) -> Float64:
-        """(2, 3) float64, the box of all triangles; zeros for an empty scene, and where all that
-        has triangles is absent."""
-        boxes = self.object_bounds
-        if not (boxes[:, 0] <= boxes[:, 1]).any():
+        """(2, 3) float64, the box of all triangles; zeros where none is there."""
+        boxes = somewhere(self.object_bounds)
+        if not len(boxes):
             return frozen(np.zeros((2, 3)))
         return frozen(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
 
@@ -278,8 +277,7 @@ class Scene(Shared):
         scale. Left out is an object that reaches more than ten times as far from the median
         centre, along any axis, as nine of ten objects do.
         """
-        boxes = self.object_bounds
-        return frozen(core_of(boxes[(boxes[:, 0] <= boxes[:, 1]).all(axis=1)]))
+        return frozen(core_of(somewhere(self.object_bounds)))
 
     def object_units(self) -> Units:
         """The default units: an object each."""
@@ -311,6 +309,17 @@ class Scene(Shared):
         if self.motion:
             state.update(b"\0motion" + self.motion.encode())
         return state.hexdigest()
+
+
+OTHERS_MOVE = "this was made of a scene in which other objects move"
+
+
+def same_moving(scene: Scene, other: Scene) -> bool:
+    """Whether the same objects are posed anew from moment to moment of both, and some are: whether
+    one can be the other at another moment."""
+    if scene.moving is None or other.moving is None:
+        return False
+    return scene.moving is other.moving or np.array_equal(scene.moving, other.moving)
 
 
 # The kind of units that are the scene's objects.
@@ -370,6 +379,11 @@ class Units(Shared):
         shift = np.repeat(self.offsets[unit_ids] - (ends - sizes), sizes)
         result: Int32 = self.triangles[np.arange(total) + shift]
         return result
+
+    def take(self, unit_ids: Int32) -> Units:
+        """Some of the units, (m,) int32 ids."""
+        ends = np.cumsum(self.sizes[unit_ids], dtype=np.int64)
+        return Units(np.append(np.int64(0), ends), self.gather(unit_ids), self.kind)
 
     def check(self, scene: Scene, *, source: str) -> None:
         """Raise InputError unless these are valid units of `scene`."""
@@ -445,6 +459,11 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
 # A scene is held relative to an origin where its core lies further out than this many times its
 # own size: nearer than that, float32 loses less than three bits to the distance.
 ORIGIN_DISTANCE = 4.0
+
+
+def somewhere(boxes: Float64) -> Float64:
+    """Those of (n, 2, 3) boxes that hold something: no object without triangles, no absent one."""
+    return boxes[boxes[:, 0, 0] <= boxes[:, 1, 0]]
 
 
 def core_of(boxes: Float64) -> Float64:

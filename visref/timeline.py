@@ -57,9 +57,9 @@ class Timeline:
         self._source = path.source
         self._frames = path.frames
         self._motion = None if rest_pose or scene.rig is None else scene.rig.motion
-        self._rest_absent = (
-            np.zeros(scene.object_count, np.bool_) if scene.absent is None else scene.absent
-        )
+        # What is not there whatever level of detail is: of a scene from a file, what that hides.
+        hidden = scene.absent if scene.rig is None else scene.rig.hidden
+        self._rest_hidden = np.zeros(scene.object_count, np.bool_) if hidden is None else hidden
         self._scene = scene
         if self._motion is not None:
             self._refuse_without_time(scene)
@@ -175,7 +175,7 @@ class Timeline:
 
     def _make_pose(self, index: int) -> _Pose:
         frame, rig = self._frames[index], self._rig
-        pose = _Pose(absent=self._rest_absent.copy())
+        pose = _Pose(absent=self._rest_hidden.copy())
         skinned = np.zeros(len(pose.absent), np.bool_)
         if self._motion is not None and frame.time_s is not None:
             moment: Moment = self._motion.at(self._clip(frame, index), frame.time_s)
@@ -194,10 +194,13 @@ class Timeline:
                     pose.before[place] = matrix
                 else:
                     pose.worlds[place] = matrix
+        there = {group.levels: 0 for group in self._scene.groups if group.levels}
         for name, level in frame.levels.items():
-            levels = self._meanings.level(name, level, index)
+            there[self._meanings.level(name, level, index)] = level
+        for levels, chosen in there.items():
             for number, objects in enumerate(levels):
-                pose.absent[list(objects)] = number != level
+                if number != chosen:
+                    pose.absent[list(objects)] = True
         for name in frame.absent:
             pose.absent[list(self._meanings.objects(name, index, "absent"))] = True
         return pose

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import MOST_SNAP_PX, Raster, RasterTolerance
-from visref.scene import Int32, Scene
+from visref.scene import OTHERS_MOVE, Int32, Scene, same_moving
 from visref.visibility import BACKGROUND
 from visref_culling.gl.changes import Changes, write_indices, write_rows, write_vertices
 from visref_culling.gl.device import Device, State, Target, UsesDevice, device
@@ -68,6 +68,13 @@ class ItemBuffer:
         self.over = ~(self.solid | self.by_mask)
         self.opaque, self.others = self.upload(self.solid), self.upload(self.over)
         self.masked = self.upload_masked(self.by_mask)
+
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment: what it changes is written. Raises ValueError where
+        other objects move than in the scene that this was made of."""
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        self.update(scene, Changes.between(self.scene, scene))
 
     def view(self, camera: Camera) -> View:
         return View.of(camera, self.scene, self.device.subpixel_bits)
@@ -232,6 +239,12 @@ class GLRaster(UsesDevice, Raster):
             declared = replace(declared, snap_px=MOST_SNAP_PX)
         if declared.snap_px > self.tolerance.snap_px:
             self.tolerance = declared
+
+    def pose(self, scene: Scene) -> None:
+        """Follow the scene to another moment, as `ItemBuffer.pose`."""
+        self.scene = scene
+        if self._items is not None:
+            self._items.pose(scene)
 
     def _ready(self) -> ItemBuffer:
         if self._items is None:

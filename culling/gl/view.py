@@ -143,7 +143,8 @@ class View:
         if self.camera.clip_plane is None:
             return None
         plane, error = self._clip_plane
-        return plane - np.array([0.0, 0.0, 0.0, error])
+        inner: Float64 = plane - np.array([0.0, 0.0, 0.0, error])
+        return inner
 
     @property
     def is_cut(self) -> bool:

@@ -12,8 +12,10 @@ from visref.conformance import (
     engine_checks,
     parametrize_with_engine_checks,
 )
+from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
+from visref.scene import Scene
 from visref.visibility import BlendVisibility, Ties, VisibilityBuffer
 
 pytestmark = pytest.mark.slow
@@ -83,6 +85,13 @@ class Remembers(Changed):
         return truth
 
 
+class StaysBehind(ExactEngine):
+    """Says that it follows, and answers for where things were."""
+
+    def pose(self, scene):
+        self.scene = scene
+
+
 class FailsToCloseTwice(ExactEngine):
     closed = False
 
@@ -102,9 +111,23 @@ class FailsToCloseTwice(ExactEngine):
         (FillsTheBackground, "walk_through_a_city"),
         (DependsOnThreads, "same_answer_again"),
         (Remembers, "same_answer_again"),
+        (StaysBehind, "in_motion"),
         (FailsToCloseTwice, "close_at_any_time"),
     ],
 )
 def test_wrong_engine_fails_its_check(engine, check):
     with pytest.raises(AssertionError, match=check):
         assert_engine_conforms(engine, checks=[CHECKS[check]])
+
+
+class StandsStill(TruthEngine):
+    name, summary = "still", "an engine for scenes that stand still"
+
+    def frame(self, camera):
+        raise AssertionError("it was asked for a scene that moves")
+
+
+def test_an_engine_that_does_not_pose_is_not_asked_to():
+    assert not StandsStill(Scene.from_objects([])).poses
+    assert ExactEngine(Scene.from_objects([])).poses
+    assert_engine_conforms(StandsStill, checks=[CHECKS["in_motion"]])

@@ -43,36 +43,43 @@ class Compared:
 
 
 class Drawn(Culler):
-    """Draws what the case says."""
+    """Draws what the case says, one set of unit ids after another."""
 
     name = "drawn"
 
-    def __init__(self, case: Case) -> None:
-        self.promise = Promise(case.promise)
-        lists = case.unit_lists
+    def __init__(
+        self, lists: list[list[int]], promise: str, drawn: list[list[int]], *, joint: bool = False
+    ) -> None:
+        self.promise, self.joint = Promise(promise), joint
         self._units = Units(
             np.cumsum([0, *(len(unit) for unit in lists)]),
             np.array([i for unit in lists for i in unit], np.int32),
             "cell",
         )
-        self._coming = iter(case.drawn)
+        self._coming = iter(drawn)
 
     def prepare(self, scene: Scene) -> Units:
         return self._units
 
+    def update(self, scene: Scene) -> None:
+        """What is drawn is said, whatever moves."""
+
     def cull(self, camera: Any) -> DrawnSet:
         return DrawnSet(np.array(next(self._coming), np.int32))
+
+    def cull_joint(self, cameras: Any) -> DrawnSet:
+        return self.cull(cameras)
 
 
 class Kept:
     """A run's listener that keeps truths as they were cast, and what they were settled to."""
 
     def __init__(self) -> None:
-        self.cast: list[FrameTruth] = []
+        self.cast: list[tuple[int, FrameTruth]] = []
         self.judged: list[JudgedFrame] = []
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
-        self.cast.append(truth.copy())
+        self.cast.append((frame, truth.copy()))
 
     def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
         self.judged.append(judged)
@@ -97,7 +104,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
     frames = []
     for number, camera in enumerate(case.frames):
         view = brute.View(triangles, camera)
-        states = _States(view, scene, path.cameras[number], result)
+        states = States(view, scene, path.cameras[number], result)
         frames.append([brute.Sample(view, at, states) for at in range(len(view.grid))])
     expected = [
         brute.judge(samples, triangles, case.unit_lists, drawn, case.promise)
@@ -110,7 +117,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
             sets = read_visible_sets(sets_file, scene, every, len(path))
             culler: Culler = Replay(sets, path, Promise(case.promise))
         else:
-            culler = Drawn(case)
+            culler = Drawn(case.unit_lists, case.promise, case.drawn)
         # One thread: so small an image is sooner cast than handed round.
         referee = Referee(scene, lambda name=name: ENGINES[name](scene, threads=1), threads=1)
         outcome = referee.run(path, range(len(path)), [("fuzz", culler)], [kept])
@@ -120,19 +127,16 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
         for number, (samples, wanted, drawn) in enumerate(
             zip(frames, expected, case.drawn, strict=True)
         ):
-            cast, judged = kept.cast[number], kept.judged[number]
-            where = f"{name} frame {number}"
+            judged, where = kept.judged[number], f"{name} frame {number}"
             if name == "exact":
-                result.differences += _owners(where, samples, judged.truth)
-                result.differences += _counts(where, judged, wanted)
+                result.differences += exact_differs(where, [samples], judged, wanted)
             else:
-                drawn_triangles = {i for unit in drawn for i in case.unit_lists[unit]}
-                result.differences += _clears_only(
-                    where, samples, cast, judged, wanted, drawn_triangles
-                )
-            result.seen[f"lost in {name}"] += len(judged.settled.walk.lost_samples)
+                shown = {i for unit in drawn for i in case.unit_lists[unit]}
+                cast = [kept.cast[number][1]]
+                result.differences += clears_only(where, [samples], cast, judged, wanted, shown)
+            result.seen[f"lost in {name}"] += len(lost_samples(judged))
         if name == "exact":
-            result.differences += _status(outcome, expected, case.promise)
+            result.differences += status_differs(outcome, expected, case.promise)
             result.seen[f"cases: status {outcome.cullers[0].status.value}"] += 1
     result.seen.update(f"cases: {kind}" for kind in case.kinds)
     for samples, (counts, _, _) in zip(frames, expected, strict=True):
@@ -145,7 +149,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
     return result
 
 
-class _States:
+class States:
     """What a mask says, by the brute force; where that lies on a border that float64 cannot
     see, what visref says, which must be one of the two answers there."""
 
@@ -173,9 +177,27 @@ class _States:
         return answer if len(may) == 1 else said
 
 
-def _owners(where: str, samples: list[brute.Sample], truth: FrameTruth | None) -> list[str]:
+def lost_samples(judged: JudgedFrame) -> set[int]:
+    """Of all views of a drawn set, numbered through in their order."""
+    found, start = set(), 0
+    for settled in judged.settled:
+        found |= {start + at for at in settled.walk.lost_samples.tolist()}
+        start += settled.truth.buffer.triangle.size
+    return found
+
+
+def exact_differs(
+    where: str, views: list[list[brute.Sample]], judged: JudgedFrame, wanted: tuple[Any, ...]
+) -> list[str]:
+    """An exact engine's verdict: all that it holds."""
+    found = []
+    for samples, settled in zip(views, judged.settled, strict=True):
+        found += _owners(f"{where} {settled.truth.camera.view}", samples, settled.truth)
+    return found + _counts(where, judged, wanted)
+
+
+def _owners(where: str, samples: list[brute.Sample], truth: FrameTruth) -> list[str]:
     """Owners and ties, what is in doubt, and glass, sample by sample."""
-    assert truth is not None
     found = []
     owner = truth.buffer.triangle.reshape(-1)
     doubt_at = truth.doubt.at()
@@ -201,8 +223,7 @@ def _counts(where: str, judged: JudgedFrame, wanted: tuple[Any, ...]) -> list[st
         for name in COUNTS
         if getattr(said, name) != counts[name]
     ]
-    assert judged.settled is not None
-    here = set(judged.settled.walk.lost_samples.tolist())
+    here = lost_samples(judged)
     if here != lost:
         found.append(f"{where}: lost samples {here ^ lost}")
     convicted = {m.object for m in judged.record.verdict.misses if m.kind == "confirmed"}
@@ -211,10 +232,10 @@ def _counts(where: str, judged: JudgedFrame, wanted: tuple[Any, ...]) -> list[st
     return found
 
 
-def _clears_only(
+def clears_only(
     where: str,
-    samples: list[brute.Sample],
-    cast: FrameTruth,
+    views: list[list[brute.Sample]],
+    casts: list[FrameTruth],
     judged: JudgedFrame,
     wanted: tuple[Any, ...],
     drawn: set[int],
@@ -222,15 +243,18 @@ def _clears_only(
     """A ray engine's verdict: whatever it says is lost is lost, and what it does not say is what
     it took for drawn, or for nothing."""
     counts, lost, loses = wanted
-    found = []
-    assert judged.settled is not None
-    here = set(judged.settled.walk.lost_samples.tolist())
-    found += [f"{where}: sample {at} is not lost" for at in sorted(here - lost)]
-    owner, doubt_at = cast.buffer.triangle.reshape(-1), cast.doubt.at()
-    for at in sorted(lost - here):
-        may = {int(owner[at]), *cast.doubt.triangle[doubt_at == at].tolist()}
-        if owner[at] >= 0 and not may & drawn:
-            found.append(f"{where}: sample {at} was seen to be lost, and let go")
+    here = lost_samples(judged)
+    found = [f"{where}: sample {at} is not lost" for at in sorted(here - lost)]
+    start = 0
+    for samples, cast in zip(views, casts, strict=True):
+        owner, doubt_at = cast.buffer.triangle.reshape(-1), cast.doubt.at()
+        for at in range(len(samples)):
+            if start + at not in lost - here:
+                continue
+            may = {int(owner[at]), *cast.doubt.triangle[doubt_at == at].tolist()}
+            if owner[at] >= 0 and not may & drawn:
+                found.append(f"{where}: sample {start + at} was seen to be lost, and let go")
+        start += len(samples)
     misses = judged.record.verdict.misses
     convicted = {m.object for m in misses if m.kind == "confirmed"}
     found += [f"{where}: object {o} loses nothing" for o in sorted(convicted - loses)]
@@ -240,7 +264,7 @@ def _clears_only(
     return found
 
 
-def _status(outcome: RunOutcome, expected: list[Any], promise: str) -> list[str]:
+def status_differs(outcome: RunOutcome, expected: list[Any], promise: str) -> list[str]:
     totals: Counter[str] = Counter()
     for counts, _, _ in expected:
         totals.update(counts)

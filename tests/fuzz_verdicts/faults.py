@@ -86,13 +86,13 @@ def origin_is_not_subtracted(patch: Patch) -> None:
 @fault(0)
 def vertices_are_rounded_before_the_origin(patch: Patch) -> None:
     """Far out, the reader rounds to float32 before it subtracts the origin."""
-    transformed = placed._transformed
+    transformed = placed.transformed
 
     def rounded(worlds: Any, positions: Any, origin: Any) -> Any:
         points, moved = transformed(worlds, positions, np.zeros(3))
         return (points - origin.astype(np.float32)).astype(np.float32), moved * 0
 
-    patch.setattr(placed, "_transformed", rounded)
+    patch.setattr(placed, "transformed", rounded)
 
 
 def _states(patch: Patch, change: Callable[..., Any]) -> None:

@@ -112,6 +112,8 @@ def brute_force(scene: Scene, camera: Camera) -> Reference:
     owner = np.full(a.shape, BACKGROUND)
     doubtful = np.zeros(a.shape, np.bool_)
     for t, ids in enumerate(scene.triangles):
+        if not scene.present[t]:
+            continue
         p = scene.vertices[ids].astype(np.float64) - camera.eye
         normal = np.cross(p[1] - p[0], p[2] - p[0])
         with np.errstate(divide="ignore", invalid="ignore"):

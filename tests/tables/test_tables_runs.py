@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support import tables_runs
+from tests.support.dying import content
 from tests.support.tables_runs import ALL, BROKEN, NOTHING, SIZE, STOPPED, TOWN, All, Steps, paper
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
@@ -184,6 +185,22 @@ def test_what_failed_leaves_no_record_of_an_earlier_time(tmp_path):
     run(tmp_path, [paper((), (Experiment("one", "counting"),))])
     measured, _ = run(tmp_path, [paper((), (Experiment("one", "without_gl"),))])
     assert measured.results(measured.papers[0]).experiment("one") is None
+
+
+@pytest.mark.parametrize(
+    "work", [Experiment("one", "counting"), JudgedRun("one", TOWN, (ALL,), size=SIZE)]
+)
+def test_what_a_user_put_into_a_record_stays_and_the_record_is_not_read(work, tmp_path):
+    papers = [paper((work,), ()) if isinstance(work, JudgedRun) else paper((), (work,))]
+    run(tmp_path, papers, frames=1)
+    record = tmp_path / "records" / "toy" / "one"
+    (record / "notes.txt").write_text("mine")
+    before = content(record)
+    measured, _ = run(tmp_path, papers, frames=2)
+    assert "'notes.txt', which visref did not write" in measured.failures["toy/one"]
+    assert content(record) == before
+    results = measured.results(measured.papers[0])
+    assert (results.run("one"), results.experiment("one")) == (None, None)
 
 
 def test_a_violation_stands_in_the_records(tmp_path):

@@ -20,7 +20,7 @@ from visref.bench.verdict import headline, sentences
 from visref.camera_path import CameraPath
 from visref.recordings.truth_file import path_digest
 from visref.report import words
-from visref.report.bench_folder import MARKER
+from visref.report.bench_folder import FORMAT, MARKER
 from visref.report.environment import page_environment
 from visref.scene import Scene
 from visref.threads import available_threads
@@ -71,7 +71,7 @@ def write_bench(
     )
     machine = _machine(threads)
     record = {
-        "format": "visref-bench",
+        "format": FORMAT,
         "version": 1,
         "scene": {"source": scene.source, "digest": scene.digest,
                   "objects": scene.object_count, "triangles": scene.triangle_count},

@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from visref.bench import MARKER, BenchRun, write_bench
+from visref.bench import BenchRun, write_bench
 from visref.bench.verdict import headline, sentences
 from visref.cli.arguments import add_scene_arguments, inputs_of
 from visref.cli.terminal import OUT, frame_bar
-from visref.files import replacing_folder
+from visref.files import refuse_inputs, replacing_folder
 from visref.inputs import Inputs
 from visref.judging.status import Exit
 from visref.picking import evenly_picked
+from visref.report.bench_folder import BENCH_FOLDER
 
 FRAMES = 6
 
@@ -26,9 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> Exit:
     inputs = inputs_of(given)
+    refuse_inputs(given.out, inputs.files)
     frames = _some_frames(inputs) if given.frames is None else list(inputs.frames)
     scene, path, threads = inputs.scene, inputs.path, inputs.threads
-    with frame_bar(len(frames)) as bar, replacing_folder(given.out, marker=MARKER) as folder:
+    with frame_bar(len(frames)) as bar, replacing_folder(given.out, kind=BENCH_FOLDER) as folder:
         measured = BenchRun(scene, path, frames, threads).run(bar.on_frame_done)
         write_bench(folder, measured, scene, path, threads)
     for line in (headline(measured), *sentences(measured)):

@@ -16,6 +16,7 @@ from visref.culler import (
     check_tolerance,
 )
 from visref.errors import InputError
+from visref.files import refuse_inputs
 from visref.judging.status import Exit
 from visref.numerals import decimal_number, whole_number
 from visref.recordings.visible_sets import Replay, read_visible_sets
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
+    refuse_inputs(given.out, [given.visible])
     inputs = inputs_of(given)
     recorded = read_visible_sets(
         given.visible,

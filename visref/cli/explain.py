@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from visref.cli.terminal import OUT
+from visref.files import refuse_inputs
 from visref.judging.status import Exit
 from visref.numerals import whole_number
 from visref.run_folder.explain import draw_neighbourhood, explain, picture_beside
+from visref.run_folder.layout import WITNESSES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,4 +42,7 @@ def _picture(given: argparse.Namespace, witness: Mapping[str, Any], index: int) 
     if given.picture is None:
         return picture_beside(given.run, witness)
     first: Path = given.picture
-    return first.with_stem(f"{first.stem}-{index + 1}") if index else first
+    picture = first.with_stem(f"{first.stem}-{index + 1}") if index else first
+    earlier = set((given.run / WITNESSES).glob("*.png"))
+    refuse_inputs(picture, set(given.run.rglob("*")) - earlier)
+    return picture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
+from visref.beside import steady
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
 from visref.findings import Code
@@ -41,7 +42,8 @@ def judge(
             listeners=[bar],
         )
     print_outcome(outcome)
-    for paper, tables in tables_beside(read_run(given.out, objects=False)):
+    written = steady(given.out, lambda folder: read_run(folder, objects=False))
+    for paper, tables in tables_beside(written):
         for table in tables:
             _print_beside_published(paper.name, table)
     OUT.line()

@@ -9,22 +9,25 @@
 The scenes are those of the suite for cullers, and the exact engine says what is right. An engine
 that is exact names every owner, every tie, every doubt and all glass. Any other must name the
 object that owns a sample where nothing within `FLOAT_TOLERANCE` of it would change the answer,
-and the background where nothing is near.
+and the background where nothing is near. An engine that overrides `pose` is also asked for a scene
+that moves; another one is for scenes that stand still.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.camera import Camera
 from visref.conformance.scenes import SCENES
 from visref.conformance.suite import built_case
 from visref.culler import RasterTolerance
 from visref.engines.base import TruthEngine
+from visref.engines.exact import ExactEngine
 from visref.exact import ExactScene, surviving
 from visref.scene import Int64, Scene
 from visref.visibility import BACKGROUND, FrameTruth
@@ -207,6 +210,53 @@ def _repeats(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
     return tuple(problems)
 
 
+def _moments(seed: int, count: int = 3) -> list[tuple[Scene, Camera]]:
+    """A city of which half moves, comes and goes, at several moments; each with a camera."""
+    built, _ = built_case("walk_through_a_city", seed)
+    still, cameras, rng = built.scene, list(built.path), np.random.default_rng(seed)
+    moving = np.arange(still.object_count) % 2 == 1
+    result = []
+    for moment in range(count):
+        vertices = still.vertices.astype(np.float64)
+        for each in np.flatnonzero(moving):
+            rows = still.triangles[still.object_offsets[each] : still.object_offsets[each + 1]]
+            vertices[np.unique(rows)] += rng.normal(size=3)
+        scene = replace(
+            still,
+            vertices=vertices.astype(np.float32),
+            absent=moving & (rng.random(len(moving)) < 0.2),
+            moving=moving,
+        )
+        result.append((scene, cameras[moment % len(cameras)]))
+    return result
+
+
+def _in_motion(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
+    """An engine that follows a scene sees it as it stands, whatever was before."""
+    moments = _moments(seed)
+    engines = [make_engine(moments[0][0], threads=count) for count in (1, 2)]
+    problems: list[str] = []
+    try:
+        # An engine that does not follow is for scenes that stand still.
+        if not engines[0].poses:
+            return ()
+        for number in (1, 2, 0, 2):
+            scene, camera = moments[number]
+            found = []
+            for engine in engines:
+                engine.pose(scene)
+                found.append(engine.frame(camera))
+            right = ExactEngine(scene).frame(camera)
+            told = _differences(ExactScene(scene), found[0], right, exact=engines[0].exact)
+            problems += [f"moment {number}: {line}" for line in told]
+            if _bytes(found[0]) != _bytes(found[1]):
+                problems.append(f"moment {number}: one thread and two give different answers")
+    finally:
+        for engine in engines:
+            engine.close()
+    return tuple(problems)
+
+
 def _empty(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
     """A scene without triangles is background."""
     built, _ = built_case("walk_through_a_city", seed)
@@ -238,6 +288,7 @@ def _closes(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
 
 _CONTRACT = [
     EngineCheck("same_answer_again", "threads and other frames change no byte", _repeats),
+    EngineCheck("in_motion", "a scene that moves is seen as it stands", _in_motion),
     EngineCheck("empty_scene_is_background", "nothing is background everywhere", _empty),
     EngineCheck("close_at_any_time", "closing never fails", _closes),
 ]

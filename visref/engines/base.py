@@ -52,7 +52,7 @@ class TruthEngine(ABC):
 
     @property
     def poses(self) -> bool:
-        """Whether it can cast a scene in which something moves."""
+        """Whether it can be asked to `pose`: whether its class says how."""
         return type(self).pose is not TruthEngine.pose
 
     def describe(self) -> str:

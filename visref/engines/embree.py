@@ -10,6 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from visref.engines.embree_packets import PacketScene, load_library
+from visref.engines.in_motion import Places, nearer
 from visref.engines.rays import RayEngine
 from visref.options import Option
 from visref.scene import Float32, Int32, Scene
@@ -41,6 +42,9 @@ class EmbreeEngine(RayEngine):
             else PacketScene(library, vertices, triangles, robust=self._robust)
         )
 
+    def _build_moving(self, vertices: Float32, triangles: Int32, places: Places) -> None:
+        self._casts.pose(vertices, triangles, places)
+
     def _nearest(self, rays: Float32) -> Int32:
         return self._casts.nearest(rays)
 
@@ -49,13 +53,33 @@ class SingleRays:
     """Triangles in Embree, cast a ray at a time by embreex."""
 
     def __init__(self, vertices: Float32, triangles: Int32, *, robust: bool) -> None:
+        self._robust = robust
+        self._still = self._built(vertices, triangles)
+        self._moving: tuple[EmbreeScene, TriangleMesh | None] | None = None
+
+    def pose(self, vertices: Float32, triangles: Int32, places: Places) -> None:
+        """As `PacketScene.pose`."""
+        self._moving = self._built(vertices, triangles)
+        self._places = places
+
+    def _built(
+        self, vertices: Float32, triangles: Int32
+    ) -> tuple[EmbreeScene, TriangleMesh | None]:
         # Stated, never left to the library's default.
-        self._scene = EmbreeScene(robust=robust)
-        self._geometry = TriangleMesh(self._scene, vertices, triangles)
+        scene = EmbreeScene(robust=self._robust)
+        mesh = TriangleMesh(scene, vertices, triangles) if len(triangles) else None
         # The first cast builds the hierarchy, which two threads must not do at once.
-        self.nearest(np.array([[0, 0, 0, 0, 0, 1]], np.float32))
+        scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+        return scene, mesh
 
     def nearest(self, rays: Float32) -> Int32:
         """(n,) int32, the nearest triangle along each ray (n, 6), -1 for none."""
-        primitives: Int32 = self._scene.run(rays[:, :3], rays[:, 3:])
-        return primitives
+        origins, directions = rays[:, :3], rays[:, 3:]
+        if self._moving is None:
+            primitives: Int32 = self._still[0].run(origins, directions)
+            return primitives
+        found = []
+        for scene, _ in (self._still, self._moving):
+            answer = scene.run(origins, directions, output=1)
+            found.append((answer["primID"], answer["tfar"]))
+        return nearer(found[0], found[1], self._places)

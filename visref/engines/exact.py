@@ -20,5 +20,9 @@ class ExactEngine(TruthEngine):
         super().__init__(scene, threads=threads)
         self.arithmetic = ExactScene(scene, threads=threads)
 
+    def pose(self, scene: Scene) -> None:
+        self.scene = scene
+        self.arithmetic.pose(scene)
+
     def frame(self, camera: Camera) -> FrameTruth:
         return self.arithmetic.certify(camera)

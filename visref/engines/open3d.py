@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from visref.engines.in_motion import Places, nearer
 from visref.engines.rays import RayEngine
 from visref.errors import InputError
 from visref.scene import Float32, Int32, Scene
@@ -33,9 +36,20 @@ class Open3DEngine(RayEngine):
         super().__init__(scene, threads=threads)
 
     def _build(self, vertices: Float32, triangles: Int32) -> None:
+        self._still = self._built(vertices, triangles)
+        self._moving: Any = None
+        self._places: Places | None = None
+
+    def _build_moving(self, vertices: Float32, triangles: Int32, places: Places) -> None:
+        self._moving = self._built(vertices, triangles)
+        self._places = places
+
+    def _built(self, vertices: Float32, triangles: Int32) -> Any:
         tensor = self._open3d.core.Tensor.from_numpy
-        self._raycasting = self._open3d.t.geometry.RaycastingScene(nthreads=self._workers)
-        self._raycasting.add_triangles(tensor(vertices), tensor(triangles.astype(np.uint32)))
+        scene = self._open3d.t.geometry.RaycastingScene(nthreads=self._workers)
+        if len(triangles):
+            scene.add_triangles(tensor(vertices), tensor(triangles.astype(np.uint32)))
+        return scene
 
     @property
     def _casting_workers(self) -> int:
@@ -43,9 +57,12 @@ class Open3DEngine(RayEngine):
         return 1
 
     def _nearest(self, rays: Float32) -> Int32:
-        answer = self._raycasting.cast_rays(
-            self._open3d.core.Tensor.from_numpy(rays), nthreads=self._workers
-        )
+        still = self._met(self._still, rays)
+        if self._places is None:
+            return still[0]
+        return nearer(still, self._met(self._moving, rays), self._places)
+
+    def _met(self, scene: Any, rays: Float32) -> tuple[Int32, Float32]:
+        answer = scene.cast_rays(self._open3d.core.Tensor.from_numpy(rays), nthreads=self._workers)
         # "No hit" is the greatest uint32, so -1.
-        primitives: Int32 = answer["primitive_ids"].numpy().view(np.int32)
-        return primitives
+        return answer["primitive_ids"].numpy().view(np.int32), answer["t_hit"].numpy()

@@ -55,8 +55,9 @@ class SampleGrid(NamedTuple):
     """A camera's samples. `axes`: (7, 3) float64, rows e, F, R, U and the duals of F, R, U,
     with which p - e = (p - e)·F* F + (p - e)·R* R + (p - e)·U* U; the first is view depth.
 
-    `scattered` makes it no grid but single points of the image, (column_a[i], row_b[i]) each:
-    the flat index is i.
+    `clips`: whether a hit at depth t counts only where clip[0] + a clip[1] + b clip[2] +
+    t (clip[3] + a clip[4] + b clip[5]) >= 0, (6,) float64. `scattered` makes it no grid but single
+    points of the image, (column_a[i], row_b[i]) each: the flat index is i.
     """
 
     axes: NDArray[np.float64]
@@ -66,6 +67,8 @@ class SampleGrid(NamedTuple):
     column_a: NDArray[np.float64]
     row_b: NDArray[np.float64]
     scattered: bool = False
+    clips: bool = False
+    clip: NDArray[np.float64] = np.zeros(6)
 
 
 @njit(inline="always")
@@ -111,6 +114,17 @@ def _offset(grid, a, b):  # type: ignore[no-untyped-def]
         a * m[2, 1] + b * m[3, 1],
         a * m[2, 2] + b * m[3, 2],
     )
+
+
+@njit(inline="always")
+def _counts(grid, z, a, b):  # type: ignore[no-untyped-def]
+    """Whether a hit at view depth z lies within the range, and before the clip plane."""
+    if not (z >= grid.near and z <= grid.far):
+        return False
+    if not grid.clips:
+        return True
+    c = grid.clip
+    return c[0] + a * c[1] + b * c[2] + z * (c[3] + a * c[4] + b * c[5]) >= 0.0
 
 
 @njit(inline="always")
@@ -249,7 +263,7 @@ def resolve(
             z = numerator / denominator
             covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
             true_hit = covers and z >= low and z <= high
-            if true_hit and z >= grid.near and z <= grid.far:
+            if true_hit and _counts(grid, z, grid.column_a[x], b):
                 triangle[s] = t
                 depth[s] = z
             elif not (true_hit and z > grid.far + depth_slack):
@@ -388,7 +402,7 @@ def splat(
                 if not mark[s] or not _meets(edges, facet, mesh, grid, t, a, b):
                     continue
                 z = _depth_interval(facet, grid, a, b)[0]
-                if z >= grid.near and z <= grid.far and z < depth[s]:
+                if z < depth[s] and _counts(grid, z, a, b):
                     triangle[s] = t
                     depth[s] = z
 
@@ -429,7 +443,7 @@ def layers(
                 if not _meets(edges, facet, mesh, grid, t, a, b):
                     continue
                 z, error = _depth_interval(facet, grid, a, b)
-                if not (z >= grid.near and z <= grid.far):
+                if not _counts(grid, z, a, b):
                     continue
                 s = y * width + x
                 if owner[s] >= 0:
@@ -501,6 +515,6 @@ def settle_points(
             if not _covers(mesh, grid, t, (p0, p1, p2), a, b):
                 continue
             z = _depth_interval(_facet(mesh, grid, t), grid, a, b)[0]
-            if z >= grid.near and z <= grid.far and z < depth[i]:
+            if z < depth[i] and _counts(grid, z, a, b):
                 triangle[i] = t
                 depth[i] = z

@@ -12,6 +12,10 @@ are float64. To keep float32 rounding small, the scene is moved so that it lies 
 origin, and rays start just before the scene or the near plane, however far the eye is. To keep
 within float32's exponents it is scaled by a power of two, which rounds nothing, and known samples
 tell whether that was enough.
+
+In a scene that moves, what stands still is built once, and each pose builds the rest
+(`visref.engines.in_motion`). How the scene is moved and scaled hangs on the pose alone, so that a
+frame's truth does not depend on the frames cast before it.
 """
 
 from __future__ import annotations
@@ -29,6 +33,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
+from visref.engines.in_motion import Parts, Places, place_corners, reach, scale_of
 from visref.engines.known_samples import (
     DEPTH_ROUNDING,
     PER_OCTAVE_IN_VIEW,
@@ -40,7 +45,17 @@ from visref.engines.known_samples import (
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import Alpha, Float32, Float64, Int32, Scene, origin_of
+from visref.scene import (
+    OTHERS_MOVE,
+    Alpha,
+    Float32,
+    Float64,
+    Int32,
+    Scene,
+    origin_of,
+    same_moving,
+    somewhere,
+)
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
@@ -65,9 +80,10 @@ class RayEngine(TruthEngine):
     """A truth engine over a ray library; subclasses say how rays are cast.
 
     `rebase`: (3,) float64, what is subtracted from the scene before it becomes float32 again;
-    `rebase_exact` says that no vertex was rounded by it. `scale`: a power of two by which the rest
-    is multiplied, so that the greatest coordinate that the library gets is between 1/2 and 1:
-    it multiplies lengths, and ignores what lies beyond some 1e18.
+    `rebase_exact` says that no vertex was rounded by it, in any pose so far. `scale`: a power of
+    two by which the rest is multiplied, so that the greatest coordinate that the library gets of
+    what stands still is between 1/2 and 1: it multiplies lengths, and ignores what lies beyond
+    some 1e18.
 
     Raises InputError where the library does not see what it was given (`known_samples`).
     """
@@ -78,37 +94,111 @@ class RayEngine(TruthEngine):
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         super().__init__(scene, threads=threads)
         self._workers = threads or available_threads()
-        self.rebase = origin_of(scene.object_bounds[np.diff(scene.object_offsets) > 0])
-        local, self.scale, self.rebase_exact = _local(scene.vertices, self.rebase)
+        moving = scene.moving if scene.moving is not None and scene.moving.any() else None
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
+        if scene.absent is not None:
+            ever = ~scene.absent if moving is None else ~scene.absent | moving
+            self._solid = self._solid[ever[scene.object_of_triangle[self._solid]]]
         self._masked = _of_alpha(scene, Alpha.MASK)
         self._blended = _of_alpha(scene, Alpha.BLEND)
         self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
-        self._reach = float(np.abs(local).max(initial=0.0)) / self.scale
         self._triangle: Int32 = np.empty(0, np.int32)
         self._depth: Float64 = np.empty(0)
         self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
+        self.rebase_exact = True
+        self._parts: Parts | None = None
+        if moving is not None:
+            self._parts = Parts(scene, moving, self._solid)
+            # Of what stands still: the greatest coordinate, and the scale with which it was built.
+            self._still_reach, self._still_scale = 0.0, 0.0
+            self.rebase = np.full(3, np.nan)
+            self._place(self._parts)
+            return
+        self.rebase = origin_of(somewhere(scene.object_bounds))
+        local, self.scale, self.rebase_exact = _local(scene.vertices, self.rebase)
+        self._reach = float(np.abs(local).max(initial=0.0)) / self.scale
         if len(self._solid):
-            self._build(local, scene.triangles[self._solid])
-            self._check_sight(local, scene.triangles[self._solid])
+            triangles = scene.triangles[self._solid]
+            self._build(local, triangles)
+            self._check_sight(local, triangles, np.arange(len(triangles), dtype=np.int32))
 
     @abstractmethod
     def _build(self, vertices: Float32, triangles: Int32) -> None:
-        """Meet the opaque triangles, once: local vertices (v, 3), at least one triangle."""
+        """Meet the opaque triangles that stand still: local vertices (v, 3) and triangles (t, 3).
+        Again where another translation or scale is taken."""
+
+    @abstractmethod
+    def _build_moving(self, vertices: Float32, triangles: Int32, places: Places) -> None:
+        """Meet those that move, as they are now, in place of what they were: called after each
+        pose where something opaque moves. From then on, `_nearest` answers in `places`, for
+        which see `nearer`."""
 
     @abstractmethod
     def _nearest(self, rays: Float32) -> Int32:
-        """The nearest triangle along each ray, -1 for none.
+        """The place in `_solid` of the nearest triangle along each ray, -1 for none.
 
         `rays`: (n, 6), origins and directions. Hits count from parameter 0 on, closed.
         """
 
-    def _check_sight(self, vertices: Float32, triangles: Int32) -> None:
-        """Raise InputError if the library, as built, gets a known sample wrong."""
+    def pose(self, scene: Scene) -> None:
+        if self._parts is None or not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        self.scene = scene
+        self._mesh = self._mesh._replace(vertices=scene.vertices, triangles=scene.triangles)
+        self.__dict__.pop("_picked", None)
+        self._place(self._parts)
+
+    def _place(self, parts: Parts) -> None:
+        """Let the library see the scene of this moment."""
+        scene, solid = self.scene, self._solid
+        parts.meet(scene)
+        rebase = parts.origin()
+        if not np.array_equal(rebase, self.rebase):
+            self.rebase, self._still_scale = rebase, 0.0
+            self._still_reach = reach(*self._mesh[:2], solid[parts.still], rebase)
+        moving = solid[parts.there]
+        outer = reach(*self._mesh[:2], moving, rebase)
+        self.scale = scale_of(self._still_reach, outer)
+        self._reach = max(self._still_reach, outer)
+        built: list[tuple[Float32, Int32, Int32]] = []
+        if self._still_scale != self.scale and len(solid):
+            self._still_scale = self.scale
+            vertices, triangles = parts.standing(scene)
+            local, _, exact = _local(vertices, rebase, self.scale)
+            self.rebase_exact &= exact
+            self._build(local, triangles)
+            built.append((local, triangles, parts.still))
+        if len(parts.movable):
+            corners, exact = self._corners(moving)
+            self.rebase_exact &= exact
+            own = _own_corners(len(moving))
+            self._build_moving(corners, own, (parts.still, parts.there))
+            built.append((corners, own, parts.there))
+        for part in built:
+            self._check_sight(*part)
+
+    def _corners(self, which: Int32) -> tuple[Float32, bool]:
+        """Local corners of some triangles, (3 k, 3), and whether no rounding came of it."""
+        corners = np.empty((3 * len(which), 3), np.float32)
+        mesh = self._mesh
+        exact = place_corners(
+            mesh.vertices, mesh.triangles, which, self.rebase, self.scale, corners
+        )
+        return corners, bool(exact)
+
+    def _check_sight(self, vertices: Float32, triangles: Int32, places: Int32) -> None:
+        """Raise InputError if the library, as built, gets a known sample of some triangles wrong:
+        local ones, (t, 3), at `places`, (t,), in `_solid`."""
         known = known_samples(vertices, triangles)
-        wrong = misses(known, self._nearest(known.rays), vertices, triangles)
+        answer = self._nearest(known.rays)
+        known = known._replace(primitive=places[known.primitive])
+        # All that is asked for or met, in corners of its own.
+        some = np.unique(np.concatenate([known.primitive, answer[answer >= 0]]))
+        asked = known._replace(primitive=np.searchsorted(some, known.primitive).astype(np.int32))
+        met = np.where(answer >= 0, np.searchsorted(some, answer), BACKGROUND).astype(np.int32)
+        wrong = misses(asked, met, self._corners(self._solid[some])[0], _own_corners(len(some)))
         if not len(wrong):
             return
         first = int(self._solid[known.primitive[wrong[0]]])
@@ -125,7 +215,8 @@ class RayEngine(TruthEngine):
     def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
         """Which triangles a view shows by a pixel or more around their centres while its ray there
         meets nothing, or only what lies behind: (k,) int32; and how many were asked for."""
-        if not len(self._solid):
+        if not len(self._solid) or camera.clip_plane is not None:
+            # What a plane cuts away is known to nobody here.
             return np.zeros(0, np.int32), 0
         camera = camera.relative_to(self.scene.origin)
         corners = self.scene.vertices[self.scene.triangles[self._picked]].astype(np.float64)
@@ -259,7 +350,7 @@ class RayEngine(TruthEngine):
         less the slack: an origin far from the scene would round by more than the scene's own
         coordinates do.
         """
-        low, high = self.scene.bounds
+        low, high = self.scene.bounds if self._parts is None else self._parts.bounds()
         corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
         nearest = float(((corners - grid.axes[0]) @ grid.axes[4]).min())
         depth = max(grid.near, nearest)
@@ -350,17 +441,25 @@ class RayEngine(TruthEngine):
         return list(self._pool.map(work, range(workers)))
 
 
-def _local(vertices: Float32, rebase: Float64) -> tuple[Float32, float, bool]:
-    """(vertices - rebase) * scale in float32, (v, 3), the scale, a power of two with which the
-    greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either way)."""
+def _local(
+    vertices: Float32, rebase: Float64, scale: float | None = None
+) -> tuple[Float32, float, bool]:
+    """(vertices - rebase) * scale in float32, (v, 3), the scale, by default a power of two with
+    which the greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either
+    way)."""
     # Nothing is allocated twice: a scene may have millions of vertices.
     moved = vertices - rebase
     exact = not rebase.any() or np.array_equal(moved + rebase, vertices)
-    greatest = max(-moved.min(initial=0.0), moved.max(initial=0.0))
-    scale = 2.0 ** -int(np.frexp(greatest)[1])
+    if scale is None:
+        scale = scale_of(max(-moved.min(initial=0.0), moved.max(initial=0.0)), 0.0)
     moved *= scale
     local = moved.astype(np.float32)
     return local, scale, bool(exact and np.array_equal(local, moved))
+
+
+def _own_corners(count: int) -> Int32:
+    """(count, 3) int32: triangles that share no corner."""
+    return np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def _about_one(directions: Float64) -> Float64:
@@ -381,7 +480,21 @@ def sample_grid(camera: Camera) -> SampleGrid:
         float(camera.far),
         camera.column_a,
         camera.row_b,
+        clips=camera.clip_plane is not None,
+        clip=_clip(camera),
     )
+
+
+def _clip(camera: Camera) -> Float64:
+    """(6,) float64, the clip plane as `SampleGrid.clip` has it; zeros without one."""
+    result = np.zeros(6)
+    if camera.clip_plane is not None:
+        normal, offset = np.array(camera.clip_plane[:3]), camera.clip_plane[3]
+        result[0], result[3] = normal @ camera.eye + offset, normal @ camera.forward
+        aside = normal @ camera.right_step, normal @ camera.up_step
+        result[4:6] = aside if camera.is_perspective else 0.0
+        result[1:3] = 0.0 if camera.is_perspective else aside
+    return result
 
 
 def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:

@@ -14,7 +14,8 @@ from visref.visibility import FrameTruth
 class RecalledTruths(TruthEngine):
     """The exact engine's truths of a path's views, already cast, in the path's order.
 
-    It knows the cameras of that path and no others.
+    It knows the cameras of that path and no others. Raises ValueError where things move and a
+    camera stands in two frames: which of their truths is meant?
     """
 
     name = "exact"
@@ -27,8 +28,11 @@ class RecalledTruths(TruthEngine):
         self._path = path
         cameras = [camera for frame in path.frames for camera in frame.cameras]
         self._truths = {id(c): truth for c, truth in zip(cameras, truths, strict=True)}
+        if scene.moving is not None and len(self._truths) < len(truths):
+            raise ValueError("one camera stands in two frames of a scene that moves")
 
     def pose(self, scene: Scene) -> None:
+        """A truth is of its frame's moment already."""
         self.scene = scene
 
     def frame(self, camera: Camera) -> FrameTruth:

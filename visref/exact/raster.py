@@ -34,6 +34,7 @@ from visref.exact.filters import (
     SIGN_BOUND,
     U,
     View,
+    clip_state,
     set_up,
 )
 from visref.exact.screen import (
@@ -234,7 +235,7 @@ def rasterise(
                     c, t, view, (column_a, row_b), rectangle, (left, top, own), out, count
                 )
                 continue
-            check = keys[k, CHECK] != 0.0
+            check = keys[k, CHECK] != 0.0 or view.clips
             c0, ca0, cb0, c1, ca1, cb1, c2, ca2, cb2 = (
                 c[EDGE_0], c[EDGE_0 + 1], c[EDGE_0 + 2],
                 c[EDGE_1], c[EDGE_1 + 1], c[EDGE_1 + 2],
@@ -292,6 +293,11 @@ def rasterise(
                                     and upper <= view.near_enough
                                     and lower >= view.far_enough
                                 )
+                                if view.clips:
+                                    counts = clip_state(view, lower, upper, a, b)
+                                    if counts < 0:
+                                        continue
+                                    certain = certain and counts > 0
                             if own[place] == NOT_WANTED:
                                 continue
                             if certain and not collect and lower > low[place]:

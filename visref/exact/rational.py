@@ -12,6 +12,7 @@ D, each affine in (a, b), with their signs made such that inside means edges >= 
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -172,7 +173,32 @@ class ExactFrame:
         result &= self._compare_depth(n, d, self.camera.near) >= 0
         if np.isfinite(self.camera.far):
             result &= self._compare_depth(n, d, self.camera.far) <= 0
+        if self.camera.clip_plane is not None:
+            for k in np.flatnonzero(result):
+                result[k] = self._is_before_clip(int(n[k]), int(d[k]), int(samples[k]))
         return result
+
+    def _is_before_clip(self, n: int, d: int, sample: int) -> bool:
+        """Whether the point at depth n / d, in units of depth, of a sample's ray lies before the
+        clip plane, or in it."""
+        camera = self.camera
+        assert camera.clip_plane is not None
+        *normal, offset = (Fraction(value) for value in camera.clip_plane)
+        width = len(camera.column_a)
+        a = Fraction(float(camera.column_a[sample % width]))
+        b = Fraction(float(camera.row_b[sample // width]))
+
+        def along(vector: Float64) -> Fraction:
+            pairs = zip(normal, vector, strict=True)
+            return sum((one * Fraction(float(other)) for one, other in pairs), Fraction(0))
+
+        aside = a * along(camera.right_step) + b * along(camera.up_step)
+        at_eye, per_depth = along(camera.eye) + offset, along(camera.forward)
+        if camera.is_perspective:
+            per_depth += aside
+        else:
+            at_eye += aside
+        return at_eye + Fraction(n, d) * Fraction(2) ** self._depth_unit * per_depth >= 0
 
     def _compare_depth(self, n: Integers, d: Integers, limit: float) -> NDArray[np.int8]:
         """The sign of n / d - limit, where d > 0."""

@@ -23,6 +23,7 @@ from visref.exact.filters import (
     SET_UP_SIZE,
     U,
     View,
+    clip_state,
     set_up,
     view_of,
 )
@@ -52,6 +53,7 @@ class Ray:
     height: int = 1
     shift_x_px: float = 0.0
     shift_y_px: float = 0.0
+    clip_plane: tuple[float, float, float, float] | None = None
 
     @classmethod
     def from_definition(cls, definition: Mapping[str, Any], x: int, y: int) -> Ray:
@@ -91,6 +93,15 @@ class Ray:
                 raise InputError("it is no integer", place=f"samples.{name}", fix="record it anew")
             return int(entry(name))
 
+        def plane() -> tuple[float, float, float, float]:
+            values = entry("clip_plane")
+            if not isinstance(values, list) or len(values) != 4:
+                raise InputError(
+                    "it is no list of four", place="samples.clip_plane", fix="record it anew"
+                )
+            a, b, c, d = (number(value, "samples.clip_plane") for value in values)
+            return a, b, c, d
+
         # In the order of operations of Camera.column_a and row_b.
         a = 2.0 * (float(x) + scalar("shift_x_px")) + 1.0 - whole("width")
         b = whole("height") - 2.0 * (float(y) + scalar("shift_y_px")) - 1.0
@@ -104,6 +115,7 @@ class Ray:
             row_b=np.array([b]),
             near=scalar("near"),
             far=scalar("far"),
+            clip_plane=plane() if "clip_plane" in definition else None,
         )
 
 
@@ -187,6 +199,8 @@ def _by_floats(
         for value, bound in zip(values[:3], terms[BOUND_0 : BOUND_0 + 3], strict=True)
     )
     inside = inside and key + error <= view.near_enough and key - error >= view.far_enough
+    if view.clips:
+        inside = inside and clip_state(view, key - error, key + error, a, b) > 0
     if not ray.is_perspective:
         return -key, error, inside
     if not key - error > 0.0:

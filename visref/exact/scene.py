@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.exact import raster, screen
+from visref.exact.clusters import CLUSTER, Clusters
 from visref.exact.contests import Contest, crown, group, level_groups
 from visref.exact.depths import depths
 from visref.exact.filters import View, view_of
 from visref.exact.layers import blended, masked
-from visref.exact.rational import ExactFrame, lowest_bit, plane_names
-from visref.scene import Alpha, Float64, Int32, Int64, Scene
+from visref.exact.planes import Planes
+from visref.exact.rational import ExactFrame
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
@@ -37,12 +39,9 @@ from visref.visibility import (
 Bool = NDArray[np.bool_]
 Part = TypeVar("Part")
 
-# Triangles in a cluster: enough that its box costs little, few enough that it is small.
-CLUSTER = 32
 # Work is cut into this many parts whatever the number of threads, so that no array depends on it.
 PARTS = 32
 LEAST_CLUSTERS = 16
-UNKNOWN_PLANE = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,25 +69,33 @@ class ExactScene:
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         self.scene = scene
         self._threads = threads or available_threads()
-        order = _spatial_order(scene)
-        self.order = order.astype(np.int32)
-        corners = scene.vertices[scene.triangles[order]]
-        self.corners = corners.reshape(-1, 9)
-        self.one_sided = scene.one_sided[order]
-        starts = np.arange(0, len(order), CLUSTER)
-        self._cluster_offsets = np.append(starts, len(order)).astype(np.int64)
-        self._cluster_bounds = np.zeros((len(starts), 2, 3), np.float32)
-        if len(order):
-            self._cluster_bounds[:, 0] = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
-            self._cluster_bounds[:, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
-        self._unit = lowest_bit(scene.vertices)
-        self._plane_of_triangle = np.full(len(order), UNKNOWN_PLANE, np.int64)
+        self._clusters = Clusters(scene)
+        self._planes = Planes(scene)
         self._tile_order: tuple[tuple[int, int], Int64] = (0, 0), np.zeros(0, np.int64)
-        self._plane_of_name: dict[tuple[int, int, int, int, int] | None, int] = {}
+
+    @property
+    def order(self) -> Int32:
+        """(k,) int32, the triangles that are there, in the order of their clusters."""
+        return self._clusters.order
+
+    @property
+    def corners(self) -> Float32:
+        """(k, 9) float32, their corners."""
+        return self._clusters.corners
+
+    @property
+    def one_sided(self) -> Bool:
+        """(k,) bool, `Scene.one_sided` of each."""
+        return self._clusters.one_sided
 
     def pose(self, scene: Scene) -> None:
-        """Meet the scene as it stands now: its triangles and objects are those of before."""
-        ExactScene.__init__(self, scene, threads=self._threads)
+        """Follow the scene to another moment: what `scene.moving` names may have moved, come or
+        gone. The answers are those of an `ExactScene` made of it. Raises ValueError where other
+        objects move than in the scene that this was made of."""
+        if not same_moving(self.scene, scene):
+            raise ValueError(OTHERS_MOVE)
+        self.scene = scene
+        self._planes.pose(scene, self._clusters.movable, self._clusters.pose(scene))
 
     def decide(self, camera: Camera, samples: Int64, *, include: Bool | None = None) -> Owners:
         """The owners of some samples among the opaque triangles.
@@ -232,8 +239,8 @@ class ExactScene:
         samples. `grow`: pixels to widen the screen boxes by.
         """
         sums = screen.count_wanted(wanted) if wanted.size else np.zeros((0, 0), np.int64)
-        nearest = np.empty(len(self._cluster_bounds))
-        screen.cluster_depths(self._cluster_bounds, view, grow, sums, nearest)
+        nearest = np.empty(len(self._clusters.bounds))
+        screen.cluster_depths(self._clusters.bounds, view, grow, sums, nearest)
         order = np.argsort(nearest, kind="stable")
         order = order[: np.count_nonzero(nearest < np.inf)]
 
@@ -244,7 +251,7 @@ class ExactScene:
             keys = np.empty((room, 2))
             into = found, boxes, keys
             count = screen.project(
-                clusters, self._cluster_offsets, self.corners, usable, view, grow, sums, into
+                clusters, self._clusters.offsets, self.corners, usable, view, grow, sums, into
             )
             return found[:count], boxes[:count], keys[:count]
 
@@ -282,8 +289,8 @@ class ExactScene:
 
     def _level(self, contest: Contest) -> Bool:
         """Which pairs of a contest of covering triangles stand at samples with one plane."""
-        self._find_planes(contest.triangle)
-        level: Bool = level_groups(contest.sample, contest.triangle, self._plane_of_triangle)
+        self._planes.find(contest.triangle)
+        level: Bool = level_groups(contest.sample, contest.triangle, self._planes.of_triangle)
         return level
 
     def _nearest(self, camera: Camera, contest: Contest) -> tuple[Bool, int]:
@@ -313,24 +320,14 @@ class ExactScene:
         self, camera: Camera, first: Int32, second: Int32, samples: Int64
     ) -> tuple[NDArray[np.int8], int]:
         """Exact order of depth of pairs that cover their samples; how many were not coplanar."""
-        self._find_planes(np.concatenate([first, second]))
+        self._planes.find(np.concatenate([first, second]))
         result = np.zeros(len(first), np.int8)
-        open_ = np.flatnonzero(self._plane_of_triangle[first] != self._plane_of_triangle[second])
+        open_ = np.flatnonzero(self._planes.of_triangle[first] != self._planes.of_triangle[second])
         if len(open_):
             exact, which = self._exact(camera, np.concatenate([first[open_], second[open_]]))
             half = len(open_)
             result[open_] = exact.compare(which[:half], which[half:], samples[open_])
         return result, len(open_)
-
-    def _find_planes(self, triangles: Int32) -> None:
-        unknown = np.zeros(len(self._plane_of_triangle), np.bool_)
-        unknown[triangles] = True
-        fresh = np.flatnonzero(unknown & (self._plane_of_triangle == UNKNOWN_PLANE))
-        if not len(fresh):
-            return
-        names = plane_names(self.scene.vertices[self.scene.triangles[fresh]], self._unit)
-        table = self._plane_of_name
-        self._plane_of_triangle[fresh] = [table.setdefault(name, len(table)) for name in names]
 
     def _depth(self, camera: Camera, samples: Int64, owner: Int32) -> Float64:
         """All samples' view depths, right at the given ones: the exact depth of the owner
@@ -443,20 +440,3 @@ def compare_depths(
     if not exact.covers(np.array([0, 1]), at).all():
         raise ValueError("compare_depths needs two triangles that cover the sample")
     return int(exact.compare(np.array([0]), np.array([1]), at[:1])[0])
-
-
-def _spatial_order(scene: Scene) -> Int64:
-    """Triangle ids such that neighbours in the list are near each other and of like size."""
-    if not scene.triangle_count:
-        return np.zeros(0, np.int64)
-    corners = scene.vertices[scene.triangles].astype(np.float64)
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    box = scene.core_bounds
-    extent = float((box[1] - box[0]).max()) or 1.0
-    size = np.clip(np.frexp((high - low).max(axis=1) / extent)[1], -8, 1) + 8
-    cell = np.clip((0.5 * (low + high) - box[0]) / extent * 1024.0, 0, 1023).astype(np.int64)
-    # Morton order: the bits of the three cell coordinates interleaved.
-    for shift, mask in ((16, 0xFF0000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-        cell = (cell | cell << shift) & mask
-    key = cell[:, 0] | cell[:, 1] << 1 | cell[:, 2] << 2 | size.astype(np.int64) << 30
-    return np.argsort(key, kind="stable")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.files import Bytes, beside, map_file
+from visref.files import Bytes, map_file, named_beside
 from visref.findings import Code
 from visref.formats.numbers import is_number, parsed
 from visref.formats.placed import Mesh, Placed
@@ -246,7 +246,7 @@ def _alpha(reading: _Reading, path: Path, placed: Placed, budget: Budget) -> NDA
     materials: dict[str, Alpha] = {}
     for _, named in reading.marks["mtllib"]:
         try:
-            data = map_file(beside(path, named))
+            data = map_file(named_beside(path, named))
         except InputError as error:
             reason = f"material file {named[:200]!a}: {error.problem}; all is opaque"
             placed.notes.append((Code.PARTLY_READ, reason))

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
+from visref.frozen import frozen
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.memory import Budget
+from visref.rig import Motion, Rig
 from visref.scene import (
     Alpha,
     Float64,
@@ -101,13 +103,17 @@ class Mesh:
 class Placed:
     """The objects of a file, in order: a name, a path, a mesh (`NO_MESH` for none) and
     `world_from_object` (4, 4) float64 of each; `masks`: the materials and images that the
-    meshes' masks name; `groups` and `notes` as in `Scene`."""
+    meshes' masks name; `groups` and `notes` as in `Scene`. `hidden`: whether each object is
+    switched off in the rest pose; of a group with levels of detail all but the finest are absent
+    there too. `motion`: how the file animates its objects, None where it does not."""
 
     meshes: list[Mesh] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     paths: list[str] = field(default_factory=list)
     mesh_of_object: list[int] = field(default_factory=list)
     world_from_object: list[Float64] = field(default_factory=list)
+    hidden: list[bool] = field(default_factory=list)
+    motion: Motion | None = None
     groups: list[Group] = field(default_factory=list)
     masks: MaskTable = field(default_factory=MaskTable)
     notes: list[tuple[Code, str]] = field(default_factory=list)
@@ -120,11 +126,13 @@ class Placed:
         *,
         path: str = "",
         group: bool = False,
+        hidden: bool = False,
     ) -> None:
         """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4).
 
         `path`: from the scene graph's root, names with slashes between; by default the name.
-        `group`: whether the name stands for all these instances together.
+        `group`: whether the name stands for all these instances together. `hidden`: whether they
+        are switched off in the rest pose.
         """
         matrices = world_from_object.reshape(-1, 4, 4)
         name = clean_name(name) or "object"
@@ -135,6 +143,7 @@ class Placed:
         self.names.extend([name] * len(matrices))
         self.paths.extend([path] * len(matrices))
         self.mesh_of_object.extend([mesh] * len(matrices))
+        self.hidden.extend([hidden] * len(matrices))
         self.world_from_object.append(matrices)
 
 
@@ -222,12 +231,14 @@ def flatten(
             if cull_backfaces:
                 one_sided[rows] = mesh.one_sided
     masks = mask_rows.masks(placed.masks)
+    finite = None
     names = unique_names(placed.names)
     notes = list(placed.notes)
     if not np.isfinite(vertices).all():
         if not lenient:
             _refuse_not_finite(vertices, vertex_starts, names, source)
-        moved = moved[np.all(np.isfinite(vertices), axis=1)]
+        finite = np.all(np.isfinite(vertices), axis=1)
+        moved = moved[finite]
         vertices, triangles, kept = _without_not_finite(vertices, triangles)
         one_sided, alpha = one_sided[kept], alpha[kept]
         masks = masks.take(kept) if masks is not None else None
@@ -240,6 +251,22 @@ def flatten(
     if len(empty):
         first = f"'{names[empty[0]]}'"
         notes.append((Code.NO_TRIANGLES, f"{len(empty)} objects have no triangles, first {first}"))
+    triangles = frozen(triangles)  # The scene and its rig share them.
+    hidden = np.array(placed.hidden or [False] * len(names), np.bool_)
+    absent = hidden.copy()
+    for group in placed.groups:
+        for level in group.levels[1:]:
+            absent[list(level)] = True
+    rig = Rig(
+        [mesh.positions for mesh in placed.meshes],
+        mesh_of_object,
+        worlds,
+        vertex_starts,
+        finite,
+        placed.motion,
+        triangles if absent.any() else None,
+        hidden if hidden.any() else None,
+    )
     return Scene(
         vertices,
         triangles,
@@ -255,6 +282,9 @@ def flatten(
         given_names=tuple(placed.names),
         paths=tuple(placed.paths),
         groups=tuple(placed.groups),
+        absent=absent if absent.any() else None,
+        rig=rig,
+        motion="" if placed.motion is None else placed.motion.digest,
     )
 
 
@@ -287,6 +317,11 @@ def _determinants(worlds: Float64) -> Float64:
     cross = np.cross(linear[:, :, 1], linear[:, :, 2])
     result: Float64 = (linear[:, :, 0] * cross).sum(axis=1)
     return result
+
+
+def used_vertices(vertex_count: int, triangles: NDArray[Any]) -> NDArray[Any]:
+    """The vertices that a Mesh of these triangles keeps (`Mesh.plain`), ascending int64 ids."""
+    return _without_unused(np.arange(vertex_count), triangles)[0]
 
 
 def _without_unused(

@@ -59,6 +59,14 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         pixels = sum(row.image_pixels_differ or 0 for row in differ)
         text = f"{counted(pixels, 'pixel')} over {counted(len(differ), 'frame')}"
         found.append(Finding(Code.IMAGE_DIFFERS, text, record.spec, differ[0].frame))
+    for small in sorted(record.too_small, key=lambda one: (-one.samples, -one.outside, one.unit)):
+        name = scene.names[small.unit] if record.unit_kind == OBJECT else ""
+        text = (
+            f"the box of {record.unit_kind} {small.unit} leaves out up to {small.outside:.3g} of "
+            f"it, in {counted(small.frames, 'frame')}, worst in frame {small.frame}; "
+            f"{counted(small.samples, 'sample')} of what it leaves out can be seen"
+        )
+        found.append(Finding(Code.BOUNDS_TOO_SMALL, text, record.spec, small.frame, name))
     totals = record.totals
     if totals.undecided_samples > MAX_UNDECIDED * totals.owned_samples:
         share = totals.undecided_samples / totals.owned_samples

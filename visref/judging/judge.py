@@ -45,7 +45,8 @@ class Miss:
     sample that witnesses it.
 
     `samples`: those lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
-    index, `depth` view depth there. Margins are None where they were not computed.
+    index in the image of `view`, `width` samples wide, `depth` view depth there. Margins are None
+    where they were not computed.
     """
 
     object: int
@@ -58,6 +59,8 @@ class Miss:
     margin_px: float | None = None
     margin_depth: float | None = None
     partly: bool = False
+    view: str = ""
+    width: int = 0
 
 
 @dataclass(frozen=True)

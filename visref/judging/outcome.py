@@ -12,16 +12,20 @@ from dataclasses import dataclass, field
 
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding
+from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
 from visref.scene import Scene
+
+# The view of a record whose drawn set is for all views of its frame, where there are several.
+ALL_VIEWS = ""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
     """One culler's drawn set in one frame: the verdict, the cost, and whether the picture held
     (`image_pixels_differ`: pixels, None if it was not asked). `view`: the view that the set is
-    for; `width`: its image's, in samples."""
+    for, or `ALL_VIEWS`; `width`: its image's, in samples."""
 
     frame: int
     view: str
@@ -45,6 +49,7 @@ class CullerRecord:
     frames: list[FrameRecord] = field(default_factory=list)
     failed: bool = False
     raster: RasterTolerance | None = None
+    too_small: list[BoundsTooSmall] = field(default_factory=list)
 
     @property
     def totals(self) -> Counts:
@@ -96,12 +101,13 @@ class RunOutcome:
         return self.status.exit
 
 
-def witness_json(scene: Scene, width: int, frame: int, miss: Miss) -> dict[str, object]:
+def witness_json(scene: Scene, frame: int, miss: Miss) -> dict[str, object]:
     """A miss's witness as it stands in `verdict.json`, the objects table and reports."""
     return {
         "frame": frame,
-        "x": miss.sample % width,
-        "y": miss.sample // width,
+        "view": miss.view,
+        "x": miss.sample % miss.width,
+        "y": miss.sample // miss.width,
         "object": miss.object,
         "object_name": scene.names[miss.object],
         "triangle": miss.triangle,
@@ -131,12 +137,12 @@ def _finite(margin: float | None) -> float | None:
     return margin if margin is not None and math.isfinite(margin) else None
 
 
-def verdict_json(outcome: RunOutcome, scene: Scene, widths: dict[int, int]) -> dict[str, object]:
-    """The content of `verdict.json`; `widths` gives each frame's image width."""
+def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
+    """The content of `verdict.json`."""
     cullers: dict[str, object] = {}
     for record in outcome.cullers:
         losses = record.losses()
-        worst = witness_json(scene, widths[losses[0][1]], *losses[0][1:]) if losses else None
+        worst = witness_json(scene, *losses[0][1:]) if losses else None
         cullers[record.spec] = {
             "status": record.status.value,
             "promise": record.promise.value,

@@ -7,8 +7,8 @@ only if a culler left something visible out of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ from visref.culler import (
     CullerError,
     DrawnSet,
     Promise,
+    Raster,
     check_asked,
     check_drawn,
     check_stats,
@@ -31,11 +32,13 @@ from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
 from visref.findings import Code, Finding
+from visref.judging.bounds import BoundsAudit
 from visref.judging.culler_findings import culler_findings
 from visref.judging.frame import SettledFrame
+from visref.judging.joint import joined, located
 from visref.judging.judge import Counts, FrameVerdict, judge
 from visref.judging.limits import LOOKED_AT, hidden_by_limits, known_to_be_wrong
-from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome
+from visref.judging.outcome import ALL_VIEWS, CullerRecord, FrameRecord, RunOutcome
 from visref.judging.rasters import looser, raster_of
 from visref.judging.restored import settings_restored
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
@@ -84,22 +87,19 @@ class Job:
     culler: Culler
     record: CullerRecord
     units: Units
+    audit: BoundsAudit = field(default_factory=BoundsAudit)
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedFrame:
     """What a listener may want to keep of one culler's answer. `settled`: what the verdict rests
-    on, None where a recorded truth was enough. `drawn`: (t,) bool."""
+    on, one per view of the drawn set, none where a recorded truth was enough. `drawn`: (t,) bool.
+    """
 
     record: FrameRecord
-    settled: SettledFrame | None
+    settled: tuple[SettledFrame, ...]
     drawn_set: DrawnSet
     drawn: NDArray[np.bool_]
-
-    @property
-    def truth(self) -> FrameTruth | None:
-        """The corrected truth."""
-        return self.settled.truth if self.settled is not None else None
 
     @property
     def drawn_units(self) -> Int32:
@@ -112,10 +112,11 @@ class Referee:
     """Casts truths and judges cullers on one scene, which a path's frames may pose.
 
     `timeline`: the scene of each of the path's frames; by default `scene` and the path make it.
-    `engine` makes the truth engine on first use, so that a recorded truth with nothing to
-    dispute never builds one. It must be the engine that cast a recorded truth: another may not
-    see what that truth says was missed. `examine`: say too, where an engine is built, whether near,
-    far or the winding hide most of the scene; then the engine must cast any camera.
+    Where something moves, the engine is to be made of `timeline.still`. `engine` makes the truth
+    engine on first use, so that a recorded truth with nothing to dispute never builds one. It
+    must be the engine that cast a recorded truth: another may not see what that truth says was
+    missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
+    most of the scene; then the engine must cast any camera.
     """
 
     scene: Scene
@@ -247,24 +248,48 @@ class Referee:
         cameras = path.views(frame)
         casts: dict[str, Cast] = {}
         if self.recorded is None:
-            casts = {camera.view: self._cast(camera, frame, listeners) for camera in cameras}
-        for job in jobs:
             for camera in cameras:
+                casts[camera.view] = self._cast(camera, frame, listeners, len(cameras) > 1)
+        for job in jobs:
+            if job.record.failed:
+                continue
+            try:
+                joint = bool(job.culler.joint)
+            except Exception as error:  # a plug-in's may be anything
+                self._fail(job.record, outcome, frame, error)
+                continue
+            for cell in [cameras] if joint else [(camera,) for camera in cameras]:
                 if not job.record.failed:
-                    self._view(camera, frame, job, casts, outcome, listeners)
+                    self._cell(cell, frame, job, casts, outcome, listeners)
+            if not job.record.failed:
+                self._audit(job, frame, casts, outcome)
 
-    def _view(
+    def _audit(self, job: Job, frame: int, casts: Mapping[str, Cast], outcome: RunOutcome) -> None:
+        """Hold the boxes that the culler says it tested against what they stand for."""
+        truths = [truth for truth, _ in casts.values()]
+        try:
+            with settings_restored():
+                boxes = job.culler.bounds()
+            if boxes is not None:
+                job.audit.look(frame, self._now, job.units, boxes, truths)
+        except (InputError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # a plug-in may raise anything; the others go on
+            self._fail(job.record, outcome, frame, error)
+        job.record.too_small = list(job.audit.found.values())
+
+    def _cell(
         self,
-        camera: Camera,
+        cameras: Sequence[Camera],
         frame: int,
         job: Job,
         casts: dict[str, Cast],
         outcome: RunOutcome,
         listeners: Sequence[Listener],
     ) -> None:
-        """One culler's answer for one view, judged. Truths that it needs go to `casts`."""
+        """One culler's drawn set for these views, judged. Truths that it needs go to `casts`."""
         try:
-            drawn_set = self._cull(job, camera, frame)
+            drawn_set = self._cull(job, cameras)
             # A rasteriser may declare more for each camera that it sees: once a frame.
             with settings_restored():
                 raster = raster_of(job.culler)
@@ -277,40 +302,32 @@ class Referee:
             job.record.raster = looser(job.record.raster, raster.tolerance)
         drawn_units = drawn_set.unit_ids
         drawn = job.units.mask(drawn_units, self._now.triangle_count)
-        rows = self.recorded.frames[frame] if self.recorded else None
-        verdict = _clean_verdict(self._now, rows, job, drawn_units) if rows else None
-        settled = None
+        verdict = None
+        if self.recorded is not None and len(cameras) == 1:
+            rows = self.recorded.views[frame, cameras[0].view]
+            verdict = _clean_verdict(self._now, rows, job, drawn_units)
+        settled: tuple[SettledFrame, ...] = ()
         if verdict is None:
-            if camera.view not in casts:
-                casts[camera.view] = self._cast(camera, frame, ())
-            truth, seen = casts[camera.view]
             try:
-                settled = settle(
-                    self._now,
-                    truth,
-                    job.units,
-                    drawn_units,
-                    exact=self._arithmetic,
-                    raster=raster,
-                    drawn=drawn,
-                    seen=seen,
-                    only_visible=not job.record.promise.may_draw_hidden,
+                settled = tuple(
+                    self._settled(camera, frame, job, drawn_units, drawn, raster, casts)
+                    for camera in cameras
                 )
             except CullerError as error:  # its rasteriser's picture is the plug-in's too
                 self._fail(job.record, outcome, frame, error)
                 return
-            verdict = judge(settled, job.record.promise)
+            verdict = located(judge(joined(settled), job.record.promise), cameras)
         differ = None
         if self.image_check is not None:
-            differ = self.image_check.pixels_differ(camera, drawn)
+            differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
         record = FrameRecord(
             frame,
-            camera.view,
-            camera.width,
+            cameras[0].view if len(cameras) == 1 else ALL_VIEWS,
+            cameras[0].width,
             verdict,
             drawn_set.stats,
             int(np.count_nonzero(drawn)),
-            settled.rulings.corrections if settled is not None else 0,
+            sum(one.rulings.corrections for one in settled),
             differ,
         )
         job.record.frames.append(record)
@@ -318,7 +335,33 @@ class Referee:
         for listener in listeners:
             listener.on_verdict(job, judged)
 
-    def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener]) -> Cast:
+    def _settled(
+        self,
+        camera: Camera,
+        frame: int,
+        job: Job,
+        drawn_units: Int32,
+        drawn: NDArray[np.bool_],
+        raster: Raster | None,
+        casts: dict[str, Cast],
+    ) -> SettledFrame:
+        if camera.view not in casts:
+            casts[camera.view] = self._cast(camera, frame, (), True)
+        truth, seen = casts[camera.view]
+        return settle(
+            self._now,
+            truth,
+            job.units,
+            drawn_units,
+            exact=self._arithmetic,
+            raster=raster,
+            drawn=drawn,
+            seen=seen,
+            only_visible=not job.record.promise.may_draw_hidden,
+        )
+
+    def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener], keep: bool) -> Cast:
+        """A view's truth; in arrays of its own where others are cast before it is done with."""
         if self._engine is None:
             self._engine = engine = self.engine()
             if self._now.moving is not None and not engine.poses:
@@ -333,6 +376,8 @@ class Referee:
             if truth.ties_complete != self._engine.exact:
                 # An engine that lists its ties and says so nowhere is taken at its class's word.
                 truth = replace(truth, ties_complete=self._engine.exact)
+            if keep:
+                truth = truth.copy()
             seen = objects_seen(truth, self._now)
             moved, triangle = greatest_move(self._now, truth)
             self._moved = max(self._moved, (moved, -frame, triangle))
@@ -340,12 +385,13 @@ class Referee:
             listener.on_truth(frame, truth, seen, watch.ms)
         return truth, seen
 
-    def _cull(self, job: Job, camera: Camera, frame: int) -> DrawnSet:
+    def _cull(self, job: Job, cameras: Sequence[Camera]) -> DrawnSet:
+        handed = tuple(camera.handed_out() for camera in cameras)
         with settings_restored(), Stopwatch() as watch:
             if job.culler.joint:
-                drawn_set = job.culler.cull_joint((camera.handed_out(),))
+                drawn_set = job.culler.cull_joint(handed)
             else:
-                drawn_set = job.culler.cull(camera.handed_out())
+                drawn_set = job.culler.cull(handed[0])
         if not isinstance(drawn_set, DrawnSet):
             raise CullerError("cull() returned no DrawnSet")
         ids = check_drawn(drawn_set, job.units)

@@ -22,14 +22,16 @@ class Superfluous:
     """A unit that was drawn and is hidden at every sample that its triangles cover.
 
     `samples`: how many those are, all of them examined. `occluder`: the triangle that comes
-    closest to it in depth where it hides it, at `sample` (flat index); -1 each where the unit
-    covers no sample at all.
+    closest to it in depth where it hides it, at `sample` (flat index in the image of `view`,
+    `width` samples wide); -1 each where the unit covers no sample at all.
     """
 
     unit: int
     samples: int
     occluder: int
     sample: int
+    view: str = ""
+    width: int = 0
 
 
 def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
@@ -50,12 +52,16 @@ def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
 
 def superfluous_units(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int32) -> Int32:
     """Those of the drawn units, (k,) int32 ids, none of whose triangles is visible: (h,) int32,
-    ascending. One without triangles draws nothing, and is not among them."""
+    ascending. One of which no triangle is there draws nothing, and is not among them."""
     visible = visible_triangles(scene, truth)[units.triangles]
     total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
     drawn = np.sort(drawn_units)
     low, high = units.offsets[drawn], units.offsets[drawn + 1]
-    hidden: Int32 = drawn[(total[high] == total[low]) & (high > low)]
+    there = high - low
+    if scene.absent is not None:
+        present = np.concatenate([[0], np.cumsum(scene.present[units.triangles], dtype=np.int64)])
+        there = present[high] - present[low]
+    hidden: Int32 = drawn[(total[high] == total[low]) & (there > 0)]
     return hidden
 
 

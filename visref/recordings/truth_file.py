@@ -290,7 +290,8 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
     try:
-        with pq.ParquetFile(file) as opened:
+        # pyarrow takes a leading ~ for the home folder.
+        with pq.ParquetFile(file.absolute()) as opened:
             found, count = opened.schema_arrow, opened.metadata.num_rows
     except (OSError, pa.ArrowException) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
@@ -331,7 +332,7 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
     if count > len(facts["frames"]) * scene.object_count:
         raise spoilt(f"it has {count} rows, more than objects in its frames")
     try:
-        table = pq.read_table(file)
+        table = pq.read_table(file.absolute())
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
     except (OSError, pa.ArrowException) as error:

@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
+from visref.files import FolderKind
 from visref.run_folder.inside import json_inside, read_inside
 from visref.run_folder.json_fields import Fields
+from visref.run_folder.layout import REPORT
 
 MARKER = "bench.json"
 PLOT = "bench.svg"
 FIX = "give a folder that `visref bench` wrote"
 # An XML declaration and a document type may stand before the first element.
 _SVG_HEAD = 1024
+FORMAT = "visref-bench"
+
+
+def _wrote(record: Any) -> Sequence[str] | None:
+    """Of a bench's record, patterns of all files that visref writes into its folder."""
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        return None
+    return [r"bench\.(json|svg|png|md|html|csv)", *map(re.escape, REPORT)]
+
+
+BENCH_FOLDER = FolderKind(MARKER, _wrote)
 
 
 @dataclass(frozen=True)
@@ -38,7 +53,7 @@ def read_bench(folder: Path) -> BenchFolder:
     """Read a bench folder. Raises InputError if a file of it is missing or spoilt."""
     source = str(folder / MARKER)
     top = Fields(json_inside(folder, MARKER, FIX), source, FIX)
-    known = top.has("format") and top.text("format") == "visref-bench"
+    known = top.has("format") and top.text("format") == FORMAT
     if not known or top.whole("version") != 1:
         raise top.error("this is no bench (format visref-bench, version 1)")
     says = top.text_list("says")

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from visref.errors import InputError
+from visref.judging.outcome import ALL_VIEWS
 from visref.judging.status import Status, decide, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
@@ -118,7 +119,7 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
             problem, place = f"it judges {quoted(culler)}, which {VERDICT} does not", "culler"
         elif not 0 <= frame < len(manifest.samples):
             problem, place = f"frame {frame} is not one of {MANIFEST}", "frame"
-        elif view not in manifest.samples[frame]:
+        elif not judged_views(manifest, frame, view):
             problem, place = f"view {quoted(view)} is not one of {MANIFEST}", "view"
         elif cell in seen:
             problem, place = f"frame {frame} of {quoted(culler)} stands twice", "frame"
@@ -127,7 +128,8 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
             continue
         raise InputError(problem, source=str(file), place=place, fix=FIX)
     for index, pictures in enumerate(manifest.pictures):
-        if (pictures.culler, pictures.frame, pictures.view) not in seen:
+        shown = {(pictures.culler, pictures.frame, view) for view in (pictures.view, ALL_VIEWS)}
+        if shown.isdisjoint(seen):
             raise InputError(
                 f"it shows frame {pictures.frame} of {quoted(pictures.culler)}, which {FRAMES} "
                 "does not have",
@@ -208,5 +210,17 @@ def _check_kinds(table: pa.Table, file: Path) -> None:
         raise InputError("a miss of no object", source=str(file), place="object", fix=FIX)
 
 
+def judged_views(manifest: Manifest, frame: int, view: str) -> tuple[str, ...]:
+    """The views that a record's drawn set is for: the one that it names, or all of its frame where
+    it names none of several; empty where there is no such view."""
+    views = tuple(manifest.samples[frame])
+    if view in views:
+        return (view,)
+    return views if view == ALL_VIEWS and len(views) > 1 else ()
+
+
 def _views(manifest: Manifest) -> frozenset[str]:
-    return frozenset(view for views in manifest.samples for view in views)
+    """All that a record may name."""
+    several = any(len(views) > 1 for views in manifest.samples)
+    named = frozenset(view for views in manifest.samples for view in views)
+    return named | {ALL_VIEWS} if several else named

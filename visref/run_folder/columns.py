@@ -42,7 +42,7 @@ def table_inside(
         return InputError(problem, source=str(file), fix=fix)
 
     try:
-        with pq.ParquetFile(file) as opened:
+        with pq.ParquetFile(file.absolute()) as opened:
             found, rows = opened.schema_arrow, opened.metadata.num_rows
         if rows > most:
             raise spoilt(f"it has {rows} rows, where at most {most} can be")
@@ -59,7 +59,7 @@ def table_inside(
             if plain != schema.field(column).type:
                 raise spoilt(f"its column '{column}' holds {kind}, not {schema.field(column).type}")
         read = [column for column in repeated if column in names]
-        table = pq.read_table(file, columns=names, read_dictionary=read)
+        table = pq.read_table(file.absolute(), columns=names, read_dictionary=read)
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
         rows = len(table)

@@ -21,7 +21,7 @@ from visref.exact.ray import Ray, RayHit, along_ray
 from visref.files import replacing_file
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.run_folder.claims import no_such_witness, witnesses_of
-from visref.run_folder.layout import WITNESSES, slug
+from visref.run_folder.layout import WITNESSES, explained_name
 from visref.scene import Alpha, Float64
 
 # The picture shows this many pixels around the sample, each this many picture pixels wide.
@@ -32,6 +32,9 @@ MAGNIFICATION = 64
 _MISSING = (213, 94, 0)
 _OTHERS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167))
 _BACKGROUND = (236, 236, 232)
+
+# How every PNG begins: what is none is no earlier picture.
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,7 @@ def picture_beside(run: Path, witness: Mapping[str, Any]) -> Path:
     """Where the picture of a witness stands in its run folder, by a name of ours. Raises
     InputError if a link is in its place, or on the way to it."""
     folder = run / WITNESSES
-    view = f"-{slug(witness['view'])}" if witness["view"] else ""
-    name = f"{slug(witness['culler'])}-{witness['frame']:05d}{view}-{witness['object']}.png"
+    name = explained_name(witness["culler"], witness["frame"], witness["view"], witness["object"])
     for place in (folder, folder / name):
         if place.is_symlink():
             raise InputError("it is a link", source=str(place), fix="give --picture FILE.png")
@@ -207,7 +209,7 @@ def draw_neighbourhood(explanation: Explanation, file: Path) -> None:
             if (row, column) == (AROUND_PX, AROUND_PX):
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (255, 255, 255), 5)
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (20, 20, 20), 2)
-    with replacing_file(file) as beside:
+    with replacing_file(file, begins=_PNG) as beside:
         picture.save(beside, format="PNG", optimize=True)
 
 

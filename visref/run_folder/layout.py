@@ -13,6 +13,8 @@ witnesses/         one file per culler, one JSON line per miss: its ray and the 
                    as hexadecimal floats, so that it replays without the scene
 pictures/          PNGs of a few frames, listed in manifest.json
 
+`visref explain` adds PNGs to witnesses/, and `visref report` its three files where it is told to.
+
 What writer and reader share stands here: names, versions, kinds and the tables' columns. Version
 1 has no views and fewer counts, and says nothing of whether the engine is exact; it is still read.
 """
@@ -21,9 +23,13 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Sequence
 from enum import StrEnum
+from typing import Any
 
 import pyarrow as pa
+
+from visref.files import FolderKind
 
 FORMAT = "visref-run"
 VERSION = 2
@@ -37,6 +43,10 @@ OBJECTS = "objects.parquet"
 TRUTH = "truth.parquet"
 WITNESSES = "witnesses"
 PICTURES = "pictures"
+
+# What `visref report` writes, into a folder of the user's choice.
+REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY = "report.html", "junit.xml", "summary.md"
+REPORT = (REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY)
 
 # The view of a frame that has one camera without a name.
 UNNAMED_VIEW = ""
@@ -169,3 +179,28 @@ def slug(spec: str) -> str:
     if likeness == spec:
         return spec
     return f"{likeness}-{hashlib.sha256(spec.encode()).hexdigest()[:8]}"
+
+
+def explained_name(spec: str, frame: int, view: str, obj: int) -> str:
+    """The name in witnesses/ of the picture that `visref explain` draws."""
+    of_view = f"-{slug(view)}" if view else ""
+    return f"{slug(spec)}-{frame:05d}{of_view}-{obj}.png"
+
+
+def _wrote(manifest: Any) -> Sequence[str] | None:
+    """Of a run folder's manifest, patterns of all files that visref writes there."""
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        return None
+    try:
+        slugs = [re.escape(culler["slug"]) for culler in manifest["cullers"].values()]
+        drawn = [file for picture in manifest["pictures"] for file in picture["files"].values()]
+        pictures = [re.escape(file) for file in drawn if file.startswith(f"{PICTURES}/")]
+    except (AttributeError, KeyError, TypeError):
+        return None
+    files = (MANIFEST, VERDICT, FRAMES, TIMINGS, OBJECTS, TRUTH, *REPORT)
+    # With, for each culler, what `explained_name` gives.
+    witnesses = [rf"{WITNESSES}/{slug}(\.jsonl|-\d{{5,}}(-[\w.~-]+)?-\d+\.png)" for slug in slugs]
+    return [*map(re.escape, files), *witnesses, *pictures]
+
+
+RUN_FOLDER = FolderKind(MANIFEST, _wrote)

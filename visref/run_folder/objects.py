@@ -38,9 +38,9 @@ class ObjectsWriter:
         record, verdict = judged.record, judged.record.verdict
         misses = []
         for miss in verdict.misses:
-            witness = witness_json(self._scene, record.width, record.frame, miss)
+            witness = witness_json(self._scene, record.frame, miss)
             witness["name"] = witness.pop("object_name")
-            misses.append({"culler": job.spec, "view": record.view, **witness})
+            misses.append({"culler": job.spec, **witness})
         self._pending.append(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
 
         def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:
@@ -56,7 +56,7 @@ class ObjectsWriter:
 
         units = pa.array(verdict.superfluous_units, pa.int32())
         columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
-        columns |= self._hiders(record.width, verdict.superfluous_units, verdict)
+        columns |= self._hiders(verdict.superfluous_units, verdict)
         if job.units.kind == OBJECT:
             columns |= {"object": units, "name": self._names.take(units)}
         else:
@@ -80,7 +80,7 @@ class ObjectsWriter:
         self._writer.write_table(pa.concat_tables([OBJECTS_SCHEMA.empty_table(), *self._pending]))
         self._pending = []
 
-    def _hiders(self, width: int, units: Int32, verdict: FrameVerdict) -> dict[str, pa.Array]:
+    def _hiders(self, units: Int32, verdict: FrameVerdict) -> dict[str, pa.Array]:
         """What exact arithmetic found of each superfluous unit that a promise forbids; null for
         the others, and where a unit covers no sample."""
         if not verdict.confirmed_superfluous:
@@ -93,7 +93,7 @@ class ObjectsWriter:
             if one.occluder >= 0:
                 row["occluder"] = one.occluder
                 row["occluder_name"] = scene.names[scene.object_of_triangle[one.occluder]]
-                row["y"], row["x"] = divmod(one.sample, width)
+                row["y"], row["x"] = divmod(one.sample, one.width)
         return {
             name: pa.array([row.get(name) for row in rows], OBJECTS_SCHEMA.field(name).type)
             for name in ("samples", "occluder", "occluder_name", "x", "y")
@@ -102,10 +102,13 @@ class ObjectsWriter:
     def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
         """Why each superfluous unit was drawn; null in frames that are not explained."""
         units = judged.record.verdict.superfluous_units
-        if judged.truth is None or judged.record.frame not in self._explained:
+        # A set for several views has causes of each of them.
+        if len(judged.settled) != 1 or judged.record.frame not in self._explained:
             return pa.nulls(len(units), pa.string())
-        scene = self._scene if judged.settled is None else judged.settled.scene
-        causes = superfluous_causes(scene, judged.truth, job.units, judged.drawn_set, units)
+        (settled,) = judged.settled
+        causes = superfluous_causes(
+            settled.scene, settled.truth, job.units, judged.drawn_set, units
+        )
         names = np.full(len(units), None, object)
         names[np.searchsorted(units, list(causes))] = list(causes.values())
         return pa.array(names, pa.string())

@@ -237,6 +237,8 @@ def _rings(
             continue
         samples = missed[owner == miss.object]
         if not len(samples):
+            if miss.view != camera.view:
+                continue
             samples = np.array([miss.sample])
         y, x = np.divmod(samples, camera.width)
         span = max(np.ptp(x), np.ptp(y)) + 1

@@ -22,6 +22,7 @@ from visref.run_folder.checks import (
     check_objects,
     check_timings,
     check_verdict,
+    judged_views,
     told_rows,
 )
 from visref.run_folder.columns import table_inside
@@ -116,15 +117,21 @@ class RunFolder:
         definition = self.manifest.samples[frame][view]
         return int(definition["width"]), int(definition["height"])
 
+    def views_of(self, row: FrameRow) -> tuple[str, ...]:
+        """The views that the row's drawn set is for: its own, or all of its frame."""
+        return judged_views(self.manifest, row.frame, row.view)
+
     def samples_of(self, row: FrameRow) -> int:
-        """How many samples the row's view has."""
-        width, height = self.size(row.frame, row.view)
-        return width * height
+        """How many samples the row's views have."""
+        sizes = (self.size(row.frame, view) for view in self.views_of(row))
+        return sum(width * height for width, height in sizes)
 
     @cached_property
     def sizes(self) -> frozenset[tuple[int, int]]:
         """Width and height of all judged views."""
-        return frozenset(self.size(row.frame, row.view) for row in self.frames)
+        return frozenset(
+            self.size(row.frame, view) for row in self.frames for view in self.views_of(row)
+        )
 
     def resolution(self) -> str:
         """The judged frames' size in words."""

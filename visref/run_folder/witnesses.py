@@ -179,7 +179,7 @@ def write_witnesses(
 
     `drawn` gives the drawn triangles of a frame's view, (t,) bool.
     """
-    misses = [(row.frame, row.view, miss) for row in record.frames for miss in row.verdict.misses]
+    misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
     misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
     convicted: set[int] = set()
@@ -205,8 +205,8 @@ def write_witnesses(
                 state = mask_states(
                     scene, camera, np.full(len(triangles), miss.sample), triangles.astype(np.int32)
                 )
-                witness: dict[str, Any] = witness_json(scene, camera.width, frame, miss)
-                witness |= {"culler": record.spec, "view": view}
+                witness: dict[str, Any] = witness_json(scene, frame, miss)
+                witness["culler"] = record.spec
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
                     _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))

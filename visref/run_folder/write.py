@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.judging.judge import FrameVerdict
-from visref.judging.outcome import CullerRecord, RunOutcome, verdict_json
+from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.referee import Job, JudgedFrame
 from visref.provenance import machine, versions
 from visref.recordings.truth_file import TruthTable, path_digest
@@ -117,18 +117,20 @@ class RunWriter:
         self._objects.add(job, judged)
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
-            drawn[record.frame, record.view] = judged.drawn_units
-        if judged.settled is not None and self._plan.wants(job.spec, record.frame, verdict):
-            self._pictures.append(
+            for one in judged.settled:
+                drawn[record.frame, one.truth.camera.view] = judged.drawn_units
+        if judged.settled and self._plan.wants(job.spec, record.frame, verdict):
+            self._pictures += [
                 draw_pictures(
                     self._folder / PICTURES,
                     slug(job.spec),
-                    judged.settled,
+                    settled,
                     verdict,
                     culler=job.spec,
                     frame=record.frame,
                 )
-            )
+                for settled in judged.settled
+            ]
 
     def on_frame_done(self, frame: int) -> None:
         pass
@@ -169,13 +171,7 @@ class RunWriter:
         return lambda frame, view: units.mask(drawn[frame, view], self._scene.triangle_count)
 
     def _verdict(self, outcome: RunOutcome) -> dict[str, Any]:
-        widths = {index: camera.width for index, camera in enumerate(self._path)}
-        verdict: dict[str, Any] = verdict_json(outcome, self._scene, widths)
-        for record in outcome.cullers:
-            worst = verdict["cullers"][record.spec]["worst"]
-            if worst is not None:
-                worst["view"] = _view_of_worst(record)
-        return {"version": VERSION, **verdict}
+        return {"version": VERSION, **verdict_json(outcome, self._scene)}
 
     def _manifest(self, outcome: RunOutcome) -> dict[str, Any]:
         scene, path = self._scene, self._path
@@ -232,13 +228,6 @@ class _PicturePlan:
 
 def _timing(culler: str, frame: int, view: str, phase: str, ms: float) -> dict[str, Any]:
     return {"culler": culler, "frame": frame, "view": view, "phase": phase, "ms": ms}
-
-
-def _view_of_worst(record: CullerRecord) -> str:
-    """The view in which a culler that lost something lost most."""
-    _, frame, miss = record.losses()[0]
-    rows = (row for row in record.frames if row.frame == frame and miss in row.verdict.misses)
-    return next(rows).view
 
 
 def write_json(path: Path, value: object) -> None:

@@ -13,17 +13,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from visref.beside import sweep
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.errors import InputError, NothingToJudge
-from visref.files import replacing_folder
+from visref.files import FolderKind, remove_folder, replacing_folder
 from visref.findings import Code
 from visref.inputs import generated_with, open_scene
 from visref.judging.referee import Job, JudgedFrame, Referee
@@ -31,7 +32,7 @@ from visref.papers import Paper
 from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import SCENES, available, load_entry, make_culler
 from visref.run_folder.inside import json_inside
-from visref.run_folder.layout import MANIFEST, slug
+from visref.run_folder.layout import MANIFEST, RUN_FOLDER, slug
 from visref.run_folder.read import RunFolder, read_run
 from visref.run_folder.write import RunWriter, write_json
 from visref.scene import Scene
@@ -41,6 +42,14 @@ from visref.visibility import FrameTruth, ObjectVisibility
 
 RESULT = "experiment.json"
 ENGINE = "embree"
+
+
+def _wrote(record: Any) -> Sequence[str] | None:
+    ours = isinstance(record, dict) and record.keys() == {"asked", "result"}
+    return [re.escape(RESULT)] if ours else None
+
+
+EXPERIMENT_FOLDER = FolderKind(RESULT, _wrote)
 
 # What nobody knows beforehand, for the progress alone: the length of a path that was not
 # generated yet, and an experiment's share in frames.
@@ -63,19 +72,22 @@ class Progress(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PaperResults:
-    """`visref.papers.contents.Results`, read from disk, a run once; what is not there is None."""
+    """`visref.papers.contents.Results`, read from disk, a run once; what is not there is None, and
+    what is `failed`: an older result is none of this one."""
 
     folder: Path
+    failed: frozenset[str] = frozenset()
     _runs: dict[str, RunFolder | None] = field(default_factory=dict)
 
     def run(self, key: str) -> RunFolder | None:
         if key not in self._runs:
             folder = self.folder / key
-            self._runs[key] = read_run(folder) if (folder / MANIFEST).is_file() else None
+            there = key not in self.failed and (folder / MANIFEST).is_file()
+            self._runs[key] = read_run(folder) if there else None
         return self._runs[key]
 
     def experiment(self, key: str) -> Mapping[str, Any] | None:
-        if not (self.folder / key / RESULT).exists():
+        if key in self.failed or not (self.folder / key / RESULT).exists():
             return None
         found = _experiment(self.folder / key)
         if found is None:
@@ -98,7 +110,9 @@ class PaperRuns:
     failures: dict[str, str] = field(default_factory=dict)
 
     def results(self, paper: Paper) -> PaperResults:
-        return PaperResults(self.out / "records" / paper.name)
+        split = (label.partition("/") for label in self.failures)
+        failed = frozenset(key for name, _, key in split if name == paper.name)
+        return PaperResults(self.out / "records" / paper.name, failed)
 
 
 def run_all(
@@ -128,17 +142,22 @@ def run_all(
             folder = out / "records" / task.paper / task.work.key
             asked = _asked(task, frames, code)
             steps = _Share(progress, _steps(task, frames))
+            sweep(folder.parent)
             if _asked_before(folder, task) != asked:
                 try:
                     _run_task(task, folder, asked, stage, frames, steps)
                 except (InputError, NothingToJudge) as error:
                     done.failures[task.label] = str(error)
                     # What an earlier run left is no result of this one.
-                    shutil.rmtree(folder, ignore_errors=True)
+                    remove_folder(folder, _kind(task))
             steps.end()
     finally:
         stage.close()
     return done
+
+
+def _kind(task: Task) -> FolderKind:
+    return EXPERIMENT_FOLDER if isinstance(task.work, Experiment) else RUN_FOLDER
 
 
 def _steps(task: Task, frames: int | None) -> int:
@@ -263,8 +282,7 @@ def _run_task(
         scene, path = stage.scene(work.scene)
         picked = sampled(len(path), frames, work.stretch)
         path = cut_path(path if work.size is None else path.resized(*work.size), picked)
-    marker = RESULT if isinstance(work, Experiment) else MANIFEST
-    with replacing_folder(folder, marker=marker) as written:
+    with replacing_folder(folder, kind=_kind(task)) as written:
         if isinstance(work, Experiment):
             entry = cast(Any, load_entry(EXPERIMENTS, work.name, kind="experiment"))
             if path is not None:

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from visref.errors import InputError
-from visref.files import Bytes, beside, json_bytes, map_file, parse_json
+from visref.files import Bytes, json_bytes, map_file, named_beside, parse_json
 from visref.formats.gltf.extensions import MESHOPT, is_known
 from visref.memory import Budget
 
@@ -203,7 +203,7 @@ class Document:
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
             uri.fail(f"{text[:60]!a} is not a file beside this one", "download it first")
         try:
-            return map_file(beside(self.path, unquote(text)))
+            return map_file(named_beside(self.path, unquote(text)))
         except InputError as error:
             uri.fail(f"file {text[:200]!a}: {error.problem}", "put the file there")
 

@@ -1,4 +1,4 @@
-"""What a glTF file's extensions say of materials and levels, and what of it is left open."""
+"""What a glTF file's extensions say of materials, and what of it is left open."""
 
 from __future__ import annotations
 
@@ -32,13 +32,6 @@ def open_questions(document: Document) -> list[str]:
         result.append(
             "KHR_materials_variants: the default materials are taken, and others hide more or"
             f" less, in {len(variants)} meshes, first meshes[{variants[0]}]"
-        )
-    nodes = document.entries("nodes")
-    levels = [i for i, n in enumerate(nodes) if n.extension("MSFT_lod") is not None]
-    if levels:
-        result.append(
-            f"MSFT_lod: the finest level of {len(levels)} nodes is taken, and no other, first"
-            f" nodes[{levels[0]}]"
         )
     return result
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.formats.gltf.accessors import MAX_COUNT, UNSIGNED, decode, read_floats, read_raw
+from visref.formats.gltf.deform import Deformer, Influences, Part
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.extensions import MESHOPT
 from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import transmission
-from visref.formats.placed import Mesh
+from visref.formats.placed import Mesh, used_vertices
 from visref.masks.instances import MeshMasks
 from visref.scene import Alpha, Float64, check_indices
 
@@ -40,15 +41,32 @@ def read_mesh(
     weights: list[float],
     skin: Float64 | None,
     masks: MaskReader,
-) -> Mesh:
-    """One mesh, all its primitives together.
+    deforms: bool = False,
+) -> tuple[Mesh, Deformer | None]:
+    """One mesh, all its primitives together, and where it `deforms` what is needed to place its
+    vertices anew.
 
     `weights` are its morph targets'; `skin`: (j, 4, 4) float64, world_from_mesh by joint, or
     None where the mesh is rigid. `masks` reads the masked materials. Raises InputError naming
     the place.
     """
     parts = [_Primitive(document, entry, weights, masks) for entry in mesh["primitives"].items()]
-    return Mesh.joined([part.read(skin) for part in parts])
+    whole = Mesh.joined([part.read(skin) for part in parts])
+    return whole, Deformer([part.part() for part in parts]) if deforms else None
+
+
+def morphs_masks(document: Document, mesh: Json) -> bool:
+    """Whether a morph target moves the texture coordinates or colours of a masked primitive."""
+    for primitive in mesh["primitives"].items():
+        reference, targets = primitive.get("material"), primitive.get("targets")
+        if reference is None or targets is None:
+            continue
+        mode = document.entry("materials", reference).get("alphaMode")
+        names = {name for target in targets.items() for name in target.names()}
+        looked_up = any(name.startswith(("TEXCOORD_", "COLOR_")) for name in names)
+        if mode is not None and mode.value == "MASK" and looked_up:
+            return True
+    return False
 
 
 class _Primitive:
@@ -61,6 +79,8 @@ class _Primitive:
         self.weights = weights
         self.masks = masks
         self.json = primitive
+        self.drawn: NDArray[Any] | None = None
+        self.influences: Influences | None = None
         extensions = primitive.get("extensions")
         for name in MESHOPT:
             if extensions is not None and extensions.get(name) is not None:
@@ -81,8 +101,26 @@ class _Primitive:
         triangles = self.triangles(kind, len(positions))
         positions = self.morphed("POSITION", positions)
         if skin is not None:
-            positions = self.skinned(positions, skin)
+            self.influences = self.joints(len(positions), len(skin))
+            positions = self.influences.place(positions, skin)
         return self.with_material(positions, triangles)
+
+    def part(self) -> Part:
+        """What places the vertices of the Mesh that was read, in its order."""
+        positions = None if self.drawn is None else self.attribute("POSITION", ("VEC3",))
+        if positions is None or self.drawn is None:
+            return Part(np.zeros((0, 3)), [], None)
+        rows = used_vertices(len(positions), self.drawn)
+        targets = self.json.get("targets")
+        moved = [
+            self.displacement(target, "POSITION", positions)
+            for target in (targets.items() if targets is not None else [])
+        ]
+        kept = [None if values is None else values[rows] for values in moved]
+        influences = None if self.influences is None else self.influences.take(rows)
+        part = Part(positions[rows], kept, influences)
+        self.document.budget.claim("what places its vertices", part.size, place=self.json.place)
+        return part
 
     def claim(self, kind: int) -> None:
         """Claim the Mesh, which many primitives may make of the same few bytes."""
@@ -146,46 +184,49 @@ class _Primitive:
         if targets is None or not any(self.weights):
             return values
         result = values.astype(np.float64)
-        kind = f"VEC{values.shape[1]}"
         for target, weight in zip(targets.items(), self.weights, strict=False):
-            reference = target.get(name)
-            if reference is None or weight == 0.0:
-                continue
-            moved = read_floats(self.document, reference, (kind,), integers=True)
-            if len(moved) != len(values):
-                reference.fail(f"{len(moved)} displacements for {len(values)} vertices")
-            result += weight * moved
+            moved = None if weight == 0.0 else self.displacement(target, name, values)
+            if moved is not None:
+                result += np.multiply(moved, weight, dtype=np.float64)
         return result
 
-    def skinned(self, positions: NDArray[Any], skin: Float64) -> Float64:
-        """Linear blend skinning (section 3.7.3.3): (v, 3) float64 in world space."""
-        blended = np.zeros((len(positions), 3, 4))
-        total = np.zeros(len(positions))
+    def displacement(self, target: Json, name: str, values: NDArray[Any]) -> NDArray[Any] | None:
+        """(v, width) that a morph target adds to an attribute's values, None where nothing."""
+        reference = target.get(name)
+        if reference is None:
+            return None
+        kind = f"VEC{values.shape[1]}"
+        moved = read_floats(self.document, reference, (kind,), integers=True)
+        if len(moved) != len(values):
+            reference.fail(f"{len(moved)} displacements for {len(values)} vertices")
+        return moved
+
+    def joints(self, vertex_count: int, joint_count: int) -> Influences:
+        """The joints of each vertex and their weights (section 3.7.3.3)."""
+        joints, weights = [], []
         for number in range(len(self.json["attributes"].names())):
-            joints = self.attribute(f"JOINTS_{number}", ("VEC4",))
-            weights = self.attribute(f"WEIGHTS_{number}", ("VEC4",))
-            if joints is None or weights is None:
+            joint = self.attribute(f"JOINTS_{number}", ("VEC4",))
+            weight = self.attribute(f"WEIGHTS_{number}", ("VEC4",))
+            if joint is None or weight is None:
                 break
-            if len(joints) != len(positions) or len(weights) != len(positions):
+            if len(joint) != vertex_count or len(weight) != vertex_count:
                 self.json.fail(f"JOINTS_{number} or WEIGHTS_{number} is not one a vertex")
-            if not 0 <= joints.min() <= joints.max() < len(skin):
-                self.json.fail(f"JOINTS_{number} names a joint outside 0…{len(skin) - 1}")
-            for column in range(4):
-                weight = weights[:, column].astype(np.float64)
-                joint = joints[:, column].astype(np.int64)
-                blended += weight[:, None, None] * skin[joint, :3]
-                total += weight
-        if not (total > 0.0).all():
+            if not 0 <= joint.min() <= joint.max() < joint_count:
+                self.json.fail(f"JOINTS_{number} names a joint outside 0…{joint_count - 1}")
+            joints.append(joint.astype(np.int32))
+            weights.append(weight.astype(np.float64))
+        none = np.zeros((vertex_count, 0))
+        influences = Influences(
+            np.concatenate(joints or [none.astype(np.int32)], axis=1),
+            np.concatenate(weights or [none], axis=1),
+        )
+        if not (influences.totals() > 0.0).all():
             self.json.fail("a vertex of a skinned mesh has no weight")
-        blended /= total[:, None, None]
-        points = positions.astype(np.float64)
-        result = blended[:, :, 3].copy()
-        for axis in range(3):
-            result += blended[:, :, axis] * points[:, axis, None]
-        return result
+        return influences
 
     def with_material(self, positions: NDArray[Any], triangles: NDArray[Any]) -> Mesh:
         """The Mesh, without the triangles that a constant alpha below the cutoff hides."""
+        self.drawn = triangles
         reference = self.json.get("material")
         if reference is None:
             return Mesh.plain(positions, triangles)
@@ -220,7 +261,8 @@ class _Primitive:
         high = greatest * material.factor * alpha.max(axis=1)
         # Not `>=`: what is no number decides nothing.
         kept = ~(high < cutoff) | (cutoff <= 0.0)
-        triangles, alpha = triangles[kept], alpha[kept]
+        self.drawn = triangles = triangles[kept]
+        alpha = alpha[kept]
         mesh = Mesh.plain(positions, triangles, one_sided=one_sided, alpha=Alpha.MASK)
         if cutoff <= 0.0:
             solid = np.ones(len(triangles), np.bool_)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.levels import read_levels
 from visref.formats.placed import compose
-from visref.scene import Float64
+from visref.scene import Float64, Int64
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +23,9 @@ class Nodes:
     `order`: node indices depth-first, children in file order. `parent`: node -> parent, -1
     for a root. `translation` (n, 3), `rotation` (n, 4) as x y z w, `scale` (n, 3) float64 of
     every node in the file; `matrix`: node -> (4, 4), in place of these where the file gives
-    one. `hidden`: nodes that KHR_node_visibility hides, with all below them.
+    one. `visible`: (n,) bool, what KHR_node_visibility says of each node itself; `hidden`: those
+    that it hides, with all below them. `levels`: the nodes of MSFT_lod's coarser levels of each
+    node that has some, finest first; their parent is that node's, and they follow its subtree.
     """
 
     order: list[int]
@@ -28,7 +34,27 @@ class Nodes:
     rotation: Float64
     scale: Float64
     matrix: dict[int, Float64]
+    visible: NDArray[np.bool_]
     hidden: set[int]
+    levels: dict[int, list[int]]
+
+    @cached_property
+    def generations(self) -> list[Int64]:
+        """The reached nodes by their distance from the root, each generation ascending."""
+        depth = np.full(len(self.parent), -1)
+        for node in self.order:
+            depth[node] = depth[self.parent[node]] + 1 if self.parent[node] >= 0 else 0
+        by_depth = np.argsort(depth, kind="stable")
+        starts = np.searchsorted(depth[by_depth], np.arange(depth.max(initial=-1) + 2))
+        return [by_depth[start:end] for start, end in pairwise(starts)]
+
+    def and_below(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(n,) bool: the given nodes, (n,) bool, with all below them."""
+        result = nodes.copy()
+        parent = np.array(self.parent, np.int64)
+        for generation in self.generations[1:]:
+            result[generation] |= result[parent[generation]]
+        return result
 
     def parent_from_node(self) -> Float64:
         """(n, 4, 4) float64, each node's own transform."""
@@ -39,17 +65,11 @@ class Nodes:
 
     def world_from_node(self) -> Float64:
         """(n, 4, 4) float64; identity for nodes that the scene does not reach."""
-        depth = np.full(len(self.parent), -1)
-        for node in self.order:
-            depth[node] = depth[self.parent[node]] + 1 if self.parent[node] >= 0 else 0
         local = self.parent_from_node()
-        result = np.tile(np.eye(4), (len(depth), 1, 1))
-        by_depth = np.argsort(depth, kind="stable")
-        levels = np.searchsorted(depth[by_depth], np.arange(depth.max(initial=-1) + 2))
+        result = np.tile(np.eye(4), (len(self.parent), 1, 1))
         parent = np.array(self.parent, np.int64)
-        for level in range(len(levels) - 1):
-            nodes = by_depth[levels[level] : levels[level + 1]]
-            above = result[parent[nodes]] if level else result[nodes]
+        for distance, nodes in enumerate(self.generations):
+            above = result[parent[nodes]] if distance else result[nodes]
             result[nodes] = compose(above, local[nodes])
         return result
 
@@ -93,19 +113,29 @@ def read_nodes(document: Document) -> Nodes:
     """Read the hierarchy. Raises InputError for a cycle, or a node with two parents."""
     nodes = document.entries("nodes")
     children, parent = _children(document, nodes)
+    levels = read_levels(document, children, parent)
+    if levels:
+        _refuse_cycle(nodes, parent)
     order = []
-    waiting = _roots(document, parent)[::-1]
+    finest = {level: node for node, coarser in levels.items() for level in coarser}
+    roots = _roots(document, parent)
+    # A level that is listed beside its node stands there as a level alone.
+    among = set(roots)
+    waiting = [root for root in roots if parent[root] >= 0 or finest.get(root) not in among][::-1]
     for root in waiting:
         if parent[root] >= 0:
             nodes[root].fail("it is a root of the scene and another node's child")
     if len(set(waiting)) != len(waiting):
         raise InputError("a root is listed twice", place="scenes", fix="list each node once")
     hidden = set()
+    visible = np.ones(len(nodes), np.bool_)
     while waiting:
         node = waiting.pop()
         order.append(node)
+        waiting.extend(reversed(levels.get(node, [])))
         waiting.extend(reversed(children.get(node, [])))
-        if parent[node] in hidden or not _visible(nodes[node]):
+        visible[node] = _visible(nodes[node])
+        if parent[node] in hidden or not visible[node]:
             hidden.add(node)
     translation, scale = np.zeros((len(nodes), 3)), np.ones((len(nodes), 3))
     rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(nodes), 1))
@@ -124,7 +154,7 @@ def read_nodes(document: Document) -> Nodes:
             rotation[node] = member.numbers(4)
             if not have_length(rotation[node][None]):
                 member.fail("a rotation of zero or infinite length")
-    return Nodes(order, parent, translation, rotation, scale, matrices, hidden)
+    return Nodes(order, parent, translation, rotation, scale, matrices, visible, hidden, levels)
 
 
 def _children(document: Document, nodes: list[Json]) -> tuple[dict[int, list[int]], list[int]]:

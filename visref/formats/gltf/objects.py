@@ -12,11 +12,13 @@ from visref.formats.gltf.accessors import MAX_COUNT, read_floats
 from visref.formats.gltf.document import Document, Json
 from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import open_questions
-from visref.formats.gltf.meshes import read_mesh
+from visref.formats.gltf.meshes import morphs_masks, read_mesh
+from visref.formats.gltf.motion import Carrier
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
+from visref.formats.gltf.rigging import Rigging
 from visref.formats.placed import NO_MESH, Placed, below, compose
 from visref.memory import Budget
-from visref.scene import Float64
+from visref.scene import Float64, Group, clean_name
 from visref.wording import counted
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -33,52 +35,78 @@ def read_objects(document: Document) -> Placed:
     nodes = read_nodes(document)
     world_from_node = nodes.world_from_node()
     placed = Placed()
-    known: dict[tuple[int, int, tuple[float, ...]], int] = {}
+    rigging = Rigging(document, nodes)
+    known: dict[tuple[int, int, tuple[float, ...]], tuple[int, int]] = {}
     masks = MaskReader(document, placed.masks)
     entries = document.entries("nodes")
     # The nearest name at or above each node, and the path down to it.
     named: dict[int, tuple[str, str]] = {}
+    firsts: list[int] = []
+    still_coordinates: list[int] = []
     for node in nodes.order:
         entry = entries[node]
+        firsts.append(len(placed.names))
         above, path = named.get(nodes.parent[node], ("", ""))
         named[node] = (_name(entry) or above, below(path, _name(entry)))
         document.budget.claim("the nodes' paths", sys.getsizeof(named[node][1]))
         if "mesh" not in entry.value:
             continue
         mesh = document.entry("meshes", entry["mesh"])
-        skin = entry.get("skin")
-        weights = _weights(entry, mesh)
-        key = (
-            entry["mesh"].integer(),
-            -1 if skin is None else skin.integer(),
-            tuple(weights),
-        )
-        if node in nodes.hidden:
-            index = NO_MESH
+        skin = rigging.skin_of(entry)
+        weights, own_weights = _weights(entry, mesh)
+        key = (entry["mesh"].integer(), skin, tuple(weights))
+        if not rigging.shows(node):
+            index, deformer = NO_MESH, -1
         elif key in known:
-            index = known[key]
+            index, deformer = known[key]
         else:
-            joints = None if skin is None else _joints(document, skin, world_from_node)
-            index = known[key] = len(placed.meshes)
-            placed.meshes.append(read_mesh(document, mesh, weights, joints, masks))
+            deforms = rigging.deforms(key[0], skin)
+            joints = rigging.world_from_mesh(skin, world_from_node)
+            read, made = read_mesh(document, mesh, weights, joints, masks, deforms)
+            index, deformer = len(placed.meshes), -1
+            placed.meshes.append(read)
+            if made is not None:
+                deformer = len(rigging.deformers)
+                rigging.deformers.append(made)
+                if rigging.morphs(key[0]) and morphs_masks(document, mesh):
+                    still_coordinates.append(key[0])
+            known[key] = index, deformer
         _claim(document, placed, index, entry)
         # A skinned mesh stands where its joints are, wherever its node is.
-        world = world_from_node[node] if skin is None else np.eye(4)
+        world = world_from_node[node] if skin < 0 else np.eye(4)
+        instances = _instances(document, entry)
+        worlds = world[None] if instances is None else compose(world[None], instances)
         own = _name(entry) or _name(mesh)
+        carrier = Carrier(
+            node=node,
+            mesh=key[0],
+            skin=skin,
+            first=len(placed.names),
+            deformer=deformer,
+            weights=key[2],
+            own_weights=own_weights,
+            worlds=worlds,
+            instances=instances,
+            drawn=index != NO_MESH,
+        )
+        rigging.add(carrier)
         placed.add(
             own or above,
             index,
-            _instances(document, entry, world),
+            worlds,
             path=below(path, own),
-            group=entry.extension(_INSTANCING) is not None,
+            group=instances is not None and node not in nodes.levels,
+            hidden=carrier.drawn and node in nodes.hidden,
         )
+    placed.motion = rigging.motion()
+    placed.groups.extend(_levels(document, nodes, named, [*firsts, len(placed.names)]))
     placed.notes.extend(masks.notes())
     placed.notes.extend(
         (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
         for name in document.unknown_extensions
     )
     placed.notes.extend((Code.PARTLY_READ, text) for text in open_questions(document))
-    _note_animation(document, nodes, placed)
+    placed.notes.extend(_unplayed(rigging.animations.unplayed, still_coordinates))
     return placed
 
 
@@ -87,30 +115,13 @@ def _name(entry: Json) -> str:
     return name.text() if name is not None else ""
 
 
-def _weights(node: Json, mesh: Json) -> list[float]:
-    """The morph targets' rest weights: the node's, else the mesh's."""
+def _weights(node: Json, mesh: Json) -> tuple[list[float], bool]:
+    """The morph targets' rest weights: the node's, else the mesh's; and whether the node's."""
     for owner in (node, mesh):
         weights = owner.get("weights")
         if weights is not None:
-            return [weight.number() for weight in weights.items()]
-    return []
-
-
-def _joints(document: Document, skin: Json, world_from_node: Float64) -> Float64:
-    """(j, 4, 4) float64: world_from_mesh as each joint of the skin alone would have it."""
-    entry = document.entry("skins", skin)
-    joints = entry["joints"].items()
-    for joint in joints:
-        document.entry("nodes", joint)
-    worlds = world_from_node[[joint.integer() for joint in joints]]
-    reference = entry.get("inverseBindMatrices")
-    if reference is None:
-        return worlds
-    bind = read_floats(document, reference, ("MAT4",)).astype(np.float64)
-    if len(bind) < len(joints):
-        reference.fail(f"{len(bind)} matrices for {len(joints)} joints")
-    joint_from_mesh = bind[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
-    return compose(worlds, joint_from_mesh)
+            return [weight.number() for weight in weights.items()], owner is node
+    return [], False
 
 
 def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
@@ -140,11 +151,11 @@ def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
     document.budget.claim(what, objects=count, place=node.place)
 
 
-def _instances(document: Document, node: Json, world: Float64) -> Float64:
-    """(k, 4, 4) float64: one matrix, or those of EXT_mesh_gpu_instancing."""
+def _instances(document: Document, node: Json) -> Float64 | None:
+    """(k, 4, 4) float64: the matrices of EXT_mesh_gpu_instancing, None without it."""
     extension = node.extension(_INSTANCING)
     if extension is None:
-        return world[None]
+        return None
     attributes = extension["attributes"]
     found = {
         name: read_floats(document, attributes[name], (kind,), integers=True).astype(np.float64)
@@ -160,82 +171,56 @@ def _instances(document: Document, node: Json, world: Float64) -> Float64:
     if not have_length(rotation):
         attributes["ROTATION"].fail("a rotation of zero or infinite length")
     scale = found.get("SCALE", np.ones((count, 3)))
-    return compose(world[None], trs_matrices(translation, rotation, scale))
+    return trs_matrices(translation, rotation, scale)
 
 
-def _note_animation(document: Document, nodes: Nodes, placed: Placed) -> None:
-    """Say how many objects an animation would move (DESIGN: the rest pose is used)."""
-    entries = document.entries("nodes")
-    pointed = _pointed(document)
-    changed = {number for kind, number, path in pointed if kind == "materials" and _hides(path)}
-    if changed:
-        placed.notes.append(
+def _levels(
+    document: Document, nodes: Nodes, named: dict[int, tuple[str, str]], firsts: list[int]
+) -> list[Group]:
+    """The groups of MSFT_lod. `named`: the name at or above each node, and its path; `firsts`: of
+    each node of the order, and of its end, how many objects come before."""
+    places = {node: place for place, node in enumerate(nodes.order)} if nodes.levels else {}
+    sizes = [1] * len(nodes.order)
+    for node in reversed(places):
+        if nodes.parent[node] >= 0:
+            sizes[places[nodes.parent[node]]] += sizes[places[node]]
+
+    def objects(node: int) -> tuple[int, ...]:
+        place = places[node]
+        return tuple(range(firsts[place], firsts[place + sizes[place]]))
+
+    groups = []
+    for finest, coarser in nodes.levels.items():
+        if finest not in places or not coarser:
+            continue
+        levels = tuple(objects(node) for node in (finest, *coarser))
+        members = tuple(number for level in levels for number in level)
+        entry = document.entries("nodes")[finest]
+        own = _name(entry)
+        if not own and "mesh" in entry.value:
+            own = _name(document.entry("meshes", entry["mesh"]))
+        above, path = named.get(nodes.parent[finest], ("", ""))
+        name = clean_name(own or above) or "object"
+        if members:
+            groups.append(Group(name, clean_name(below(path, own)) or name, members, levels))
+    return groups
+
+
+def _unplayed(pointers: list[str], still: list[int]) -> list[tuple[Code, str]]:
+    """Notes about what is animated and stands as written: what `pointers` change, and the texture
+    coordinates and colours of the masked meshes `still`."""
+    notes = []
+    if pointers:
+        what = counted(len(pointers), "animated property", "animated properties")
+        verb = "stands" if len(pointers) == 1 else "stand"
+        first = f"{pointers[0][:200]!a}"
+        notes.append((Code.ANIMATION_IGNORED, f"{what} {verb} as written, first {first}"))
+    if still:
+        notes.append(
             (
-                Code.ANIMATION_IGNORED,
-                f"{len(changed)} materials' animated alpha or transmission stands as written,"
-                f" first materials[{min(changed)}]",
+                Code.PARTLY_READ,
+                "morph targets move the texture coordinates or colours of masked meshes, which stay"
+                f" as in the rest pose while they are animated, first meshes[{still[0]}]",
             )
         )
-    moved = {node for animation in document.entries("animations") for node in targets(animation)}
-    meshes = {number for kind, number, _ in pointed if kind == "meshes"}
-    for node in nodes.order:
-        if "mesh" in entries[node].value and entries[node]["mesh"].integer() in meshes:
-            moved.add(node)
-    if not moved:
-        return
-    carried: set[int] = set()
-    for node in nodes.order:
-        if node in moved or nodes.parent[node] in carried:
-            carried.add(node)
-    count = 0
-    for node in nodes.order:
-        value = entries[node].value
-        if "mesh" not in value:
-            continue
-        bones = []
-        if "skin" in value:
-            skin = document.entry("skins", entries[node]["skin"])
-            bones = [joint.integer() for joint in skin["joints"].items()]
-        count += node in carried or any(bone in carried for bone in bones)
-    if count:
-        placed.notes.append(
-            (Code.ANIMATION_IGNORED, f"{count} animated nodes with a mesh stand in their rest pose")
-        )
-
-
-def targets(animation: Json) -> list[int]:
-    """The nodes that an animation's channels move, morph or (by pointer) change."""
-    result = []
-    for channel in animation["channels"].items():
-        target = channel["target"]
-        node = target.get("node")
-        if node is not None:
-            result.append(node.integer())
-        elif (pointer := _pointer(target)) is not None and pointer[0] == "nodes":
-            result.append(pointer[1])
-    return result
-
-
-def _pointed(document: Document) -> list[tuple[str, int, str]]:
-    """What KHR_animation_pointer's channels change, in all animations."""
-    found = []
-    for animation in document.entries("animations"):
-        for channel in animation["channels"].items():
-            pointer = _pointer(channel["target"])
-            if pointer is not None:
-                found.append(pointer)
-    return found
-
-
-def _pointer(target: Json) -> tuple[str, int, str] | None:
-    """The list, the number in it and the rest of a JSON pointer `/KIND/NUMBER/REST`."""
-    extension = target.extension("KHR_animation_pointer")
-    parts = extension["pointer"].text().split("/", 3) if extension is not None else []
-    if len(parts) > 2 and parts[2].isdecimal():
-        return parts[1], int(parts[2]), "/".join(parts[3:])
-    return None
-
-
-def _hides(path: str) -> bool:
-    """Whether a material's property at `path` changes what it hides."""
-    return path.endswith(("alphaCutoff", "baseColorFactor", "diffuseFactor", "transmissionFactor"))
+    return notes

@@ -1,0 +1,130 @@
+"""What moves and what stands still, as a ray library gets them: apart.
+
+What stands still is built once. What moves is handed over anew at each pose, every triangle with
+corners of its own, so that neither its vertices nor its hierarchy hang on the poses before. A
+pose's answers are those of an engine that was made of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.scene import Float32, Float64, Int32, Scene, origin_of, somewhere
+
+# What the triangles that stand still and those that move are called, (s,) and (m,) int32.
+Places = tuple[Int32, Int32]
+
+# By how many powers of two what moves may reach further than what stands still before that is
+# scaled, and so built, anew. Scaling rounds nothing, and products of three lengths, 2^48, are far
+# within float32's exponents.
+ROOM = 16
+
+
+class Parts:
+    """A scene's opaque triangles, `solid` (t,) int32 ascending ids, as those that move and those
+    that do not: of what `scene.moving` says, at the moment of `scene`."""
+
+    def __init__(self, scene: Scene, moving: NDArray[np.bool_], solid: Int32) -> None:
+        self.solid = solid
+        moves = moving[scene.object_of_triangle[solid]]
+        there = scene.present[solid]
+        # Places in `solid`. Nobody that does not move comes or goes.
+        self.still = np.flatnonzero(~moves & there).astype(np.int32)
+        self.movable = np.flatnonzero(moves).astype(np.int32)
+        self._object_of_movable = scene.object_of_triangle[solid[self.movable]]
+        self._objects = np.flatnonzero(moving).astype(np.int32)
+        self._units = scene.object_units().take(self._objects)
+        self._boxes = scene.object_bounds.copy()
+        self.there = self.movable
+
+    def meet(self, scene: Scene) -> None:
+        """Follow to another moment: `there`, the places of the triangles that move and are there,
+        and the boxes."""
+        self._boxes[self._objects] = scene.bounds_of(self._units)
+        self.there = self.movable
+        if scene.absent is not None:
+            self.there = self.movable[~scene.absent[self._object_of_movable]]
+
+    def origin(self) -> Float64:
+        """(3,) float64, what is to be subtracted from all of it."""
+        return origin_of(somewhere(self._boxes))
+
+    def bounds(self) -> Float64:
+        """(2, 3) float64: `Scene.bounds` of this moment, zeros where nothing is there."""
+        boxes = somewhere(self._boxes)
+        if not len(boxes):
+            return np.zeros((2, 3))
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def standing(self, scene: Scene) -> tuple[Float32, Int32]:
+        """What stands still: vertices (v, 3), of those triangles alone, and triangles (s, 3)."""
+        triangles = scene.triangles[self.solid[self.still]]
+        used = np.zeros(len(scene.vertices), np.bool_)
+        used[triangles] = True
+        row = np.cumsum(used, dtype=np.int32) - 1
+        return scene.vertices[used], row[triangles]
+
+
+def scale_of(still: float, moving: float) -> float:
+    """The power of two by which all is multiplied, given the greatest coordinates of both parts.
+    It hangs on this moment alone, and rarely on what moves."""
+    exponent, outer = (int(np.frexp(value)[1]) for value in (still, moving))
+    if still == 0.0 or (moving > 0.0 and outer > exponent + ROOM):
+        exponent = outer
+    return 2.0**-exponent
+
+
+def nearer(still: tuple[Int32, Float32], moving: tuple[Int32, Float32], places: Places) -> Int32:
+    """(n,) int32, the places of the nearer of two answers, each primitives (n,), -1 for none, and
+    distances (n,) float32; the lesser place where they are level."""
+    (first, near), (second, far) = still, moving
+    place = np.full(len(first), -1, np.int32)
+    met = np.flatnonzero(first >= 0)
+    place[met] = places[0][first[met]]
+    met = np.flatnonzero(second >= 0)
+    other = places[1][second[met]]
+    before = (place[met] < 0) | (far[met] < near[met])
+    before |= (far[met] == near[met]) & (other < place[met])
+    place[met[before]] = other[before]
+    return place
+
+
+@numba.njit(cache=True, nogil=True)
+def reach(
+    vertices: NDArray[Any], triangles: NDArray[Any], which: NDArray[Any], origin: Any
+) -> float:
+    """The greatest coordinate of some triangles' corners less `origin`: in float64."""
+    greatest = 0.0
+    for t in which:
+        for corner in range(3):
+            for axis in range(3):
+                at = np.float64(vertices[triangles[t, corner], axis]) - origin[axis]
+                greatest = max(greatest, abs(at))
+    return greatest
+
+
+@numba.njit(cache=True, nogil=True)
+def place_corners(
+    vertices: NDArray[Any],
+    triangles: NDArray[Any],
+    which: NDArray[Any],
+    origin: Any,
+    scale: float,
+    corners: NDArray[Any],
+) -> bool:
+    """(corner - origin) * scale of the triangles `which`, (m,) int32 ids, into `corners`,
+    (3 m, 3) float32; whether no rounding came of it."""
+    exact = True
+    for i, t in enumerate(which):
+        for corner in range(3):
+            for axis in range(3):
+                at = np.float64(vertices[triangles[t, corner], axis])
+                moved = at - origin[axis]
+                local = np.float32(moved * scale)
+                exact &= moved + origin[axis] == at and np.float64(local) == moved * scale
+                corners[3 * i + corner, axis] = local
+    return exact

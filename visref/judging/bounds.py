@@ -1,0 +1,111 @@
+"""Whether the boxes that a culler tests contain what they stand for, frame by frame.
+
+A box that is too small loses its object sooner or later: a skinned mesh leaves its bind pose, an
+instance is scaled, a shader moves vertices. The audit finds it in the first frame in which it is
+so, whether or not anything is missed there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.culler import CullerError
+from visref.scene import Float64, Int64, Scene, Units
+from visref.visibility import FrameTruth
+
+# A culler's box and the vertices that it is made of are float32 as a rule: placed by a matrix, four
+# products and three sums, and rounded again, in its program and in the box. Twelve roundings of the
+# greatest coordinate are far above that, and below 2^-20 of it.
+ROUNDING = 2.0**-20
+
+
+@dataclass
+class BoundsTooSmall:
+    """Of one unit, over all frames: `frames` in which its box left some of it out, the greatest
+    distance `outside`, in world units, at `frame`, and how many `samples` were seen of what was
+    left out, in all frames that were looked at."""
+
+    unit: int
+    frames: int = 0
+    outside: float = 0.0
+    frame: int = 0
+    samples: int = 0
+
+
+class BoundsAudit:
+    """One culler's boxes, audited frame after frame."""
+
+    def __init__(self) -> None:
+        self.found: dict[int, BoundsTooSmall] = {}
+        self._of: tuple[Scene, Units, Float64] | None = None
+
+    def look(
+        self,
+        frame: int,
+        scene: Scene,
+        units: Units,
+        boxes: object,
+        truths: Sequence[FrameTruth],
+    ) -> None:
+        """Compare the boxes of a frame, (u, 2, 3) in world space, one per unit; a unit whose box is
+        not finite has none. `truths`: of the frame's views, where they are known.
+
+        Raises CullerError where `boxes` is no such array.
+        """
+        given = checked(boxes, units)
+        if self._of is None or self._of[0] is not scene or self._of[1] is not units:
+            self._of = scene, units, scene.bounds_of(units) + scene.origin
+        real = self._of[2]
+        known = np.isfinite(given).all(axis=(1, 2)) & np.isfinite(real).all(axis=(1, 2))
+        with np.errstate(invalid="ignore"):
+            outside = np.maximum(given[:, 0] - real[:, 0], real[:, 1] - given[:, 1]).max(axis=1)
+            greatest = np.maximum(np.abs(given), np.abs(real)).max(axis=(1, 2))
+        slack = ROUNDING * greatest
+        for unit in np.flatnonzero(known & (outside > slack)).tolist():
+            one = self.found.setdefault(unit, BoundsTooSmall(unit))
+            one.frames += 1
+            if outside[unit] > one.outside:
+                one.outside, one.frame = float(outside[unit]), frame
+            mine = np.zeros(scene.triangle_count, np.bool_)
+            mine[units.gather(np.array([unit], np.int32))] = True
+            for truth in truths:
+                one.samples += _seen_outside(truth, scene, mine, given[unit], float(slack[unit]))
+
+
+def checked(boxes: object, units: Units) -> Float64:
+    """(u, 2, 3) float64, or CullerError."""
+    try:
+        given = np.asarray(boxes)
+    except Exception as error:  # its elements may be anything
+        raise CullerError("bounds() is no array") from error
+    if given.shape != (units.count, 2, 3) or given.dtype.kind not in "iuf":
+        raise CullerError(f"bounds() is no ({units.count}, 2, 3) array of numbers")
+    if np.isnan(given).any():
+        raise CullerError("bounds() has a number that is none")
+    return given.astype(np.float64)
+
+
+def _seen_outside(
+    truth: FrameTruth, scene: Scene, mine: NDArray[np.bool_], box: Float64, slack: float
+) -> int:
+    """How many samples see one of the triangles `mine`, (t,) bool, outside the box."""
+    owner = truth.buffer.triangle.reshape(-1)
+    samples: Int64 = np.flatnonzero((owner >= 0) & mine[owner])
+    samples = np.union1d(samples, truth.ties.sample[mine[truth.ties.triangle]])
+    if not len(samples):
+        return 0
+    camera = truth.camera
+    y, x = np.divmod(samples, camera.width)
+    side = camera.column_a[x, None] * camera.right_step + camera.row_b[y, None] * camera.up_step
+    depth = truth.buffer.depth.reshape(-1)[samples, None]
+    if camera.is_perspective:
+        points = camera.eye + depth * (camera.forward + side)
+    else:
+        points = camera.eye + side + depth * camera.forward
+    points = points + scene.origin
+    inside = (points >= box[0] - slack) & (points <= box[1] + slack)
+    return int(np.count_nonzero(~inside.all(axis=1)))
