@@ -113,7 +113,7 @@ def test_forgetting_what_was_seen_when_something_moves_draws_more():
     drawn = {}
     for kind in (NBufferCulling, EverythingAgain):
         culler, drawn[kind] = kind(), 0
-        for number, (scene, cameras) in enumerate(frames_of("two_views_of_a_changing_city")):
+        for number, (scene, cameras) in enumerate(frames_of("two_views")):
             culler.update(scene) if number else culler.prepare(scene)
             drawn[kind] += sum(map(len, drawn_by(culler, cameras)))
         culler.close()
@@ -306,6 +306,25 @@ def test_what_a_plane_along_the_image_cuts_off_wholly_is_not_drawn(spec):
     # the software buffer nothing hides that the plane cuts.
     assert cut <= near or "software" in spec
     assert scene.id_of_name["cut off"] not in cut
+    culler.close()
+
+
+@pytest.mark.parametrize("spec", ["occlusion-query", "three-pass:mode=conservative"])
+def test_view_after_one_with_a_clip_plane_is_not_cut(spec):
+    # Of one pixel, so that everything is drawn by the same few calls.
+    objects = [
+        ("floor", panel((-1.0, 3.0), (-4.0, 0.0), -2.5)),
+        ("beam", box((-3.0, -2.5, 0.0), (1.0, -1.5, 2.5))),
+    ]
+    pose = look_at((-1.0, 3.5, -2.0), (-1.0, -2.0, 1.25))
+    plain = camera(width=1, height=1)
+    plain = replace(plain, world_from_camera=pose, near=0.125)
+    scene = posed(objects, [Frame((plain,))]).scene
+    culler = make_culler(spec)
+    culler.prepare(scene)
+    (before,) = drawn_by(culler, [plain])
+    drawn_by(culler, [replace(plain, clip_plane=(-1.0, 1.0, -1.0, -3.0))])
+    assert drawn_by(culler, [plain]) == [before] != [[]]
     culler.close()
 
 
