@@ -182,6 +182,15 @@ class Code(StrEnum):
         "for what a shader moves, last frame's box for what moves, and an instance's scale that "
         "the box lacks. It is said whether or not anything was missed.",
     )
+    ABSENT_NAMED = Rule(
+        "ABSENT_NAMED",
+        Severity.INFO,
+        "Something that is not there was drawn, and is ignored",
+        "The path says that the object is absent in that frame (`absent`, another of its group's "
+        "`levels`, or the file's own visibility), and the drawn set names it. It counts neither as "
+        "drawn nor as superfluous. If the engine did draw it, the path tells of another moment "
+        "than the engine's.",
+    )
     CULLER_FAILED = Rule(
         "CULLER_FAILED",
         Severity.ERROR,

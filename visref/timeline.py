@@ -65,7 +65,10 @@ class Timeline:
             self._refuse_without_time(scene)
         moving = self._moving(scene)
         self.moves = bool(moving.any())
-        self.still = replace(scene, rig=None, moving=moving if self.moves else None)
+        # The scene as it is, where nothing is to be marked or dropped.
+        self.still = scene
+        if self.moves or scene.rig is not None:
+            self.still = replace(scene, rig=None, moving=moving if self.moves else None)
         self._last: tuple[int, Scene] | None = None
 
     def at(self, frame: int) -> Scene:

@@ -334,7 +334,7 @@ def test_answers_that_were_recorded_have_the_times_that_are_recorded_with_them(t
     ]
     file = tmp_path / "visible.jsonl"
     file.write_text("\n".join(map(json.dumps, lines)))
-    replay = Replay(read_visible_sets(file, SCENE, FRAMES, len(PATH)), PATH)
+    replay = Replay(read_visible_sets(file, SCENE, FRAMES, PATH), PATH)
     folder = tmp_path / "run"
     folder.mkdir()
     writer = RunWriter(folder, SCENE, PATH, engine="exact", settings={})

@@ -67,6 +67,13 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
             f"{counted(small.samples, 'sample')} of what it leaves out can be seen"
         )
         found.append(Finding(Code.BOUNDS_TOO_SMALL, text, record.spec, small.frame, name))
+    if record.ignored:
+        unit, frame = min(record.ignored.items(), key=lambda pair: (pair[1], pair[0]))
+        of_object = record.unit_kind == OBJECT
+        name = scene.names[unit] if of_object else ""
+        which = "this one" if of_object else f"{record.unit_kind} {unit}"
+        text = f"{len(record.ignored)} different, first {which} in frame {frame}"
+        found.append(Finding(Code.ABSENT_NAMED, text, record.spec, frame, name))
     totals = record.totals
     if totals.undecided_samples > MAX_UNDECIDED * totals.owned_samples:
         share = totals.undecided_samples / totals.owned_samples
