@@ -50,9 +50,15 @@ class Animated:
         self.json: dict[str, Any] = json.loads(glb[20 : 20 + length])
         self.blob = glb[20 + length + 8 :]
         self.nodes = self.json.get("nodes", [])
+        self._read: dict[int, np.ndarray] = {}
 
     def values(self, number: int) -> np.ndarray:
         """(count, width), integers as they are, or as shares where they are normalised."""
+        if number not in self._read:
+            self._read[number] = self._values(number)
+        return self._read[number]
+
+    def _values(self, number: int) -> np.ndarray:
         accessor = self.json["accessors"][number]
         width, kind = WIDTHS[accessor["type"]], np.dtype(TYPES[accessor["componentType"]])
         count = accessor["count"]
@@ -72,8 +78,8 @@ class Animated:
         view = self.json["bufferViews"][at["bufferView"]]
         start = view.get("byteOffset", 0) + at.get("byteOffset", 0)
         step = view.get("byteStride", width * kind.itemsize)
-        rows = [np.frombuffer(self.blob, kind, width, start + step * row) for row in range(count)]
-        return np.array(rows, kind).reshape(count, width)
+        steps = step, kind.itemsize
+        return np.ndarray((count, width), kind, self.blob, start, steps)
 
     def at(self, time_s: float | None, clip: int = 0) -> list[Posed]:
         """The objects, in the order of their ids, at a time; None: in the rest pose."""
