@@ -91,6 +91,10 @@ class Timeline:
             return np.zeros(self._scene.object_count, np.bool_)
         return self._between(frame - 1, frame)
 
+    def absent(self, frame: int) -> Bool:
+        """(n,) bool, the objects that are not there in a frame."""
+        return self._pose(frame).absent if self.moves else self._rest_absent
+
     def _between(self, one: int, other: int) -> Bool:
         result = np.zeros(self._scene.object_count, np.bool_)
         a, b = self._pose(one), self._pose(other)

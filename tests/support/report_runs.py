@@ -16,7 +16,6 @@ from visref.engines.base import TruthEngine
 from visref.judging.referee import Referee
 from visref.run_folder.write import RunWriter
 from visref.scene import Scene, Units
-from visref.timeline import Timeline
 from visref.visibility import FrameTruth, VisibilityBuffer
 
 NASTY = "<script>alert('x')</script> | `a` & \"b\"\x07"
@@ -151,7 +150,6 @@ def write_run(
         folder,
         world,
         cameras,
-        timeline=Timeline(world, cameras),
         engine=engine,
         settings={"cull_backfaces": False},
         picture_frames=pictures,

@@ -10,15 +10,13 @@ import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
+from visref.camera import ALL_VIEWS as ALL_VIEWS
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
 from visref.scene import Scene
-
-# The view of a record whose drawn set is for all views of its frame, where there are several.
-ALL_VIEWS = ""
 
 
 @dataclass(frozen=True, eq=False)

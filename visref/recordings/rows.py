@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.camera import ALL_VIEWS
 from visref.culler import QueryStats, is_count, is_duration
 from visref.errors import InputError
 from visref.files import json_bytes, map_file, open_file, parse_json
@@ -25,9 +26,6 @@ from visref.memory import Budget
 from visref.numerals import whole_number
 from visref.recordings.names import shown_name
 from visref.scene import clean_name
-
-# The view of a set that is for all views of its frame.
-ALL_VIEWS = ""
 
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 # Beyond float64; not one of Python's whole numbers without end.

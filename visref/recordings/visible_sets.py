@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visref.camera import Camera
+from visref.camera import ALL_VIEWS, Camera
 from visref.camera_path import CameraPath
 from visref.culler import (
     Culler,
@@ -29,7 +29,7 @@ from visref.culler import (
 from visref.errors import InputError
 from visref.memory import Budget
 from visref.recordings.names import Names, shown_name
-from visref.recordings.rows import ALL_VIEWS, READERS, Row
+from visref.recordings.rows import READERS, Row
 from visref.scene import Float64, Int32, Scene, Units
 
 # So many are listed of what may be many.

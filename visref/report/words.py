@@ -33,6 +33,10 @@ COUNTING = (
 )
 
 
+# So many of the ages of misses stand in a line.
+_AGES_SHOWN = 8
+
+
 def count(number: int | None) -> str:
     """An integer with its thousands set apart."""
     return "–" if number is None else f"{number:,}"
@@ -104,6 +108,75 @@ CAUSES = {
 def path_from(out: Path, folder: Path) -> str:
     """A folder as the files in `out` name it."""
     return os.path.relpath(folder.resolve(), out.resolve())
+
+
+def frame_of(witness: Witness) -> str:
+    """The frame of a witness, and its view where that has a name."""
+    return f"frame {witness.frame}" + (f", view {witness.view}" if witness.view else "")
+
+
+def ages_line(row: CullerSummary) -> str:
+    """The ages of a culler's misses, in a line; empty where none has one."""
+    if not row.ages:
+        return ""
+    parts = [f"{count(number)} at {age}" for age, number in row.ages.items()]
+    more = f", … and {len(parts) - _AGES_SHOWN} more ages" if len(parts) > _AGES_SHOWN else ""
+    by_right = f"; {count(row.ageless)} in view by right" if row.ageless else ""
+    return f"{', '.join(parts[:_AGES_SHOWN])}{more}{by_right}"
+
+
+def ages_table(rows: Sequence[CullerSummary]) -> tuple[list[str], list[tuple[str, list[int]]]]:
+    """Headings, and for each culler whose misses have ages how many there are under each: ages up
+    to 3 by themselves, then by powers of two, and last those without one."""
+    aged = [row for row in rows if row.ages]
+    oldest = max((max(row.ages) for row in aged), default=0)
+    ranges = [(age, age) for age in range(min(oldest, 3) + 1)]
+    while ranges[-1][1] < oldest:
+        low = ranges[-1][1] + 1
+        ranges.append((low, 2 * low - 1))
+    headings = [f"{low}" if low == high else f"{low}–{high}" for low, high in ranges]
+    table = [
+        (
+            row.culler,
+            [
+                *(
+                    sum(n for age, n in row.ages.items() if low <= age <= high)
+                    for low, high in ranges
+                ),
+                row.ageless,
+            ],
+        )
+        for row in aged
+    ]
+    return [*headings, "by right"], table
+
+
+def motion_line(run: RunFolder) -> str:
+    """What moved in a run, in a sentence; empty where nothing did."""
+    motion = run.manifest.motion
+    if motion is None:
+        return ""
+    if not motion.frames:
+        return "Nothing moved in the judged frames."
+    moved, appeared, vanished = (
+        sum(getattr(one, name) for one in motion.frames)
+        for name in ("moved", "appeared", "vanished")
+    )
+    return (
+        f"{counted(motion.objects, 'object')} changed in {counted(len(motion.frames), 'frame')}: "
+        f"{counted(moved, 'move')}, {counted(appeared, 'appearance')} and "
+        f"{counted(vanished, 'disappearance')} since the frame before."
+    )
+
+
+def moved_in(run: RunFolder, frame: int) -> str:
+    """What moved in one frame; empty where nothing did."""
+    motion = run.manifest.motion
+    for one in motion.frames if motion is not None else ():
+        if one.frame == frame:
+            told = ((one.moved, "moved"), (one.appeared, "appeared"), (one.vanished, "vanished"))
+            return ", ".join(f"{count(number)} {word}" for number, word in told if number)
+    return ""
 
 
 def replay_command(run: RunFolder, lost: Witness, out: Path) -> str:
