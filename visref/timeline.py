@@ -93,7 +93,10 @@ class Timeline:
 
     def absent(self, frame: int) -> Bool:
         """(n,) bool, the objects that are not there in a frame."""
-        return self._pose(frame).absent if self.moves else self._rest_absent
+        if self.moves:
+            return self._pose(frame).absent
+        gone = self.still.absent
+        return np.zeros(self.still.object_count, np.bool_) if gone is None else gone
 
     def _between(self, one: int, other: int) -> Bool:
         result = np.zeros(self._scene.object_count, np.bool_)
