@@ -45,6 +45,11 @@ class TruthEngine(ABC):
         does not ask."""
         return np.zeros(0, np.int32), 0
 
+    @property
+    def unseen(self) -> tuple[Int32, int]:
+        """As `known_wrong`, but of rays through the scene itself, before any camera looks at it."""
+        return np.zeros(0, np.int32), 0
+
     def pose(self, scene: Scene) -> None:
         """Meet the scene as it stands now: called before a frame in which something has moved,
         appeared or vanished; triangles, objects and names are those that the engine was made

@@ -84,6 +84,10 @@ Layers = tuple[NDArray[Any], ...]
 DEPTH_SLACK = 2.0**-18
 
 
+# An engine that gets known samples of one in so many triangles of some size wrong does not see them.
+SIGHT = 8
+
+
 class RayEngine(TruthEngine):
     """A truth engine over a ray library; subclasses say how rays are cast.
 
@@ -93,7 +97,8 @@ class RayEngine(TruthEngine):
     what stands still is between 1/2 and 1: it multiplies lengths, and ignores what lies beyond
     some 1e18.
 
-    Raises InputError where the library does not see what it was given (`known_samples`).
+    Raises InputError where the library does not see what it was given: known samples of many of the
+    triangles of some size (`known_samples`).
     """
 
     # Samples in a tile: rays and answers of one tile stay in a core's cache.
@@ -101,6 +106,7 @@ class RayEngine(TruthEngine):
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         super().__init__(scene, threads=threads)
+        self._unseen, self._asked = np.zeros(0, np.int32), 0
         self._workers = threads or available_threads()
         moving = scene.moving if scene.moving is not None and scene.moving.any() else None
         self._solid = _of_alpha(scene, Alpha.OPAQUE)
@@ -197,8 +203,9 @@ class RayEngine(TruthEngine):
         return corners, bool(exact)
 
     def _check_sight(self, vertices: Float32, triangles: Int32, places: Int32) -> None:
-        """Raise InputError if the library, as built, gets a known sample of some triangles wrong:
-        local ones, (t, 3), at `places`, (t,), in `_solid`."""
+        """Raise InputError if the library, as built, gets known samples of a share of the triangles
+        of some size wrong, `1 / SIGHT`; fewer are kept for `unseen`. Local triangles, (t, 3), at
+        `places`, (t,), in `_solid`."""
         known = known_samples(vertices, triangles)
         answer = self._nearest(known.rays)
         known = known._replace(primitive=places[known.primitive])
@@ -207,18 +214,33 @@ class RayEngine(TruthEngine):
         asked = known._replace(primitive=np.searchsorted(some, known.primitive).astype(np.int32))
         met = np.where(answer >= 0, np.searchsorted(some, answer), BACKGROUND).astype(np.int32)
         wrong = misses(asked, met, self._corners(self._solid[some])[0], own_corners(len(some)))
+        self._asked += len(known.primitive)
         if not len(wrong):
             return
-        first = int(self._solid[known.primitive[wrong[0]]])
-        corners = self.scene.vertices[self.scene.triangles[first]].astype(np.float64)
-        raise InputError(
-            f"the engine '{self.name}' does not see all of it: it misses {len(wrong)} of "
-            f"{len(known.primitive)} known samples, first one on a triangle of size "
-            f"{np.ptp(corners, axis=0).max():.3g} in a scene that reaches to {self._reach:.3g}",
-            source=self.scene.source,
-            place=f"object '{self.scene.names[self.scene.object_of_triangle[first]]}'",
-            fix="use the engine 'exact'; float32 cannot hold such different sizes at once",
-        )
+        asked_of = self._solid[known.primitive]
+        corners = self.scene.vertices[self.scene.triangles[asked_of]].astype(np.float64)
+        size = np.ptp(corners, axis=1).max(axis=1)
+        octave = np.frexp(size)[1]
+        for one in np.unique(octave[wrong]):
+            lost = wrong[octave[wrong] == one]
+            of_size, missed = (len(np.unique(asked_of[at])) for at in (octave == one, lost))
+            # A lone sliver may be at the limit of what float32 tells apart; a size is not.
+            if SIGHT * missed < of_size or (missed == 1 and 2 * len(lost) < np.sum(octave == one)):
+                continue
+            first = int(asked_of[lost[0]])
+            raise InputError(
+                f"the engine '{self.name}' does not see all of it: it gets known samples of {missed} "
+                f"of {of_size} triangles wrong that are of size {size[lost[0]]:.3g} "
+                f"in a scene that reaches to {self._reach:.3g}",
+                source=self.scene.source,
+                place=f"object '{self.scene.names[self.scene.object_of_triangle[first]]}'",
+                fix="use the engine 'exact'; float32 cannot hold such different sizes at once",
+            )
+        self._unseen = np.concatenate([self._unseen, asked_of[wrong]])
+
+    @property
+    def unseen(self) -> tuple[Int32, int]:
+        return self._unseen, self._asked
 
     def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
         """Which triangles a view shows by a pixel or more around their centres while its ray there

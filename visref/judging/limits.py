@@ -127,7 +127,8 @@ def known_to_be_wrong(
     """A finding where an engine errs, in these frames, a list of views each, at samples whose
     owner is known. The judge decides exactly what is disputed, but nobody disputes what nobody
     saw."""
-    asked, wrong = 0, [np.zeros(0, np.int32)]
+    unseen, asked = engine.unseen
+    wrong = [unseen]
     for views in frames:
         for camera in views:
             triangles, known = engine.known_wrong(camera)
