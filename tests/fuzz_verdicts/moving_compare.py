@@ -59,6 +59,8 @@ def compare_moving(
         here = case.present(frame)
         units = [[i for i in unit if here[i]] for unit in case.unit_lists]
         samples = [sample for view in views for sample in seen[frame, view]]
+        # What is not there is drawn by nobody.
+        drawn = [u for u in drawn if units[u] or not case.unit_lists[u]]
         expected.append(brute.judge(samples, case.triangles(frame), units, drawn, case.promise))
     for name in engines:
         kept = Kept()

@@ -140,3 +140,10 @@ def what_hides_in_one_view_is_superfluous(patch: Patch) -> None:
 def an_engine_keeps_the_first_scene(patch: Patch) -> None:
     """The exact engine does not follow the scene."""
     patch.setattr(ExactEngine, "pose", lambda self, scene: None)
+
+
+@fault(0)
+def what_is_not_there_is_counted_as_drawn(patch: Patch) -> None:
+    """A unit whose objects are all absent is drawn, and for nothing."""
+    nobody = np.zeros(0, np.int32)
+    patch.setattr(referee, "without_absent", lambda scene, units, drawn: (drawn, nobody))
