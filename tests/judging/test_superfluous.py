@@ -107,7 +107,8 @@ def test_confirmed_units_are_those_that_a_brute_force_finds_hidden(engine, chunk
             raise AssertionError(f"random_case({40 + chunk}, {index}): {error}") from error
         except InputError as error:
             # Of slivers alone, some 1e-4 wide in a scene of 20, Embree may miss a known sample.
-            assert "does not see all of it" in str(error)
+            if "does not see all of it" not in str(error):
+                raise
             declined += 1
     assert declined <= (2 if engine == "embree" else 0)
     assert min(seen[kind] for kind in ("hidden", "shown", "tied", "doubt", "glass")) > 5
