@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pyarrow as pa
@@ -233,7 +234,8 @@ def _write_names(file: Path, folders: Folders) -> Any:
     scene = Scene.from_objects(parts, source=source)
     run = folders.out / "run"
     culls = report_runs.Scripted((report_runs.NASTY_ID,))
-    _run_of(scene, run, culler, culls)
+    with mock.patch.object(report_runs, "scene", lambda: scene):
+        report_runs.write_run(run, [(culler, culls)], frames=1, pictures=())
     page = write_report([run], folders.out / "page")
     texts = {name: page.with_name(name).read_text(encoding="utf-8")
              for name in ("report.html", "summary.md", "junit.xml")}  # fmt: skip
@@ -262,18 +264,6 @@ def _part(scene: Scene, index: int) -> tuple[Any, Any]:
     return scene.vertices[scene.triangles[low:high]].reshape(-1, 3), np.arange(
         3 * (high - low)
     ).reshape(-1, 3)
-
-
-def _run_of(scene: Scene, folder: Path, name: str, culler: Any) -> None:
-    from visref.judging.referee import Referee
-    from visref.run_folder.write import RunWriter
-
-    folder.mkdir(parents=True)
-    path = report_runs.path(1)
-    writer = RunWriter(folder, scene, path, engine="embree", settings={}, picture_frames=[])
-    truth = report_runs.Painter(report_runs.scene())
-    outcome = Referee(scene, lambda: truth).run(path, range(1), [(name, culler)], [writer])
-    writer.finish(outcome)
 
 
 _SETS = {"read": _read_sets, "command": _check, "companions": BESIDE}
