@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pyarrow as pa
@@ -17,7 +18,7 @@ import pyarrow.parquet as pq
 
 from tests.fuzz import rewrite, spoil
 from tests.fuzz.draws import Draws
-from tests.fuzz.limits import Folders, WrongAnswer
+from tests.fuzz.limits import MEMORY, Folders, WrongAnswer
 from tests.fuzz.target import Target, command
 from tests.support import report_runs
 from tests.support.gltf_everything import everything
@@ -57,9 +58,42 @@ PATH_TEXT = spoil.json_bytes(_path().to_json())
 BESIDE = {"scene.glb": _gltf().glb(), "scene.path.json": PATH_TEXT}
 
 
+def _posed() -> dict[str, Any]:
+    """Two views of three moments, in which objects are moved, absent, and at a time."""
+    pose = np.eye(4).tolist()
+    moved = np.eye(4)
+    moved[0, 3] = 0.25
+    eyes = {"left": {"world_from_camera": pose}, "right": {"world_from_camera": moved.tolist()}}
+    return {
+        "format": "visref-path",
+        "version": 1,
+        "width": 8,
+        "height": 6,
+        "near": 0.1,
+        "far": 10.0,
+        "yfov": 1.0,
+        "clip_plane": [0.0, 0.0, -1.0, 0.0],
+        "frames": [
+            {"time_s": 0.5, "views": eyes},
+            {"absent": ["square1"], "views": eyes, "cut": True},
+            {"world_from_object": {"square0": moved.tolist()}, "world_from_camera": pose},
+        ],
+    }
+
+
+POSED_TEXT = spoil.json_bytes(_posed())
+
+
 def _read_path(file: Path, folders: Folders) -> Any:
     del folders
-    return [camera.definition() for camera in load_path(file)]
+    path = load_path(file, max_memory=MEMORY)
+    found = []
+    for frame in path.frames:
+        moved = {name: matrix.tolist() for name, matrix in frame.world_from_object.items()}
+        # Views are by name, and so in any order.
+        cameras = sorted(str(camera.definition()) for camera in frame.cameras)
+        found.append((frame.time_s, frame.clip, moved, frame.absent, dict(frame.levels), cameras))
+    return found
 
 
 def _cast(file: Path, folders: Folders) -> Sequence[str]:
@@ -95,7 +129,7 @@ def _scene() -> Scene:
 
 def _read_sets(file: Path, folders: Folders) -> Any:
     del folders
-    sets = read_visible_sets(file, _scene(), range(FRAMES), FRAMES)
+    sets = read_visible_sets(file, _scene(), range(FRAMES), _TRUTH_PATH, max_memory=MEMORY)
     return {frame: ids.tolist() for frame, ids in sets.frames.items()}, sets.stats
 
 
@@ -233,7 +267,8 @@ def _write_names(file: Path, folders: Folders) -> Any:
     scene = Scene.from_objects(parts, source=source)
     run = folders.out / "run"
     culls = report_runs.Scripted((report_runs.NASTY_ID,))
-    _run_of(scene, run, culler, culls)
+    with mock.patch.object(report_runs, "scene", return_value=scene):
+        report_runs.write_run(run, [(culler, culls)], frames=1, pictures=())
     page = write_report([run], folders.out / "page")
     texts = {name: page.with_name(name).read_text(encoding="utf-8")
              for name in ("report.html", "summary.md", "junit.xml")}  # fmt: skip
@@ -264,23 +299,11 @@ def _part(scene: Scene, index: int) -> tuple[Any, Any]:
     ).reshape(-1, 3)
 
 
-def _run_of(scene: Scene, folder: Path, name: str, culler: Any) -> None:
-    from visref.judging.referee import Referee
-    from visref.run_folder.write import RunWriter
-
-    folder.mkdir(parents=True)
-    path = report_runs.path(1)
-    writer = RunWriter(folder, scene, path, engine="embree", settings={}, picture_frames=[])
-    truth = report_runs.Painter(report_runs.scene())
-    outcome = Referee(scene, lambda: truth).run(path, range(1), [(name, culler)], [writer])
-    writer.finish(outcome)
-
-
 _SETS = {"read": _read_sets, "command": _check, "companions": BESIDE}
 
 TARGETS = (
-    Target("path", "case.json", lambda: {"path": PATH_TEXT}, spoil.json_text, _read_path,
-           rewrite.json_text, _cast, BESIDE),
+    Target("path", "case.json", lambda: {"path": PATH_TEXT, "posed": POSED_TEXT},
+           spoil.json_text, _read_path, rewrite.json_text, _cast, BESIDE),
     Target("path-glb", "case.glb", lambda: {"everything": everything().glb()}, spoil.glb,
            _read_path, rewrite.glb, _cast, BESIDE),
     Target("sets-jsonl", "case.jsonl", lambda: {"sets": JSONL}, spoil.json_lines,

@@ -19,7 +19,10 @@ from tests.fuzz.limits import MEMORY, Folders
 from tests.fuzz.target import Target
 from tests.support.gltf_everything import everything
 from tests.support.gltf_files import SQUARE, TWO, Gltf, one_triangle
+from visref.camera import Camera
+from visref.camera_path import CameraPath, Frame
 from visref.formats import load_scene
+from visref.timeline import Timeline
 
 
 def read(file: Path, folders: Folders) -> Any:
@@ -53,6 +56,44 @@ def textured() -> Gltf:
     gltf.entry("materials", alphaMode="MASK", **texture)
     gltf.node(mesh=gltf.mesh(square), name="leaf")
     return gltf
+
+
+def moving() -> Gltf:
+    """`everything`, its objects animated too: places, turns, weights, and who is there."""
+    gltf = everything()
+    times = gltf.accessor(np.array([0, 1], "f4"))
+    places = gltf.accessor(np.array([[0, 0, 0], [1, 2, 3]], "f4"))
+    weights = gltf.accessor(np.array([[0], [1]], "f4"))
+    shown = gltf.accessor(np.array([[1], [0]], "u1"))
+    visible = "/nodes/3/extensions/KHR_node_visibility/visible"
+    pointer = {"KHR_animation_pointer": {"pointer": visible}}
+    gltf.json["animations"] = [
+        {
+            "samplers": [
+                {"input": times, "output": places},
+                {"input": times, "output": weights, "interpolation": "STEP"},
+                {"input": times, "output": shown, "interpolation": "STEP"},
+            ],
+            "channels": [
+                {"sampler": 0, "target": {"node": 0, "path": "translation"}},
+                {"sampler": 0, "target": {"node": 2, "path": "scale"}},
+                {"sampler": 1, "target": {"node": 1, "path": "weights"}},
+                {"sampler": 2, "target": {"path": "pointer", "extensions": pointer}},
+            ],
+        }
+    ]
+    gltf.json["buffers"] = [{"byteLength": len(gltf.blob)}]
+    return gltf
+
+
+def read_moving(file: Path, folders: Folders) -> Any:
+    """A scene in three moments."""
+    del folders
+    scene = load_scene(file, max_memory=MEMORY)
+    poses = (Frame((Camera(np.eye(4), 8, 6, near=0.1, yfov=1.0),), time_s=t) for t in (0, 0.25, 1))
+    timeline = Timeline(scene, CameraPath(tuple(poses)))
+    moments = [timeline.at(frame) for frame in range(3)]
+    return [(at.vertices.tobytes(), timeline.absent(i).tolist()) for i, at in enumerate(moments)]
 
 
 @cache
@@ -270,6 +311,8 @@ _words = rewrite.lines(None)
 
 TARGETS = (
     _scene("glb", "scene.glb", glbs, spoil.glb, rewrite=rewrite.glb),
+    Target("glb-motion", "scene.glb", lambda: {"moving": moving().glb()}, spoil.glb, read_moving,
+           rewrite.glb),
     _scene("gltf", "scene.gltf", gltfs, spoil.json_text, rewrite=rewrite.gltf_text,
            companions={"scene.bin": BIN}),
     _scene("obj", "scene.obj", _plain(OBJ), _text, rewrite=rewrite.lines(b"#", first=1),
