@@ -220,8 +220,8 @@ class Geometry:
 def view_uniforms(program: moderngl.Program, view: View) -> None:
     """Set what `mesh.vert` and its like need to know of the view."""
     if program.get("clip_plane", None) is not None:
-        # Without one, everything is in front. llvmpipe (Mesa 22.3) went on to cut by a plane that an
-        # earlier view left in the program, though the cutting was switched off.
+        # Without one, everything is in front. llvmpipe (Mesa 22.3) went on to cut by a plane that
+        # an earlier view left in the program, though the cutting was switched off.
         plane = NO_PLANE if view.clip_plane is None else view.clip_plane
         set_uniform(program, "clip_plane", plane.astype(np.float32).tobytes())
     set_uniform(program, "eye_high", view.eye_high.tobytes())
