@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.culler import Culler, DrawnSet, Option, QueryStats
+from visref.culler import Culler, CullerError, DrawnSet, Option, QueryStats
+from visref.errors import InputError
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 from visref.stopwatch import Stopwatch
 from visref_culling.boxes.conservative import inflated, nearest_depth, needs_no_query, round_outward
@@ -141,6 +142,14 @@ class GLCuller(UsesDevice, Culler):
             self.raster.update(self.scene, changes)
 
     def cull(self, camera: Camera) -> DrawnSet:
+        """Raises CullerError where OpenGL cannot hold the scene as it is seen, or has no image of
+        that size: a culler that needs none of it is judged all the same."""
+        try:
+            return self._cull(camera)
+        except InputError as error:
+            raise CullerError(str(error)) from error
+
+    def _cull(self, camera: Camera) -> DrawnSet:
         if self.raster is not None:
             self.raster.see(camera)
         self.device.context.finish()

@@ -12,8 +12,6 @@ import importlib
 TYPE_CHECKING = False
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from visref.camera import Camera, look_at
     from visref.camera_path import CameraPath
     from visref.conformance import assert_conforms, check_culler, conformance_checks
@@ -115,7 +113,7 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 
 if not TYPE_CHECKING:  # Or a type checker would take any name for a public one.
 
-    def __getattr__(name: str) -> Any:
+    def __getattr__(name: str) -> object:
         if name == "__version__":
             from importlib.metadata import version
 

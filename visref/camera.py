@@ -42,6 +42,9 @@ MAX_IMAGE_SIDE = 1 << 20
 # A visibility buffer takes 12 bytes a sample: 3 GB here, and an engine needs several times that.
 MAX_SAMPLES = 1 << 28
 
+# The view of what is for all views of a frame together.
+ALL_VIEWS = ""
+
 
 @dataclass(frozen=True, eq=False)
 class Camera(Shared):

@@ -16,7 +16,7 @@ from visref.camera import Camera
 from visref.errors import InputError
 from visref.files import json_bytes, map_file, parse_json
 from visref.memory import Budget
-from visref.scene import Float64
+from visref.scene import Float64, clean_name
 
 PATH_FORMAT = "visref-path"
 PATH_VERSION = 1
@@ -63,6 +63,8 @@ class Frame:
             raise InputError("the frame has no view", place="views", fix="give a camera")
         if len(set(views)) != len(views):
             raise InputError("two views have the same name", place="views", fix="rename one")
+        if len(views) > 1 and "" in views:
+            raise InputError("one of several views has no name", place="views", fix="name it")
 
     @property
     def poses(self) -> bool:
@@ -178,14 +180,17 @@ class CameraPath:
         return cls(made, source)
 
     def to_json(self) -> dict[str, Any]:
-        """The JSON form; fields that all frames share stand at the top."""
-        rows = [_frame_json(frame) for frame in self.frames]
-        shared = {
-            name: rows[0][name]
-            for name in (*_SHARED_FIELDS, "animation")
-            if all(name in row and row[name] == rows[0][name] for row in rows)
-        }
-        frames = [{k: v for k, v in row.items() if k not in shared} for row in rows]
+        """The JSON form; fields that all cameras share stand at the top, and so does what
+        animation all frames name."""
+        frames = [_frame_json(frame) for frame in self.frames]
+        cameras = [one for row in frames for one in row.get("views", {"": row}).values()]
+        shared: dict[str, Any] = {}
+        for names, rows in ((_SHARED_FIELDS, cameras), (("animation",), frames)):
+            for name in names:
+                if all(name in row and row[name] == rows[0][name] for row in rows):
+                    shared[name] = rows[0][name]
+                    for row in rows:
+                        del row[name]
         return {"format": PATH_FORMAT, "version": PATH_VERSION, **shared, "frames": frames}
 
     def relative_to(self, origin: Float64) -> CameraPath:
@@ -274,7 +279,7 @@ def _frame(own: Mapping[str, Any], shared: Mapping[str, Any], time_s: float | No
         time_s,
         clip,
         {
-            name: _matrix(value, f"world_from_object.{name}")
+            clean_name(name): _matrix(value, f"world_from_object.{name}")
             for name, value in _mapping(
                 own.get("world_from_object", {}), "world_from_object"
             ).items()
@@ -294,7 +299,7 @@ def _views(own: Mapping[str, Any], shared: Mapping[str, Any], cut: bool) -> tupl
         try:
             view = _mapping(values, "")
             _known(view, _VIEW_FIELDS, "")
-            cameras.append(_camera(_over(merged, view), name, cut))
+            cameras.append(_camera(_over(merged, view), clean_name(name), cut))
         except InputError as error:
             raise error.at(place=place) from error
     return tuple(cameras)
@@ -312,7 +317,7 @@ def _over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 def _names(value: Any) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
         raise InputError("absent is not a list of names", place="absent", fix='write ["name"]')
-    return tuple(value)
+    return tuple(map(clean_name, value))
 
 
 def _levels(value: Any) -> dict[str, int]:
@@ -322,7 +327,7 @@ def _levels(value: Any) -> dict[str, int]:
             raise InputError(
                 f"{reprlib.repr(level)} is no level", place=f"levels.{name}", fix="give 0, 1, …"
             )
-    return dict(levels)
+    return {clean_name(name): level for name, level in levels.items()}
 
 
 def _camera(values: Mapping[str, Any], view: str, cut: bool) -> Camera:

@@ -120,7 +120,7 @@ class Code(StrEnum):
     )
     TRUTH_UNSEALED = Rule(
         "TRUTH_UNSEALED",
-        Severity.INFO,
+        Severity.WARNING,
         "The truth file has no digest",
         "It is of version 1: whether somebody edited it after it was cast cannot be seen, and it "
         "does not say whether its engine is exact. Cast the truth again to have both.",
@@ -181,6 +181,15 @@ class Code(StrEnum):
         "are a box of the bind pose for a skinned mesh, of the rest shape for morph targets or "
         "for what a shader moves, last frame's box for what moves, and an instance's scale that "
         "the box lacks. It is said whether or not anything was missed.",
+    )
+    ABSENT_NAMED = Rule(
+        "ABSENT_NAMED",
+        Severity.INFO,
+        "Something that is not there was drawn, and is ignored",
+        "The path says that the object is absent in that frame (`absent`, another of its group's "
+        "`levels`, or the file's own visibility), and the drawn set names it. It counts neither as "
+        "drawn nor as superfluous. If the engine did draw it, the path tells of another moment "
+        "than the engine's.",
     )
     CULLER_FAILED = Rule(
         "CULLER_FAILED",

@@ -39,7 +39,6 @@ def started(arguments: list[str]) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.mark.xfail(strict=False, reason="while importing, nobody yet takes the signal")
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["objects", "run"])
 def test_an_interrupt_at_a_random_moment_is_quiet(tmp_path, command):

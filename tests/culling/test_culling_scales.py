@@ -7,6 +7,7 @@ import pytest
 
 from tests.engines.test_scales import BASE, CAMERAS, camera_times, scene_times
 from visref.camera_path import CameraPath
+from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
 from visref.errors import InputError
 from visref.judging.referee import Referee
@@ -56,3 +57,32 @@ def test_a_power_of_two_changes_no_cullers_verdict(name):
     expected = verdicts(0)
     for power in (-95, -60, 57, 97):
         assert verdicts(power) == expected
+
+
+class Everything(Culler):
+    """Draws everything, without a GL."""
+
+    def prepare(self, scene):
+        self.units = scene.object_units()
+        return self.units
+
+    def cull(self, camera):
+        return DrawnSet(np.arange(self.units.count, dtype=np.int32))
+
+
+@pytest.mark.parametrize("name", sorted(available(CULLERS)))
+def test_a_scene_beyond_gl_fails_the_cullers_on_gl_and_nobody_else(name):
+    scene = scene_times(2.0**-126)
+    cameras = tuple(camera_times(camera, 2.0**-126) for camera in CAMERAS)
+    outcome = Referee(scene, lambda: make_engine("exact", scene)).run(
+        CameraPath(cameras),
+        range(len(cameras)),
+        [(name, make_culler(name)), ("everything", Everything())],
+    )
+    on_gl, other = outcome.cullers
+    assert on_gl.failed
+    assert not other.failed
+    assert len(other.frames) == len(cameras)
+    (told,) = [finding for finding in outcome.findings if finding.code == "CULLER_FAILED"]
+    assert told.culler == name
+    assert "float32 of OpenGL" in told.message

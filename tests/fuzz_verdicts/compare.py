@@ -114,7 +114,7 @@ def compare(case: Case, folder: Path, engines: Sequence[str] = tuple(ENGINES)) -
         kept = Kept()
         if case.units is None:
             every = range(len(path))
-            sets = read_visible_sets(sets_file, scene, every, len(path))
+            sets = read_visible_sets(sets_file, scene, every, path)
             culler: Culler = Replay(sets, path, Promise(case.promise))
         else:
             culler = Drawn(case.unit_lists, case.promise, case.drawn)

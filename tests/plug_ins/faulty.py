@@ -372,3 +372,45 @@ class EndsInThePicture(Misses):
             os._exit(0)
 
     raster = raster()
+
+
+# What no rasteriser may declare: it would excuse whatever is lost.
+
+
+def declaring(*tolerance: object) -> Raster:
+    class Declaring(Raster):
+        def item_buffer(self, camera):
+            return np.full((camera.height, camera.width), -1, np.int32)
+
+    raster = Declaring()
+    raster.tolerance = RasterTolerance(*tolerance)
+    return raster
+
+
+class SnapsByNaN(Misses):
+    raster = declaring(float("nan"))
+
+
+class SnapsFar(Misses):
+    raster = declaring(1e6)
+
+
+class SnapsInWords(Misses):
+    raster = declaring("half a pixel")
+
+
+class SnapsInAList(Misses):
+    raster = declaring([0.25])
+
+
+class HasNoBits(Misses):
+    raster = declaring(0.25, 0)
+
+
+class HasBitsInWords(Misses):
+    raster = declaring(0.25, "24")
+
+
+class DeclaresNoTolerance(Misses):
+    raster = declaring(0.25)
+    del raster.tolerance

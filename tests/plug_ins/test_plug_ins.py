@@ -77,6 +77,15 @@ NO_ANSWER = {
     "PromisesInAList": "it promises",
     "CannotPromise": "RuntimeError: not ready",
 }
+EXCUSES = {
+    "SnapsByNaN": "raster.tolerance: a snap of nan px is not from 0 to 0.5",
+    "SnapsFar": "raster.tolerance: a snap of 1000000.0 px is not from 0 to 0.5",
+    "SnapsInWords": "raster.tolerance: snap_px is a str, not a number",
+    "SnapsInAList": "raster.tolerance: snap_px is a ",
+    "HasNoBits": "raster.tolerance: 0 bits of depth are not from 16 to 32",
+    "HasBitsInWords": "raster.tolerance: depth_bits is a str, not a whole number or None",
+    "DeclaresNoTolerance": "'tolerance'",
+}
 HARMLESS = [
     "LeavesAThread",
     "Forks",
@@ -200,7 +209,7 @@ def test_faults_in_answers_are_told_alike_from_a_process_of_its_own(folder):
     assert_told(faults(verdict), few)
 
 
-@pytest.mark.parametrize(("name", "said"), list({**LEFT, **RAISED, **NO_ANSWER}.items()))
+@pytest.mark.parametrize(("name", "said"), list({**LEFT, **RAISED, **NO_ANSWER, **EXCUSES}.items()))
 @pytest.mark.parametrize("handed_over", [False, True])
 def test_in_process_a_fault_is_its_culler_s_alone(name, said, handed_over, folder):
     made: list[tuple[str, Culler]] = [("misses", faulty.Misses())]
@@ -262,12 +271,28 @@ def test_the_judge_s_question_for_a_picture_crosses_the_process(folder):
 
 
 @pytest.mark.slow
+def test_a_tolerance_out_of_bounds_excuses_nothing_from_a_process_of_its_own_either(folder):
+    status, verdict = run("Misses", *EXCUSES)
+    assert status == Exit.VIOLATION
+    assert_told(faults(verdict), EXCUSES)
+    for name in EXCUSES:
+        assert verdict["cullers"][f"faulty:{name}"]["within_raster_tolerance"] == 0
+
+
+@pytest.mark.slow
 def test_memory_is_limited_and_its_end_is_the_plug_in_s_fault(folder):
     with making_cullers(["faulty:AllocatesWithoutEnd"], Making(memory_limit=1 << 30)) as cullers:
         ((_, culler),) = cullers
         culler.prepare(scene())
         with pytest.raises(CullerError, match=r"MemoryError|its process"):
             culler.cull(path().cameras[0])
+
+
+@pytest.mark.slow
+def test_the_limit_of_memory_is_the_one_that_is_given(folder):
+    status, verdict = run("Misses", "AllocatesWithoutEnd", more=("--max-memory", "1.5G"))
+    assert status == Exit.VIOLATION
+    assert_told(faults(verdict), {"AllocatesWithoutEnd": "MemoryError|its process"})
 
 
 @pytest.mark.parametrize("more", [(), ("--in-process",)])

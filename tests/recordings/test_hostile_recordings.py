@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.support.hand_made import scene_of_squares
+from tests.support.hand_made import scene_of_squares, still_path
 from visref.errors import InputError
 from visref.recordings.visible_sets import read_visible_sets
 
@@ -19,7 +19,7 @@ SCENE = scene_of_squares(-1.0, -2.0)
 
 def refused(file, match):
     with pytest.raises(InputError, match=match) as caught:
-        read_visible_sets(file, SCENE, range(1), 1, max_memory=LIMIT)
+        read_visible_sets(file, SCENE, range(1), still_path(1), max_memory=LIMIT)
     line = str(caught.value)
     assert line.startswith(str(file))
     assert "\n" not in line
@@ -73,7 +73,7 @@ def test_parquet_of_other_types_is_refused(tmp_path, columns, match):
 def test_parquet_with_dictionaries_says_the_same(tmp_path):
     names = pa.array([SCENE.names[1], None, SCENE.names[1]]).dictionary_encode()
     pq.write_table(pa.table({"frame": [0, 0, 0], "object": names}), tmp_path / "v.parquet")
-    recorded = read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)
+    recorded = read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), still_path(1))
     assert recorded.frames[0].tolist() == [1]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.gltf_files import TRIANGLE, Gltf
-from tests.support.hand_made import judged, soup, truth
+from tests.support.hand_made import judged, soup, still_path, truth
 from visref.errors import InputError
 from visref.formats import load_scene
 from visref.recordings.names import Names
@@ -99,7 +99,7 @@ def read(tmp_path, scene: Scene, *frames: list):
     file = tmp_path / "v.jsonl"
     rows = [{"frame": frame, "visible": visible} for frame, visible in enumerate(frames)]
     file.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    return read_visible_sets(file, scene, range(len(rows)), len(rows))
+    return read_visible_sets(file, scene, range(len(rows)), still_path(len(rows)))
 
 
 def test_a_group_draws_all_that_is_in_it(tmp_path, scene):

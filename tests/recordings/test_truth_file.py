@@ -13,7 +13,7 @@ import pytest
 
 from tests.support import report_runs
 from tests.support.hand_made import camera, scene_of_squares, truth
-from visref.camera_path import CameraPath
+from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.recordings import truth_file
 from visref.recordings.truth_file import TruthTable, read_truth
@@ -52,27 +52,33 @@ def test_whether_the_engine_is_exact_comes_back(tmp_path, exact):
     assert read_truth(tmp_path / "t.parquet", SCENE, PATH, ()).exact is exact
 
 
-class ThreeViews(CameraPath):
-    """A path each of whose frames has three views."""
-
-    def views(self, frame):
-        return tuple(replace(self.frames[frame], view=view) for view in ("left", "right", ""))
+def with_views(*views):
+    """A path of two frames, each of which has these views of two samples by one."""
+    return CameraPath([Frame(tuple(replace(camera(2, 1), view=view) for view in views))] * 2)
 
 
 def test_views_of_a_frame_come_back_apart(tmp_path):
-    path = ThreeViews(PATH.cameras)
+    path = with_views("left", "right", "rear")
     table = TruthTable(SCENE)
-    for view, owners in (("left", [[0, 0]]), ("right", [[2, -1]]), ("", [[-1, -1]])):
+    for view, owners in (("left", [[0, 0]]), ("right", [[2, -1]]), ("rear", [[-1, -1]])):
         table.add(1, 2, objects_seen(truth(owners), SCENE), view=view)
     table.write(tmp_path / "t.parquet", engine="hand", path=path, ties_complete=True, exact=True)
     read = read_truth(tmp_path / "t.parquet", SCENE, path, [1])
     assert {cell: rows.objects.tolist() for cell, rows in read.views.items()} == {
         (1, "left"): [0],
         (1, "right"): [1],
-        (1, ""): [],
+        (1, "rear"): [],
     }
-    assert read.frames[1].owned == 0
+    assert read.views[1, "rear"].owned == 0
     assert pq.read_table(tmp_path / "t.parquet")["view"].to_pylist() == ["left", "right"]
+
+
+def test_a_path_with_other_views_is_another_path(tmp_path):
+    TruthTable(SCENE).write(
+        tmp_path / "t.parquet", engine="hand", path=with_views("a", "b"), ties_complete=True
+    )
+    with pytest.raises(InputError, match="it was cast for another path"):
+        read_truth(tmp_path / "t.parquet", SCENE, with_views("a", "c"), ())
 
 
 # A version 1 file, as visref wrote them: of the run whose folder is kept beside.

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.support.hand_made import camera, scene_of_squares
+from tests.support.hand_made import camera, scene_of_squares, still_path
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.recordings.visible_sets import Replay, read_visible_sets
@@ -29,7 +29,7 @@ def write(tmp_path, name, text):
 
 def test_ids_and_names_mean_the_same_objects(tmp_path):
     text = lines({"frame": 1, "visible": ["square2", 0]}, {"frame": 0, "visible": []})
-    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(2), 2)
+    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(2), still_path(2))
     assert [read.frames[f].tolist() for f in (0, 1)] == [[], [0, 2]]
 
 
@@ -48,13 +48,13 @@ def test_csv_and_parquet_say_the_same_as_json_lines(tmp_path):
         tmp_path / "n.parquet",
     )
     for file in (json_file, by_id, by_name, tmp_path / "i.parquet", tmp_path / "n.parquet"):
-        read = read_visible_sets(file, SCENE, range(3), 3)
+        read = read_visible_sets(file, SCENE, range(3), still_path(3))
         assert [read.frames[f].tolist() for f in range(3)] == expected, file.name
 
 
 def test_stats_come_through(tmp_path):
     text = lines({"frame": 0, "visible": [0], "stats": {"queries": 7, "ms": {"cull": 1.5}}})
-    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(1), 1)
+    read = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(1), still_path(1))
     assert read.stats[0].queries == 7
     assert read.stats[0].ms == {"cull": 1.5}
 
@@ -64,7 +64,7 @@ def test_replay_plays_the_frames_that_are_judged_in_path_order(tmp_path):
     path = CameraPath((same, same, same))
     text = lines(*({"frame": f, "visible": [f]} for f in (2, 0, 1)))
     file = write(tmp_path, "v.jsonl", text)
-    replay = Replay(read_visible_sets(file, SCENE, range(1, 3), 3), path)
+    replay = Replay(read_visible_sets(file, SCENE, range(1, 3), still_path(3)), path)
     assert [replay.cull(same).unit_ids.tolist() for _ in range(2)] == [[1], [2]]
 
 
@@ -132,7 +132,7 @@ def test_bad_recording_is_one_clear_line_naming_the_file(name, tmp_path):
     file_name, text, expected = BAD[name]
     file = write(tmp_path, file_name, text)
     with pytest.raises(InputError) as caught:
-        read_visible_sets(file, SCENE, range(1), 1)
+        read_visible_sets(file, SCENE, range(1), still_path(1))
     message = str(caught.value)
     assert message.startswith(str(file))
     assert expected in message
@@ -142,7 +142,7 @@ def test_bad_recording_is_one_clear_line_naming_the_file(name, tmp_path):
 @pytest.mark.parametrize("ending", ["jsonl", "csv", "parquet"])
 def test_missing_file_is_a_clear_error(ending, tmp_path):
     with pytest.raises(InputError, match="cannot read the file"):
-        read_visible_sets(tmp_path / f"none.{ending}", SCENE, range(1), 1)
+        read_visible_sets(tmp_path / f"none.{ending}", SCENE, range(1), still_path(1))
 
 
 @pytest.mark.parametrize("name", ["v.jsonl", "v.csv"])
@@ -150,7 +150,7 @@ def test_byte_order_mark_of_a_text_editor_is_no_part_of_the_recording(name, tmp_
     text = "frame,object\n0,square1\n" if name == "v.csv" else lines({"frame": 0, "visible": [1]})
     file = tmp_path / name
     file.write_text(text, encoding="utf-8-sig")
-    assert read_visible_sets(file, SCENE, range(1), 1).frames[0].tolist() == [1]
+    assert read_visible_sets(file, SCENE, range(1), still_path(1)).frames[0].tolist() == [1]
 
 
 def test_parquet_that_lost_its_middle_is_a_clear_error(tmp_path):
@@ -159,11 +159,48 @@ def test_parquet_that_lost_its_middle_is_a_clear_error(tmp_path):
     content[4:40] = b"\xff" * 36
     (tmp_path / "v.parquet").write_bytes(content)
     with pytest.raises(InputError, match="not a whole one"):
-        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)
+        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), still_path(1))
 
 
 def test_parquet_ids_must_be_whole(tmp_path):
     table = pa.table({"frame": np.array([0]), "object_id": np.array([0.5])})
     pq.write_table(table, tmp_path / "v.parquet")
     with pytest.raises(InputError, match="object_id is of type double"):
-        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), 1)
+        read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), still_path(1))
+
+
+def test_boxes_by_name_come_to_their_units(tmp_path):
+    file = tmp_path / "v.jsonl"
+    name = SCENE.names[1]
+    lines = [
+        {"frame": 0, "visible": [0], "bounds": {name: [[0, -1, 2.5], [1, 1, 3]]}},
+        {"frame": 1, "visible": [0]},
+    ]
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    read = read_visible_sets(file, SCENE, range(2), still_path(2))
+    assert list(read.boxes) == [0]
+    assert read.boxes[0][1].tolist() == [[0.0, -1.0, 2.5], [1.0, 1.0, 3.0]]
+    assert not np.isfinite(np.delete(read.boxes[0], 1, axis=0)).any()
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ([], "bounds is not an object"),
+        ({"nobody": [[0, 0, 0], [1, 1, 1]]}, "no object named 'nobody'"),
+        *(
+            ({"front": box}, "no two corners of three numbers")
+            for box in ([], [[0, 0, 0]], [[0, 0], [1, 1, 1, 1]], [[0, 0, "a"], [1, 1, 1]], 3,
+                        [[0, 0, 10**400], [1, 1, 1]], [[0, 0, True], [1, 1, 1]])
+        ),
+        ({"front": [[2, 0, 0], [1, 1, 1]]}, "a least corner above its greatest"),
+    ],
+)  # fmt: skip
+def test_what_is_no_box_is_one_line_with_its_place(bounds, said, tmp_path):
+    file = tmp_path / "v.jsonl"
+    named = {SCENE.names[0] if key == "front" else key: box for key, box in dict(bounds).items()}
+    line = {"frame": 0, "visible": [], "bounds": named if bounds else bounds}
+    file.write_text(json.dumps(line) + "\n")
+    with pytest.raises(InputError, match=f"line 1: .*{said}") as refused:
+        read_visible_sets(file, SCENE, range(1), still_path(1))
+    assert "\n" not in str(refused.value)

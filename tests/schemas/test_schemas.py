@@ -9,15 +9,17 @@ import copy
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
 from tests.support import report_runs
+from tests.support.hand_made import still_path
 from visref.camera import Camera, look_at
-from visref.camera_path import CameraPath
+from visref.camera_path import CameraPath, Frame
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.recordings.visible_sets import read_visible_sets
@@ -37,19 +39,36 @@ def run(tmp_path_factory):
 
 
 def path_json() -> dict[str, Any]:
-    """A path whose frames are of both projections, one with every field."""
+    """A path whose frames are of both projections, one with every field, one with several views
+    that stand still and one with all that may move."""
     pose = look_at((0.0, 0.0, 3.0), (0.0, 0.0, -5.0))
     first = Camera(pose, 64, 48, near=0.1, far=50.0, yfov=1.0, shift_x_px=0.5, cut=True)
     second = Camera(pose, 64, 48, near=0.1, far=math.inf, ymag=2.0, shift_y_px=-0.25)
-    return CameraPath((first, second)).to_json()
+    views = (replace(first, view="left"), replace(second, view="right", cut=True))
+    moved = Frame(
+        (replace(first, cut=False, clip_plane=(0.0, 1.0, 0.0, 0.5)),),
+        time_s=0.25,
+        clip="walk",
+        world_from_object={"lift": np.diag([1.0, 2.0, 1.0, 1.0])},
+        absent=("door",),
+        levels={"tree": 1},
+    )
+    return {**CameraPath((first, second, Frame(views), moved)).to_json(), "fps": 24}
 
 
 LINE = {
     "frame": 1,
-    "visible": [0, "wall"],
+    "visible": {"left": [0, "wall"], "right": []},
     "stats": {"queries": 7, "ms": {"cull": 1.5}},
     "note": "whatever",
 }
+
+
+def two_frames() -> CameraPath:
+    """Of which the second has two views."""
+    (camera,) = still_path(1).cameras
+    eyes = tuple(replace(camera, view=view) for view in ("left", "right"))
+    return CameraPath([camera, Frame(eyes)])
 
 
 def valid(run, name: str) -> Any:
@@ -76,7 +95,7 @@ def read(name: str, value: Any, folder) -> None:
     else:
         file = folder / "sets.jsonl"
         file.write_text("\n".join(map(json.dumps, [{"frame": 0, "visible": []}, value])))
-        read_visible_sets(file, report_runs.scene(), range(2), 2)
+        read_visible_sets(file, report_runs.scene(), range(2), two_frames())
 
 
 def places(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -181,10 +200,19 @@ def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
             read(name, more, tmp_path)
 
 
+def test_a_set_for_all_views_fits_too(tmp_path):
+    line = {**LINE, "visible": LINE["visible"]["left"]}
+    jsonschema.validate(line, schema("visible_sets"))
+    read("visible_sets", line, tmp_path)
+
+
 def test_a_path_that_the_reader_takes_and_the_schema_too_may_say_all_in_its_frames():
     value = path_json()
     shared = {name: value.pop(name) for name in ("width", "height", "near")}
-    value["frames"] = [{**shared, **frame} for frame in value["frames"]]
+    for frame in value["frames"]:
+        # A view may say it as well as its frame.
+        for part in frame["views"].values() if "views" in frame else (frame,):
+            part.update({**shared, **part})
     jsonschema.validate(value, schema("path"))
     CameraPath.from_json(value)
     del value["frames"][1]["near"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath
 from visref.culler import Promise
 from visref.judging.disputes import Rulings
 from visref.judging.judge import judge
@@ -25,6 +26,11 @@ def camera(width: int = SHAPE[1], height: int = SHAPE[0]) -> Camera:
         far=100.0,
         ymag=height / 2,
     )
+
+
+def still_path(frames: int) -> CameraPath:
+    """The same camera in each frame."""
+    return CameraPath([camera()] * frames)
 
 
 def square(x: float, y: float, z: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -257,6 +257,20 @@ def test_page_admits_what_it_cannot_explain(cases: dict[str, HardCase]) -> None:
     assert "not known" not in PAGE.read_text(encoding="utf-8")
 
 
+def test_page_shows_specs_and_never_obeys_them(cases: dict[str, HardCase]) -> None:
+    engine, culler = "mine:a=|<b>`x`\n# forged", "yours:a=[x](y)|\n| forged |"
+    table = HardCaseTable((cases["z-fighting"],), (engine,), (culler,))
+    wrong = Cell(State.WRONG, 1)
+    table.cells["z-fighting"] = {engine: wrong, culler: wrong}
+    page = hard_cases_page(table, ["a machine\n# forged"])
+    lines = page.splitlines()
+    assert not any(line.startswith(("# forged", "| forged")) for line in lines)
+    # Bars that end a cell, in the heading, the rule and the one row: three cells each.
+    rows = [line for line in lines if line.startswith("|")]
+    assert [len(re.findall(r"(?<!\\)\|", row)) for row in rows] == [4, 4, 4]
+    assert "<b>" not in re.sub(r"(`+).*?\1", "", page).replace("\\<", "")
+
+
 def test_page_lists_the_cases_that_there_are(cases: dict[str, HardCase]) -> None:
     """`visref hardcases --out docs/hard-cases.md` writes it."""
     page = PAGE.read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ def run(given: argparse.Namespace) -> Exit:
         given.visible,
         inputs.scene,
         inputs.frames,
-        len(inputs.path),
+        inputs.path,
         max_memory=inputs.max_memory,
     )
     tolerance = _raster(given.raster) if given.raster is not None else None

@@ -7,19 +7,34 @@ stands between such an error and the caller, while visref itself is imported too
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from collections.abc import Callable
 
 from visref.cli.breakdown import INTERRUPTED, broke_down, said
 
 
 def main() -> int:
     """Run the command line of this process; returns its exit status."""
+    # While modules are imported, and after the last word, an interrupt just ends the process:
+    # nothing is half done there, and what imports something may swallow an exception.
+    told = signal.getsignal(signal.SIGINT)
+    if told is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        return _main(lambda: signal.signal(signal.SIGINT, told))
+    finally:
+        if told is signal.default_int_handler:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _main(ready: Callable[[], object]) -> int:
     imported = False
     try:
         from visref.cli.main import main as run
 
         imported = True
-        status = run()
+        status = run(ready=ready)
     except KeyboardInterrupt:
         return said("interrupted; nothing was written", INTERRUPTED)
     except SystemExit:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from visref.cli.breakdown import INTERRUPTED, broke_down
 from visref.cli.terminal import ERRORS, Parser, prepare
@@ -33,8 +33,11 @@ COMMANDS = {
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit status (see `visref.judging.status.Exit`)."""
+def main(
+    arguments: Sequence[str] | None = None, *, ready: Callable[[], object] = lambda: None
+) -> int:
+    """Run one command; returns its exit status (see `visref.judging.status.Exit`). `ready` is
+    called once the command's modules are imported, before it does anything."""
     if arguments is None:
         prepare()
         arguments = sys.argv[1:]
@@ -47,6 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return broke_down()
     # This leaves by SystemExit for help and for a wrong argument; nothing else may.
     parser.parse_args(arguments, given)
+    ready()
     if given.in_process:
         from visref.cli.supervised import supervised
 

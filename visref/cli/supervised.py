@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 
 from visref.cli.breakdown import BROKE_DOWN
+from visref.cli.terminal import ERRORS
 
 
 def supervised(work: Callable[[], int]) -> int:
@@ -40,7 +41,7 @@ def supervised(work: Callable[[], int]) -> int:
         return said[0]
     code = os.waitstatus_to_exitcode(ended)
     how = f"by signal {-code}" if code < 0 else f"with status {code}"
-    print(f"the process ended {how} before there was a verdict", file=sys.stderr)
+    ERRORS.line(f"the process ended {how} before there was a verdict")
     return 128 - code if code < 0 else BROKE_DOWN
 
 

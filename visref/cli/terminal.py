@@ -256,6 +256,7 @@ def progress() -> Progress:
         TimeRemainingColumn(),
         console=Console(file=cast(IO[str], _Careful())),
         transient=True,
+        redirect_stdout=False,
         disable=not _Careful().isatty(),
     )
 
@@ -263,22 +264,26 @@ def progress() -> Progress:
 class _Careful(io.TextIOBase):
     """Standard error, for a display that anything may happen to: its terminal may be closed."""
 
+    def __init__(self) -> None:
+        # The display stands in for `sys.stderr` while it shows, and writes here.
+        self._stream = sys.stderr
+
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        return getattr(sys.stderr, "encoding", None) or "utf-8"
+        return getattr(self._stream, "encoding", None) or "utf-8"
 
     def write(self, text: str) -> int:
         with suppress(OSError, ValueError, AttributeError):
-            sys.stderr.write(text.encode(self.encoding, "visref-readable").decode(self.encoding))
+            self._stream.write(text.encode(self.encoding, "visref-readable").decode(self.encoding))
         return len(text)
 
     def flush(self) -> None:
         with suppress(OSError, ValueError, AttributeError):
-            sys.stderr.flush()
+            self._stream.flush()
 
     def isatty(self) -> bool:
         with suppress(OSError, ValueError, AttributeError):
-            return sys.stderr.isatty()
+            return self._stream.isatty()
         return False
 
 

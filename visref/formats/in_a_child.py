@@ -239,7 +239,7 @@ def answer(reader: str, file: str, memory: int, seconds: int, limit: int, given:
 def _peak() -> int:
     """The most memory that this process had, in bytes; 0 where the system does not say."""
     status = Path("/proc/self/status")
-    lines = status.read_text().splitlines() if status.exists() else []
+    lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
     return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmPeak")), 0)
 
 
@@ -258,7 +258,7 @@ def _limit(memory: int, seconds: int) -> int:
     taken = 0
     statm = Path("/proc/self/statm")
     if statm.exists():
-        taken = int(statm.read_text().split()[0]) * resource.getpagesize()
+        taken = int(statm.read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
     for kind, most in (
         (resource.RLIMIT_AS, taken + memory),
         (resource.RLIMIT_CPU, seconds),

@@ -1,6 +1,6 @@
 """Every other format goes through trimesh, with its clean-up switched off, since a verdict is
-about the triangles as given. (glTF, OBJ, COLLADA, PLY and OFF have readers of their own, whose
-modules say what trimesh gets wrong in them.)
+about the triangles as given. (glTF, OBJ, COLLADA, 3MF, PLY and OFF have readers of their
+own, whose modules say what trimesh gets wrong in them.)
 """
 
 from __future__ import annotations

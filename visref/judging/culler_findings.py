@@ -28,6 +28,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     for pixels, frame, miss in record.losses():
         lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
+        text += f", view '{miss.view}'" if miss.view else ""
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
     found += _hidden_findings(record, scene)
@@ -67,6 +68,13 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
             f"{counted(small.samples, 'sample')} of what it leaves out can be seen"
         )
         found.append(Finding(Code.BOUNDS_TOO_SMALL, text, record.spec, small.frame, name))
+    if record.ignored:
+        unit, frame = min(record.ignored.items(), key=lambda pair: (pair[1], pair[0]))
+        of_object = record.unit_kind == OBJECT
+        name = scene.names[unit] if of_object else ""
+        which = "this one" if of_object else f"{record.unit_kind} {unit}"
+        text = f"{len(record.ignored)} different, first {which} in frame {frame}"
+        found.append(Finding(Code.ABSENT_NAMED, text, record.spec, frame, name))
     totals = record.totals
     if totals.undecided_samples > MAX_UNDECIDED * totals.owned_samples:
         share = totals.undecided_samples / totals.owned_samples

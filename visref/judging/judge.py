@@ -46,7 +46,8 @@ class Miss:
 
     `samples`: those lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
     index in the image of `view`, `width` samples wide, `depth` view depth there. Margins are None
-    where they were not computed.
+    where they were not computed. `age`: for how many frames it had been in view
+    (`visref.judging.ages`), None where it has no age.
     """
 
     object: int
@@ -61,6 +62,7 @@ class Miss:
     partly: bool = False
     view: str = ""
     width: int = 0
+    age: int | None = None
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,16 @@ made from the files.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
+from visref.camera import ALL_VIEWS as ALL_VIEWS
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
 from visref.scene import Scene
-
-# The view of a record whose drawn set is for all views of its frame, where there are several.
-ALL_VIEWS = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +38,8 @@ class FrameRecord:
 @dataclass
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
-    tolerance that its rasteriser declares (the loosest of its frames), None without one."""
+    tolerance that its rasteriser declares (the loosest of its frames), None without one. `ignored`:
+    by unit, the first frame in which it was drawn and not there."""
 
     spec: str
     promise: Promise
@@ -50,6 +49,7 @@ class CullerRecord:
     failed: bool = False
     raster: RasterTolerance | None = None
     too_small: list[BoundsTooSmall] = field(default_factory=list)
+    ignored: dict[int, int] = field(default_factory=dict)
 
     @property
     def totals(self) -> Counts:
@@ -68,6 +68,17 @@ class CullerRecord:
     @property
     def status(self) -> Status:
         return status_of(CullerOutcome(self.totals, len(self.frames), self.failed, self.promise))
+
+    def ages(self) -> dict[int, int]:
+        """How many misses that lose samples there are of each age, in frames; those without one are
+        in none."""
+        ages = Counter(
+            miss.age
+            for record in self.frames
+            for miss in record.verdict.misses
+            if miss.age is not None and miss.kind is not MissKind.TIE
+        )
+        return dict(sorted(ages.items()))
 
     def losses(self) -> list[tuple[int, int, Miss]]:
         """Confirmed misses by object: (samples lost over all frames, frame, worst miss),
@@ -149,8 +160,8 @@ def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
             "frames": len({row.frame for row in record.frames}),
             "unit_kind": record.unit_kind,
             **vars(record.totals),
+            "ages": {str(age): count for age, count in record.ages().items()},
             # Filled by what looks at the records afterwards.
-            "ages": {},
             "causes": [],
             "worst": worst,
             "raster": raster_json(record),

@@ -32,6 +32,8 @@ from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
 from visref.findings import Code, Finding
+from visref.judging.absences import without_absent
+from visref.judging.ages import CellAges
 from visref.judging.bounds import BoundsAudit
 from visref.judging.culler_findings import culler_findings
 from visref.judging.frame import SettledFrame
@@ -132,6 +134,7 @@ class Referee:
         self._exact: ExactScene | None = None
         # The scene of the frame at hand.
         self._now = self.scene
+        self._ages = CellAges()
         # By how many pixels rounding moved a vertex that is seen, less the frame, and a triangle.
         self._moved = (0.0, 0, -1)
 
@@ -250,6 +253,9 @@ class Referee:
         if self.recorded is None:
             for camera in cameras:
                 casts[camera.view] = self._cast(camera, frame, listeners, len(cameras) > 1)
+        if jobs:
+            seen = {camera.view: self._seen(frame, camera.view, casts) for camera in cameras}
+            self._ages.look(frame, cameras[0].cut, seen, ALL_VIEWS)
         for job in jobs:
             if job.record.failed:
                 continue
@@ -263,6 +269,14 @@ class Referee:
                     self._cell(cell, frame, job, casts, outcome, listeners)
             if not job.record.failed:
                 self._audit(job, frame, casts, outcome)
+
+    def _seen(self, frame: int, view: str, casts: Mapping[str, Cast]) -> NDArray[np.bool_]:
+        """(n,) bool, the objects that own a sample of a view."""
+        if self.recorded is None:
+            return casts[view][1].visible
+        seen = np.zeros(self._now.object_count, np.bool_)
+        seen[self.recorded.views[frame, view].objects] = True
+        return seen
 
     def _audit(self, job: Job, frame: int, casts: Mapping[str, Cast], outcome: RunOutcome) -> None:
         """Hold the boxes that the culler says it tested against what they stand for."""
@@ -289,7 +303,7 @@ class Referee:
     ) -> None:
         """One culler's drawn set for these views, judged. Truths that it needs go to `casts`."""
         try:
-            drawn_set = self._cull(job, cameras)
+            drawn_set, ignored = without_absent(self._now, job.units, self._cull(job, cameras))
             # A rasteriser may declare more for each camera that it sees: once a frame.
             with settings_restored():
                 raster = raster_of(job.culler)
@@ -300,11 +314,13 @@ class Referee:
             return
         if raster is not None:
             job.record.raster = looser(job.record.raster, raster.tolerance)
+        for unit in ignored.tolist():
+            job.record.ignored.setdefault(unit, frame)
         drawn_units = drawn_set.unit_ids
         drawn = job.units.mask(drawn_units, self._now.triangle_count)
         verdict = None
-        if self.recorded is not None and len(cameras) == 1:
-            rows = self.recorded.views[frame, cameras[0].view]
+        if self.recorded is not None:
+            rows = [self.recorded.views[frame, camera.view] for camera in cameras]
             verdict = _clean_verdict(self._now, rows, job, drawn_units)
         settled: tuple[SettledFrame, ...] = ()
         if verdict is None:
@@ -317,12 +333,14 @@ class Referee:
                 self._fail(job.record, outcome, frame, error)
                 return
             verdict = located(judge(joined(settled), job.record.promise), cameras)
+        view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
+        verdict = self._ages.aged(verdict, frame, view, job.spec, job.units, settled)
         differ = None
         if self.image_check is not None:
             differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
         record = FrameRecord(
             frame,
-            cameras[0].view if len(cameras) == 1 else ALL_VIEWS,
+            view,
             cameras[0].width,
             verdict,
             drawn_set.stats,
@@ -364,12 +382,13 @@ class Referee:
         """A view's truth; in arrays of its own where others are cast before it is done with."""
         if self._engine is None:
             self._engine = engine = self.engine()
-            if self._now.moving is not None and not engine.poses:
+            moving = self._now.moving is not None
+            if moving and not engine.poses:
                 raise InputError(
                     f"engine '{engine.name}' casts scenes that stand still",
                     fix="use another, such as 'exact'",
                 )
-            if engine.scene is not self._now:
+            if moving and engine.scene is not self._now:
                 engine.pose(self._now)
         with Stopwatch() as watch:
             truth = self._engine.frame(camera)
@@ -454,24 +473,28 @@ def _checked(units: object, scene: Scene) -> Units:
 
 
 def _clean_verdict(
-    scene: Scene, rows: FrameRows, job: Job, drawn_units: Int32
+    scene: Scene, rows: Sequence[FrameRows], job: Job, drawn_units: Int32
 ) -> FrameVerdict | None:
-    """The verdict from a recorded truth, or None if the frame must be looked at by sample.
+    """The verdict on a set from a recorded truth, `rows` of each view that the set is for, or None
+    if the views must be looked at by sample.
 
-    Enough where units are objects and every visible object was drawn whole.
+    Enough where units are objects and every object that some view sees was drawn whole.
     """
     if scene.has_mask or job.units.kind != OBJECT:
         return None
-    if not np.isin(rows.objects, drawn_units).all():
+    visible = np.unique(np.concatenate([view.objects for view in rows]))
+    if not np.isin(visible, drawn_units).all():
         return None
-    superfluous = np.setdiff1d(drawn_units, rows.objects).astype(np.int32)
+    superfluous = np.setdiff1d(drawn_units, visible).astype(np.int32)
     superfluous = superfluous[job.units.sizes[superfluous] > 0]
     if len(superfluous) and not job.record.promise.may_draw_hidden:
         return None
+    owned = [view.owned for view in rows]
     counts = Counts(
-        visible=len(rows.objects),
-        owned_samples=rows.owned or 0,
+        visible=len(visible),
+        owned_samples=sum(count or 0 for count in owned),
         drawn=len(drawn_units),
         superfluous=len(superfluous),
     )
-    return FrameVerdict(counts, (), superfluous, owned=rows.owned)
+    known = None if None in owned else counts.owned_samples
+    return FrameVerdict(counts, (), superfluous, owned=known)

@@ -20,6 +20,7 @@ from visref.culler import (
     QueryStats,
     RasterTolerance,
     check_stats,
+    check_tolerance,
     fault_text,
 )
 from visref.plug_ins.wire import Message
@@ -114,11 +115,14 @@ def _tolerance(raster: object) -> dict[str, Any]:
 
 
 def read_tolerance(said: object) -> RasterTolerance:
-    """Raises CullerError where no tolerance was declared, or none that may be."""
+    """Raises CullerError where no tolerance was declared, or one out of bounds."""
     if not isinstance(said, dict) or "snap_px" not in said:
         fault = said.get("fault") if isinstance(said, dict) else None
         raise CullerError(str(fault or "its rasteriser declares no tolerance"))
-    return RasterTolerance(said["snap_px"], said.get("depth_bits"))
+    try:
+        return check_tolerance(RasterTolerance(said["snap_px"], said.get("depth_bits")))
+    except ValueError as error:
+        raise CullerError(f"raster.tolerance: {error}") from error
 
 
 def _said(value: object) -> Any:

@@ -187,7 +187,8 @@ def read_truth(
     _check_rows(table, on_file, scene, path, source)
     cells = {cell: count for cell, count in on_file.items() if cell[0] in wanted}
     rows = _rows_by_cell(table, cells, None if version_1 else table["view"])
-    findings = (Finding(Code.TRUTH_UNSEALED, source),) if version_1 else ()
+    unsealed = Finding(Code.TRUTH_UNSEALED, f"{source} is of version 1 and has no digest")
+    findings = (unsealed,) if version_1 else ()
     return RecordedTruth(facts["engine"], facts.get("exact"), rows, findings)
 
 

@@ -14,6 +14,7 @@ from visref.report.words import (
     HEADLINES,
     counted,
     culler_sentence,
+    frame_of,
     hidden_line,
     hidden_name,
     missed_in,
@@ -89,8 +90,8 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
 def _losses(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [
         f"{lost.worst.name}, {missed_in(lost)}: {counted(lost.samples, 'sample')} over "
-        f"{counted(lost.frames, 'frame')}; witness: frame "
-        f"{lost.worst.frame}, pixel ({lost.worst.x}, {lost.worst.y}), depth "
+        f"{counted(lost.frames, 'frame')}; witness: "
+        f"{frame_of(lost.worst)}, pixel ({lost.worst.x}, {lost.worst.y}), depth "
         f"{lost.worst.depth:.9g}; {replay_command(run, lost.worst, out)}"
         for lost in row.lost[:_MAX_LOST]
     ]

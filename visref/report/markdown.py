@@ -67,6 +67,15 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
             f"- {words.plain(row.culler)}: {words.plain(words.culler_sentence(row))}"
             for row in rows
         ]
+    ages = [
+        f"- {words.plain(row.culler)}: {words.plain(line)}"
+        for row in rows
+        if (line := words.ages_line(row))
+    ]
+    if ages:
+        lines += ["", "Misses by age, in frames since what is missed came into view:", "", *ages]
+    if moved := words.motion_line(run):
+        lines += ["", words.plain(moved)]
     causes = [
         f"- {words.plain(row.culler)}: {words.plain(line)}"
         for row in rows
@@ -89,7 +98,7 @@ def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
         lines.append(
             f"- {words.plain(worst.name)}, {words.missed_in(lost)}: "
             f"{words.counted(lost.samples, 'sample')} over "
-            f"{words.counted(lost.frames, 'frame')} (frame {worst.frame}, pixel "
+            f"{words.counted(lost.frames, 'frame')} ({words.plain(words.frame_of(worst))}, pixel "
             f"{worst.x}, {worst.y}, depth {worst.depth:.6g})"
         )
     if len(row.lost) > _MAX_LOST:

@@ -21,7 +21,14 @@ from visref.report.bench_folder import BenchFolder
 from visref.report.embedded import data_uri
 from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
-from visref.report.summary import NO_FPR_PX, RATES, CullerSummary, best, summarise
+from visref.report.summary import (
+    NO_FPR_PX,
+    RATES,
+    CullerSummary,
+    best,
+    of_frames,
+    summarise,
+)
 from visref.report.tables import table_view
 from visref.run_folder.causes import Cause
 from visref.run_folder.layout import COUNTS
@@ -33,6 +40,7 @@ from visref.wording import legible
 MAX_LOST = 8
 MAX_FINDINGS = 8
 MAX_SUPERFLUOUS = 5
+MAX_MOVED = 10
 # Pictures are most of the page's weight: about 100 kB each.
 MAX_FRAMES = 12
 
@@ -89,13 +97,36 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class CullerView:
+    """One culler's part of a frame of the browser. `row` is that of its drawn set, which is for all
+    views of the frame where it is `joint`."""
+
+    number: int
+    culler: str
+    row: FrameRow
+    joint: bool
+    pictures: dict[str, Picture]
+
+
+@dataclass(frozen=True)
 class FrameView:
-    """A frame of the browser: pictures that all cullers share, and each culler's own."""
+    """A view of a frame in the browser: pictures that all cullers share, and each culler's own.
+    `moved`: what moved since the frame before, in words."""
 
     frame: int
-    visible: int | None
+    view: str
+    moved: str
     shared: dict[str, Picture]
-    cullers: list[tuple[int, str, FrameRow, dict[str, Picture]]]
+    cullers: list[CullerView]
+
+    @property
+    def title(self) -> str:
+        return f"Frame {self.frame}" + (f", view {legible(self.view)}" if self.view else "")
+
+    @property
+    def visible(self) -> int | None:
+        """Objects that are visible in this view; None where no culler's set was for it alone."""
+        return next((one.row.visible for one in self.cullers if not one.joint), None)
 
 
 @dataclass(frozen=True)
@@ -166,6 +197,7 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         rates=RATES,
         no_fpr_px=NO_FPR_PX,
         causes=words.CAUSES,
+        max_moved=MAX_MOVED,
         words=words,
         elsewhere=_ELSEWHERE,
         benches=[_bench_view(bench, out) for bench in benches],
@@ -190,7 +222,7 @@ def _breakable(name: str) -> Markup:
 def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
     rows = [summarise(run, culler) for culler in run.cullers]
     frames, frames_left_out = _frame_views(run)
-    pictured = {(view.frame, name) for view in frames for _, name, _, _ in view.cullers}
+    pictured = {(view.frame, view.view, one.culler) for view in frames for one in view.cullers}
     return {
         "id": f"run{index}",
         "run": run,
@@ -207,6 +239,8 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
         ],
         "hidden": [(row, row.hidden[:MAX_LOST]) for row in rows if row.hidden],
         "misses": [row for row in rows if row.counts.losing or row.counts.undecided],
+        "ages": words.ages_table(rows),
+        "motion": words.motion_line(run),
         "accepted": any(row.counts.small + row.counts.late + row.counts.waived for row in rows),
         "causes": [row for row in rows if row.causes],
         "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
@@ -227,18 +261,27 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
     }
 
 
-def _start(rows: Sequence[CullerSummary], frames: Sequence[FrameView]) -> tuple[int, int] | None:
-    """Where the browser opens, (culler number, frame): at the worst pictured violation, else
+def _start(
+    rows: Sequence[CullerSummary], frames: Sequence[FrameView]
+) -> tuple[int, int, str] | None:
+    """Where the browser opens, (culler number, frame, view): at the worst pictured violation, else
     the worst miss, else the last culler's first frame."""
     candidates = [
-        (rows[number].status is Status.VIOLATION, line.missed_pixels, number, -view.frame)
-        for view in frames
-        for number, _, line, _ in view.cullers
+        (
+            rows[one.number].status is Status.VIOLATION,
+            one.row.missed_pixels,
+            # Of the views of one set, one in which something is lost.
+            "errors" in one.pictures,
+            one.number,
+            -index,
+        )
+        for index, view in enumerate(frames)
+        for one in view.cullers
     ]
     if not candidates:
         return None
-    _, _, number, frame = max(candidates)
-    return number, -frame
+    *_, number, index = max(candidates)
+    return number, frames[-index].frame, frames[-index].view
 
 
 def _columns(rows: Sequence[CullerSummary]) -> list[Column]:
@@ -315,10 +358,15 @@ def _parts(row: CullerSummary) -> str:
 
 
 def _lost_view(
-    run: RunFolder, row: CullerSummary, lost: LostObject, pictured: set[tuple[int, str]], out: Path
+    run: RunFolder,
+    row: CullerSummary,
+    lost: LostObject,
+    pictured: set[tuple[int, str, str]],
+    out: Path,
 ) -> LostView:
-    command = words.replay_command(run, lost.worst, out)
-    return LostView(lost, command, (lost.worst.frame, row.culler) in pictured)
+    worst = lost.worst
+    command = words.replay_command(run, worst, out)
+    return LostView(lost, command, (worst.frame, worst.view, row.culler) in pictured)
 
 
 def _bench_view(bench: BenchFolder, out: Path) -> dict[str, Any]:
@@ -336,11 +384,8 @@ def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
     ) -> list[Series]:
         found = []
         for row in cullers:
-            values = {
-                line.frame: value * scale
-                for line in run.frames_of[row.culler]
-                if (value := getattr(line, name)) is not None
-            }
+            sums = of_frames(run.frames_of[row.culler], name)
+            values = {frame: value * scale for frame, value in sums.items()}
             if values:
                 found.append(Series(row.culler, values, numbers[row.culler]))
         return found
@@ -349,7 +394,8 @@ def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
     for row in rows:
         if row.frames:
             kinds[row.unit_kind].append(row)
-    visible = {line.frame: line.visible for line in run.frames}
+    # A set for all views counts an object once, sets by view once in each: the first culler's.
+    visible = of_frames(run.frames_of[rows[0].culler], "visible") if rows else {}
     plots = []
     for kind, cullers in sorted(kinds.items(), key=lambda item: item[0] != "object"):
         area = ("visible", visible) if kind == "object" else None
@@ -379,42 +425,50 @@ def _plots(run: RunFolder, rows: Sequence[CullerSummary]) -> list[Plot]:
 
 
 def _frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
-    """The pictured frames: all, or those that lost most and the rest evenly picked."""
-    by_frame: dict[int, dict[str, PictureSet]] = defaultdict(dict)
+    """The pictured views of frames: all, or those that lost most and the rest evenly picked."""
+    by_view: dict[tuple[int, str], dict[str, PictureSet]] = defaultdict(dict)
     for entry in run.manifest.pictures:
-        by_frame[entry.frame][entry.culler] = entry
-    rows = {(row.culler, row.frame): row for row in run.frames}
-    lost = {
-        frame: sum(rows[culler, frame].missed_pixels for culler in cullers)
-        for frame, cullers in by_frame.items()
+        by_view[entry.frame, entry.view][entry.culler] = entry
+    rows = {(row.culler, row.frame, view): row for row in run.frames for view in run.views_of(row)}
+    order = {
+        (frame, view): (frame, place)
+        for frame in {frame for frame, _ in by_view}
+        for place, view in enumerate(run.manifest.samples[frame])
     }
-    guilty = sorted((frame for frame in lost if lost[frame]), key=lambda f: (-lost[f], f))
+    lost = {
+        (frame, view): sum(
+            rows[culler, frame, view].missed_pixels
+            for culler, entry in entries.items()
+            if "errors" in entry.files
+        )
+        for (frame, view), entries in by_view.items()
+    }
+    guilty = sorted((one for one in lost if lost[one]), key=lambda one: (-lost[one], order[one]))
     chosen = guilty[: MAX_FRAMES // 2]
-    others = sorted(set(by_frame) - set(chosen))
+    others = sorted(set(by_view) - set(chosen), key=order.__getitem__)
     room = MAX_FRAMES - len(chosen)
     others = [others[i] for i in evenly_picked(len(others), room)]
     views = []
-    for frame in sorted([*chosen, *others]):
+    for frame, view in sorted([*chosen, *others], key=order.__getitem__):
         shared: dict[str, Picture] = {}
         cullers = []
         for number, culler in enumerate(run.cullers):
-            found = by_frame[frame].get(culler)
+            found = by_view[frame, view].get(culler)
             if found is None:
                 continue
             pictures = {
-                what: Picture(
-                    what, _VIEWS[what], data_uri(run, found.files[what], frame, found.view)
-                )
+                what: Picture(what, _VIEWS[what], data_uri(run, found.files[what], frame, view))
                 for what in _VIEWS
                 if what in found.files and not (what in ("picture", "ids") and what in shared)
             }
             for what in ("picture", "ids"):
                 if what in pictures:
                     shared[what] = pictures.pop(what)
-            cullers.append((number, culler, rows[culler, frame], pictures))
-        visible = cullers[0][2].visible if cullers else None
-        views.append(FrameView(frame, visible, shared, cullers))
-    return views, len(by_frame) - len(views)
+            row = rows[culler, frame, view]
+            joint = len(run.views_of(row)) > 1
+            cullers.append(CullerView(number, culler, row, joint, pictures))
+        views.append(FrameView(frame, view, words.moved_in(run, frame), shared, cullers))
+    return views, len(by_view) - len(views)
 
 
 def _shown(code: str) -> int:

@@ -10,7 +10,7 @@ from visref.culler import Promise, RasterTolerance
 from visref.findings import Code
 from visref.judging.status import Status
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import HiddenUnit, LostObject, Sums
+from visref.run_folder.rows import FrameRow, HiddenUnit, LostObject, Sums
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,8 @@ class CullerSummary:
     None stands for what was not measured. `failed`: it broke down, or never started. `cells`: how
     many drawn sets were judged, one for each frame and view. `partly_confirmed`: how many of the
     confirmed misses are of a part. `hidden`: what was drawn against its promise. `rounded`:
-    rounding to float32 left samples open."""
+    rounding to float32 left samples open. `ages`: of the misses that lose samples, how many had
+    been in view for so many frames, as far as they have an age."""
 
     culler: str
     status: Status
@@ -113,6 +114,7 @@ class CullerSummary:
     hidden: tuple[HiddenUnit, ...]
     frames_with_miss: int
     rates: Rates
+    ages: dict[int, int]
     superfluous_share: float | None
     causes: dict[str, int]
     queries: float | None
@@ -131,6 +133,12 @@ class CullerSummary:
         """A promise that was kept, and nothing visible left out: such rows alone compete for the
         best."""
         return self.status is Status.NO_VIOLATION_FOUND and not self.counts.confirmed
+
+    @property
+    def ageless(self) -> int:
+        """How many misses that lose samples have no age: what was missed had been in view by right,
+        since the first frame, a cut, or a frame that was not judged."""
+        return max(0, self.counts.losing - self.counts.ties - sum(self.ages.values()))
 
     @property
     def undecided_share(self) -> float | None:
@@ -164,13 +172,14 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
         lost=lost,
         partly_confirmed=sum(one.partly for one in lost),
         hidden=tuple(run.hidden_units(culler)),
-        frames_with_miss=sum(1 for row in rows if row.confirmed),
+        frames_with_miss=len({row.frame for row in rows if row.confirmed}),
         rates=rates(run, culler),
+        ages=dict(sorted(verdict.ages.items())),
         superfluous_share=_ratio(verdict.superfluous, verdict.drawn),
         causes=run.superfluous_causes(culler),
-        queries=_mean(row.queries for row in rows),
-        batches=_mean(row.batches for row in rows),
-        query_fragments=_mean(row.query_fragments for row in rows),
+        queries=_mean_of_frames(rows, "queries"),
+        batches=_mean_of_frames(rows, "batches"),
+        query_fragments=_mean_of_frames(rows, "query_fragments"),
         triangle_share=(
             drawn_triangles / triangles if drawn_triangles is not None and triangles else None
         ),
@@ -186,6 +195,22 @@ def _mean(values: Iterable[int | None]) -> float | None:
     """The mean of those that are known."""
     known = [value for value in values if value is not None]
     return statistics.fmean(known) if known else None
+
+
+def _mean_of_frames(rows: Sequence[FrameRow], counter: str) -> float | None:
+    """The mean over frames of what a counter says of all views of a frame together."""
+    return _mean(of_frames(rows, counter).values())
+
+
+def of_frames(rows: Sequence[FrameRow], name: str) -> dict[int, int]:
+    """A column of a culler's rows by frame, summed over the frame's views; frames of which it is
+    not known are left out."""
+    sums: dict[int, int] = {}
+    for row in rows:
+        value = getattr(row, name)
+        if value is not None:
+            sums[row.frame] = sums.get(row.frame, 0) + value
+    return sums
 
 
 def best(

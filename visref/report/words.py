@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 from visref.culler import RasterTolerance
 from visref.judging.status import MAX_UNDECIDED, Exit, Status, decide, run_status
+from visref.markdown import code as code
+from visref.markdown import plain as plain
 from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import HiddenUnit, LostObject, Witness
 from visref.wording import counted as counted
-from visref.wording import legible
 
 HEADLINES = {
     "violation": "Violation",
@@ -32,20 +32,9 @@ COUNTING = (
     "frame (and view) in which it is visible."
 )
 
-_MARKDOWN = re.compile(r"([\\`*_{}\[\]<>|#&~$])")
 
-
-def plain(text: str) -> str:
-    """Text that Markdown and HTML leave alone."""
-    return _MARKDOWN.sub(r"\\\1", legible(" ".join(text.split())))
-
-
-def code(text: str) -> str:
-    """Text as code in Markdown, between more backticks than it has together."""
-    text = legible(text)
-    most = max(map(len, re.findall("`+", text)), default=0)
-    fence, space = "`" * (most + 1), " " if most else ""
-    return f"{fence}{space}{text}{space}{fence}"
+# So many of the ages of misses stand in a line.
+_AGES_SHOWN = 8
 
 
 def count(number: int | None) -> str:
@@ -119,6 +108,75 @@ CAUSES = {
 def path_from(out: Path, folder: Path) -> str:
     """A folder as the files in `out` name it."""
     return os.path.relpath(folder.resolve(), out.resolve())
+
+
+def frame_of(witness: Witness) -> str:
+    """The frame of a witness, and its view where that has a name."""
+    return f"frame {witness.frame}" + (f", view {witness.view}" if witness.view else "")
+
+
+def ages_line(row: CullerSummary) -> str:
+    """The ages of a culler's misses, in a line; empty where none has one."""
+    if not row.ages:
+        return ""
+    parts = [f"{count(number)} at {age}" for age, number in row.ages.items()]
+    more = f", … and {len(parts) - _AGES_SHOWN} more ages" if len(parts) > _AGES_SHOWN else ""
+    by_right = f"; {count(row.ageless)} in view by right" if row.ageless else ""
+    return f"{', '.join(parts[:_AGES_SHOWN])}{more}{by_right}"
+
+
+def ages_table(rows: Sequence[CullerSummary]) -> tuple[list[str], list[tuple[str, list[int]]]]:
+    """Headings, and for each culler whose misses have ages how many there are under each: ages up
+    to 3 by themselves, then by powers of two, and last those without one."""
+    aged = [row for row in rows if row.ages]
+    oldest = max((max(row.ages) for row in aged), default=0)
+    ranges = [(age, age) for age in range(min(oldest, 3) + 1)]
+    while ranges[-1][1] < oldest:
+        low = ranges[-1][1] + 1
+        ranges.append((low, 2 * low - 1))
+    headings = [f"{low}" if low == high else f"{low}–{high}" for low, high in ranges]
+    table = [
+        (
+            row.culler,
+            [
+                *(
+                    sum(n for age, n in row.ages.items() if low <= age <= high)
+                    for low, high in ranges
+                ),
+                row.ageless,
+            ],
+        )
+        for row in aged
+    ]
+    return [*headings, "by right"], table
+
+
+def motion_line(run: RunFolder) -> str:
+    """What moved in a run, in a sentence; empty where nothing did."""
+    motion = run.manifest.motion
+    if motion is None:
+        return ""
+    if not motion.frames:
+        return "Nothing moved in the judged frames."
+    moved, appeared, vanished = (
+        sum(getattr(one, name) for one in motion.frames)
+        for name in ("moved", "appeared", "vanished")
+    )
+    return (
+        f"{counted(motion.objects, 'object')} changed in {counted(len(motion.frames), 'frame')}: "
+        f"{counted(moved, 'move')}, {counted(appeared, 'appearance')} and "
+        f"{counted(vanished, 'disappearance')} since the frame before."
+    )
+
+
+def moved_in(run: RunFolder, frame: int) -> str:
+    """What moved in one frame; empty where nothing did."""
+    motion = run.manifest.motion
+    for one in motion.frames if motion is not None else ():
+        if one.frame == frame:
+            told = ((one.moved, "moved"), (one.appeared, "appeared"), (one.vanished, "vanished"))
+            return ", ".join(f"{count(number)} {word}" for number, word in told if number)
+    return ""
 
 
 def replay_command(run: RunFolder, lost: Witness, out: Path) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from visref.camera import ALL_VIEWS
 from visref.errors import InputError
-from visref.judging.outcome import ALL_VIEWS
 from visref.judging.status import Status, decide, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
@@ -173,7 +173,7 @@ def check_objects(folder: Path, manifest: Manifest, table: pa.Table) -> None:
     check_range(table, "unit", 0, last_unit, file, FIX)
     check_range(table, "triangle", 0, last_triangle, file, FIX)
     check_range(table, "occluder", 0, last_triangle, file, FIX)
-    for name in ("pixels", "owned", "samples"):
+    for name in ("pixels", "owned", "samples", "age"):
         check_range(table, name, 0, _INT64, file, FIX)
     sizes = {
         (view["width"], view["height"]) for views in manifest.samples for view in views.values()

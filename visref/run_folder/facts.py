@@ -30,6 +30,9 @@ from visref.run_folder.rows import (
     CullerVerdict,
     FindingRow,
     Manifest,
+    Motion,
+    MovedFrame,
+    MovedObject,
     PathFacts,
     PictureSet,
     RunVerdict,
@@ -96,6 +99,24 @@ def read_manifest(value: object, source: str) -> Manifest:
         _samples(top, version),
         top.inner("versions").texts(),
         _machine(top),
+        _motion(top) if version >= 2 else None,
+    )
+
+
+def _motion(top: Fields) -> Motion | None:
+    if not top.has("motion") or top.is_null("motion"):
+        return None
+    motion = top.inner("motion")
+    return Motion(
+        motion.whole("objects"),
+        tuple(
+            MovedFrame(*(one.whole(name) for name in ("frame", "moved", "appeared", "vanished")))
+            for one in motion.each("frames")
+        ),
+        tuple(
+            MovedObject(one.whole("object"), one.text("name"), one.whole("frames"))
+            for one in motion.each("most")
+        ),
     )
 
 

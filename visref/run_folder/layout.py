@@ -150,6 +150,7 @@ OBJECTS_SCHEMA = pa.schema(
         ("margin_px", pa.float64()),
         ("margin_depth", pa.float64()),
         ("partly", pa.bool_()),
+        ("age", pa.int64()),
         ("unit", pa.int32()),
         ("cause", pa.string()),
         ("samples", pa.int64()),

@@ -40,7 +40,7 @@ class ObjectsWriter:
         for miss in verdict.misses:
             witness = witness_json(self._scene, record.frame, miss)
             witness["name"] = witness.pop("object_name")
-            misses.append({"culler": job.spec, **witness})
+            misses.append({"culler": job.spec, **witness, "age": miss.age})
         self._pending.append(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
 
         def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:

@@ -28,6 +28,7 @@ from visref.visibility import FrameTruth
 VISIBLE_RGB = (0x00, 0x72, 0xB2)
 SUPERFLUOUS_RGB = (0xE6, 0x9F, 0x00)
 MISSED_RGB = (0xD5, 0x5E, 0x00)
+MOVED_RGB = (0xCC, 0x79, 0xA7)
 
 # A missed patch smaller than this (page pixels) gets a ring, or nobody would find it.
 RING_BELOW_PX = 40
@@ -68,11 +69,13 @@ def draw_pictures(
     *,
     culler: str,
     frame: int,
+    moved: NDArray[np.bool_] | None = None,
 ) -> PictureSet:
     """Draw one culler's view of a frame into `folder`, which stands in the run folder.
 
     `stem` is the culler's part of the file names. Superfluous units show as silhouettes
-    through the scene, missed samples as they are, with rings around small patches.
+    through the scene, missed samples as they are, with rings around small patches. In the shaded
+    scene, the objects that `moved`, (n,) bool, are outlined.
     """
     folder.mkdir(parents=True, exist_ok=True)
     scene, truth, units = settled.scene, settled.truth, settled.units
@@ -89,7 +92,7 @@ def draw_pictures(
         image.save(folder / name, **(options if name.endswith(".jpg") else {"optimize": True}))
         files[what] = f"{folder.name}/{name}"
 
-    save("picture", f"frame-{at}.jpg", _resized(shaded, shape))
+    save("picture", f"frame-{at}.jpg", _with_moved(scene, truth, shaded, moved, shape))
     superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
     missed_px = _shrunk(missed, camera, shape)
     rings = _rings(scene, truth, verdict, missed, shape)
@@ -213,6 +216,29 @@ def _shrunk(samples: Int64, camera: Camera, shape: tuple[int, int]) -> NDArray[n
     y, x = np.divmod(samples, camera.width)
     result[y * shape[0] // camera.height, x * shape[1] // camera.width] = True
     return result
+
+
+def _with_moved(
+    scene: Scene,
+    truth: FrameTruth,
+    shaded: Float32,
+    moved: NDArray[np.bool_] | None,
+    shape: tuple[int, int],
+) -> Image.Image:
+    """The shaded scene, on which the objects that moved are tinted, with a line two pixels wide
+    around each."""
+    picture = _resized(shaded, shape)
+    if moved is None or not moved.any():
+        return picture
+    owner = _owner_objects(scene, _nearest(truth.buffer.triangle, shape))
+    owner = np.where(moved[owner] & (owner >= 0), owner, -1).astype(np.int32)
+    edge = _borders(owner)
+    edge[1:] |= edge[:-1]
+    edge[:, 1:] |= edge[:, :-1]
+    image = np.asarray(picture, np.float32) / 255.0
+    strength = np.where(edge, 0.95, np.where(owner >= 0, 0.3, 0.0))
+    _blend(image, strength.astype(np.float32), MOVED_RGB)
+    return Image.fromarray(np.round(image * 255.0).astype(np.uint8))
 
 
 def _nearest(buffer: Int32, shape: tuple[int, int]) -> Int32:

@@ -181,13 +181,13 @@ class RunFolder:
         # Of each unit the frame with most samples, and of those the first.
         order = [("unit", "ascending"), ("samples", "descending"), ("frame", "ascending")]
         table = table.sort_by(order)
-        _, first, frames = np.unique(
-            table["unit"].to_numpy(), return_index=True, return_counts=True
-        )
+        _, first = np.unique(table["unit"].to_numpy(), return_index=True)
         rows = table.take(first).to_pylist()
+        counted = table.group_by("unit").aggregate([("frame", "count_distinct")]).to_pylist()
+        frames = {row["unit"]: row["frame_count_distinct"] for row in counted}
         units = [
-            HiddenUnit(**{**row, "name": row["name"] or ""}, frames=int(count))
-            for row, count in zip(rows, frames, strict=True)
+            HiddenUnit(**{**row, "name": row["name"] or ""}, frames=frames[row["unit"]])
+            for row in rows
         ]
         return sorted(units, key=lambda one: (-one.frames, one.unit))
 
@@ -207,8 +207,11 @@ class RunFolder:
         table = self.objects.select(["culler", "kind", "unit", "name", "frame"])
         mine = pc.equal(table["culler"], culler)
         table = table.filter(pc.and_(mine, pc.equal(table["kind"], ObjectKind.SUPERFLUOUS.value)))
-        counted = table.group_by(["unit", "name"]).aggregate([("frame", "count")])
-        rows = [(row["unit"], row["name"] or "", row["frame_count"]) for row in counted.to_pylist()]
+        counted = table.group_by(["unit", "name"]).aggregate([("frame", "count_distinct")])
+        rows = [
+            (row["unit"], row["name"] or "", row["frame_count_distinct"])
+            for row in counted.to_pylist()
+        ]
         return sorted(rows, key=lambda row: (-row[2], row[0]))
 
 

@@ -93,7 +93,8 @@ class TimingRow:
 class Witness:
     """A miss and the sample that proves it: `pixels` of the `owned` samples of the object are
     lost in this frame and view; (x, y) is the pixel, `depth` its view depth. Margins are None
-    where nothing limits them or they were not computed. `partly`: the object shows elsewhere."""
+    where nothing limits them or they were not computed. `partly`: the object shows elsewhere.
+    `age`: for how many frames it had been in view, None where it has no age."""
 
     frame: int
     view: str = UNNAMED_VIEW
@@ -109,6 +110,7 @@ class Witness:
     margin_px: float | None
     margin_depth: float | None
     partly: bool
+    age: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,10 +193,40 @@ class PictureSet:
 
 
 @dataclass(frozen=True, slots=True)
+class MovedFrame:
+    """How many objects moved, appeared and vanished since the path's frame before."""
+
+    frame: int
+    moved: int
+    appeared: int
+    vanished: int
+
+
+@dataclass(frozen=True, slots=True)
+class MovedObject:
+    """In how many judged frames an object stood otherwise than in the frame before, or appeared or
+    vanished."""
+
+    object: int
+    name: str
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What moved in the judged frames: how many different `objects`; the frames in which anything
+    did; and those objects that did `most` often, the most often first."""
+
+    objects: int
+    frames: tuple[MovedFrame, ...]
+    most: tuple[MovedObject, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """manifest.json. `samples`: by frame of the path and by view, the samples' definition
     (`Camera.definition`). `exact`: whether the engine's truth is exact, None where it is not
-    said."""
+    said. `motion`: None where nothing moves, or nothing is said of it."""
 
     version: int
     scene: SceneFacts
@@ -207,6 +239,7 @@ class Manifest:
     samples: tuple[Mapping[str, Mapping[str, Any]], ...]
     versions: dict[str, str]
     machine: dict[str, Any]
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,7 @@ from visref.run_folder.layout import (
     WITNESSES,
     slug,
 )
+from visref.run_folder.motion import MotionRecord
 from visref.run_folder.objects import ObjectsWriter
 from visref.run_folder.pictures import draw_pictures
 from visref.run_folder.rows import PictureSet
@@ -52,7 +53,8 @@ _LONE = re.compile("[\ud800-\udfff]")
 
 class RunWriter:
     """A run's listener that writes its folder. `folder` exists and is empty. `exact`: whether a
-    truth that is on file already is exact, None where that is not known."""
+    truth that is on file already is exact, None where that is not known. `timeline`: the scene
+    of each frame; by default `scene` and `path` make it."""
 
     def __init__(
         self,
@@ -60,7 +62,7 @@ class RunWriter:
         scene: Scene,
         path: CameraPath,
         *,
-        timeline: Timeline,
+        timeline: Timeline | None = None,
         engine: str,
         settings: dict[str, Any],
         exact: bool | None = None,
@@ -69,7 +71,8 @@ class RunWriter:
         self._folder = folder
         self._scene = scene
         self._path = path
-        self._timeline = timeline
+        self._timeline = timeline or Timeline(scene, path)
+        self._motion = MotionRecord(self._timeline)
         self._engine = engine
         self._exact = exact
         self._settings = settings
@@ -128,12 +131,13 @@ class RunWriter:
                     verdict,
                     culler=job.spec,
                     frame=record.frame,
+                    moved=self._motion.changed(record.frame),
                 )
                 for settled in judged.settled
             ]
 
     def on_frame_done(self, frame: int) -> None:
-        pass
+        self._motion.add(frame)
 
     def finish(self, outcome: RunOutcome) -> None:
         """Write everything that is left to write."""
@@ -199,6 +203,7 @@ class RunWriter:
                 for record in outcome.cullers
             },
             "pictures": [asdict(pictures) for pictures in self._pictures],
+            "motion": self._motion.json(),
             "samples": [
                 {camera.view: camera.definition() for camera in path.views(frame)}
                 for frame in range(len(path))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from visref.markdown import code, plain
 from visref.trials.hardcases import Cell, ExpectedFrame, HardCase, HardCaseTable, State
 from visref.wording import counted
 
@@ -93,13 +94,13 @@ _REASONS: tuple[tuple[str, str, str], ...] = (
 
 def hard_cases_page(table: HardCaseTable, machine: Sequence[str] = ()) -> str:
     """The page in Markdown. `machine`: lines that say what the engines ran on."""
-    lines = [_HEAD, "", "## As measured", "", *(f"- {line}" for line in machine), ""]
+    lines = [_HEAD, "", "## As measured", "", *(f"- {plain(line)}" for line in machine), ""]
     columns = [*table.engines, "cullers"]
-    lines.append("| case | " + " | ".join(columns) + " |")
+    lines.append("| case | " + " | ".join(map(plain, columns)) + " |")
     lines.append("|---" * (len(columns) + 1) + "|")
     for case in table.cases:
         cells = [_marked(table.cells[case.name][spec]) for spec in table.engines]
-        cullers = culler_summary(table, case.name, _marked)
+        cullers = culler_summary(table, case.name, _marked, plain)
         lines.append(f"| [{case.name}](#{case.name}) | {' | '.join([*cells, cullers])} |")
     if table.cullers:
         lines += ["", f"The cullers: {_variants_each(table.cullers)}."]
@@ -146,14 +147,22 @@ def verdict_in_words(frame: ExpectedFrame) -> str:
     return f"{text}.{hidden}"
 
 
-def culler_summary(table: HardCaseTable, case: str, words: Callable[[Cell], str] = str) -> str:
-    """All cullers on a case in a few words: how many are right, and which are not."""
+def culler_summary(
+    table: HardCaseTable,
+    case: str,
+    words: Callable[[Cell], str] = str,
+    named: Callable[[str], str] = str,
+) -> str:
+    """All cullers on a case in a few words: how many are right, and which are not. `words` of a
+    cell, and specs as `named` shows them."""
     by_text: dict[str, list[str]] = {}
     for spec in table.cullers:
         by_text.setdefault(words(table.cells[case][spec]), []).append(spec)
     right = by_text.pop(State.RIGHT.value, [])
     parts = [f"{len(right)} right"] if right else []
-    parts += [f"{text} ({_variants(specs, table.cullers)})" for text, specs in by_text.items()]
+    parts += [
+        f"{text} ({named(_variants(specs, table.cullers))})" for text, specs in by_text.items()
+    ]
     return "; ".join(parts)
 
 
@@ -176,13 +185,14 @@ def _variants(specs: Sequence[str], everything: Sequence[str]) -> str:
 def _variants_each(specs: Sequence[str]) -> str:
     of_name: dict[str, list[str]] = {}
     for spec in specs:
-        of_name.setdefault(spec.partition(":")[0], []).append(f"`{spec}`")
+        of_name.setdefault(spec.partition(":")[0], []).append(code(spec))
     return "; ".join(", ".join(same) for same in of_name.values())
 
 
 def _marked(cell: Cell) -> str:
+    text = plain(str(cell))
     strong = cell.state in (State.WRONG, State.FAILED)
-    return str(cell).replace(cell.state, f"**{cell.state}**", 1) if strong else str(cell)
+    return text.replace(cell.state, f"**{cell.state}**", 1) if strong else text
 
 
 def _why(table: HardCaseTable, case: str) -> list[str]:
@@ -193,10 +203,10 @@ def _why(table: HardCaseTable, case: str) -> list[str]:
     for name, prefixes, reason in _REASONS:
         specs = [spec for spec in open_ if spec.startswith(tuple(prefixes.split()))]
         if name == case and specs:
-            lines += ["", f"Why not {', '.join(f'`{spec}`' for spec in specs)}: {reason}"]
+            lines += ["", f"Why not {', '.join(map(code, specs))}: {reason}"]
             open_ = [spec for spec in open_ if spec not in specs]
     if open_:
-        lines += ["", f"Why not {', '.join(f'`{spec}`' for spec in open_)}: this is not known."]
+        lines += ["", f"Why not {', '.join(map(code, open_))}: this is not known."]
     return lines
 
 

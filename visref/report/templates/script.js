@@ -9,39 +9,46 @@
     const slider = root.querySelector("input");
     const output = root.querySelector("output");
     let culler = null;
-    let frame = null;
+    let article = null;
 
-    const framesOf = (id) => articles
-      .filter((article) => article.querySelector(`.own[data-culler="${id}"]`))
-      .map((article) => Number(article.dataset.frame));
-    const nearest = (frames, wanted) => frames.reduce(
-      (best, one) => (Math.abs(one - wanted) < Math.abs(best - wanted) ? one : best));
+    const articlesOf = (id) => articles
+      .filter((one) => one.querySelector(`.own[data-culler="${id}"]`));
+    // The nearest frame, and of that the wanted view, else its first.
+    const nearest = (list, frame, view) => {
+      const off = (one) => Math.abs(Number(one.dataset.frame) - frame);
+      const other = (one) => Number(one.dataset.view !== view);
+      return list.reduce((best, one) => (
+        off(one) < off(best) || (off(one) === off(best) && other(one) < other(best)) ? one : best));
+    };
 
-    const show = (wantedCuller, wantedFrame) => {
+    const show = (wantedCuller, frame, view) => {
       culler = wantedCuller;
-      const frames = framesOf(culler);
-      frame = nearest(frames, wantedFrame);
-      for (const article of articles) article.hidden = Number(article.dataset.frame) !== frame;
+      const list = articlesOf(culler);
+      article = nearest(list, frame, view);
+      for (const one of articles) one.hidden = one !== article;
       for (const own of root.querySelectorAll(".own")) own.hidden = own.dataset.culler !== culler;
       for (const tab of tabs) tab.setAttribute("aria-pressed", String(tab.dataset.culler === culler));
-      slider.max = String(frames.length - 1);
-      slider.value = String(frames.indexOf(frame));
-      output.textContent = `Frame ${frame} (${frames.indexOf(frame) + 1} of ${frames.length})`;
+      const place = list.indexOf(article);
+      slider.max = String(list.length - 1);
+      slider.value = String(place);
+      output.textContent = `${article.dataset.title} (${place + 1} of ${list.length})`;
       for (const step of root.querySelectorAll(".step")) {
-        const next = frames.indexOf(frame) + Number(step.dataset.step);
-        step.disabled = next < 0 || next >= frames.length;
+        const next = place + Number(step.dataset.step);
+        step.disabled = next < 0 || next >= list.length;
       }
     };
+    const at = (one) => show(culler, Number(one.dataset.frame), one.dataset.view);
 
     for (const tab of root.querySelectorAll(".tabs button")) {
       if (!tabs.includes(tab)) tab.remove();
-      tab.addEventListener("click", () => show(tab.dataset.culler, frame));
+      tab.addEventListener("click", () => show(
+        tab.dataset.culler, Number(article.dataset.frame), article.dataset.view));
     }
-    slider.addEventListener("input", () => show(culler, framesOf(culler)[Number(slider.value)]));
+    slider.addEventListener("input", () => at(articlesOf(culler)[Number(slider.value)]));
     for (const step of root.querySelectorAll(".step")) {
       step.addEventListener("click", () => {
-        const frames = framesOf(culler);
-        show(culler, frames[frames.indexOf(frame) + Number(step.dataset.step)]);
+        const list = articlesOf(culler);
+        at(list[list.indexOf(article) + Number(step.dataset.step)]);
       });
     }
     // A picture of few samples is enlarged: show the samples as squares.
@@ -55,10 +62,10 @@
     if (!tabs.length) continue;
     root.classList.add("live");
     root.querySelector(".controls").hidden = false;
-    show(root.dataset.startCuller, Number(root.dataset.startFrame));
+    show(root.dataset.startCuller, Number(root.dataset.startFrame), root.dataset.startView);
     browsers.set(root.id, {
       show,
-      nearest: (wanted) => show(culler, wanted),
+      nearest: (wanted) => show(culler, wanted, article.dataset.view),
       culler: (name) => tabs.find((tab) => tab.dataset.cullerName === name),
     });
   }
@@ -68,7 +75,9 @@
     link.addEventListener("click", () => {
       const browser = browsers.get(link.getAttribute("href").slice(1).replace("-frames", "-browser"));
       const tab = browser && browser.culler(link.dataset.goCuller);
-      if (tab) browser.show(tab.dataset.culler, Number(link.dataset.goFrame));
+      if (tab) {
+        browser.show(tab.dataset.culler, Number(link.dataset.goFrame), link.dataset.goView);
+      }
     });
   }
 

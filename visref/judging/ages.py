@@ -1,0 +1,135 @@
+"""How long what is missed had been in view: its age, in frames of the path.
+
+The age is 0 in the frame in which it comes into view, and one more in each frame after that in
+which it still owns a sample. In the first frame, at a cut, and in the first frame that is judged
+after others were not, everything is in view by right: it has no age, there or later, until it goes
+out of view and comes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref import kernels
+from visref.judging.frame import SettledFrame
+from visref.judging.judge import FrameVerdict, Miss
+from visref.scene import OBJECT, Int64, Scene, Units
+from visref.visibility import FrameTruth
+
+Bool = NDArray[np.bool_]
+
+# In place of an age: out of view, and in view by right. What comes into view goes on from GONE.
+_GONE, _BY_RIGHT = -1, -2
+
+
+class Ages:
+    """The ages of things, objects or units, by which of them own a sample in each frame."""
+
+    def __init__(self) -> None:
+        self._age = np.zeros(0, np.int64)
+        self._frame: int | None = None
+        self._by_right = True
+
+    def look(self, frame: int, cut: bool, seen: Bool) -> None:
+        """Go on to a frame, later than the one before. `seen`: (n,) bool, what owns a sample."""
+        self._by_right = cut or self._frame is None or frame != self._frame + 1
+        self._frame = frame
+        if self._by_right:
+            self._age = np.where(seen, _BY_RIGHT, _GONE)
+        else:
+            older = self._age + (self._age != _BY_RIGHT)
+            self._age = np.where(seen, older, _GONE)
+
+    def of(self, index: int) -> int | None:
+        """The age of one of them, which is in view whatever `look` was told: exact arithmetic may
+        have found it. None where it has none."""
+        age = int(self._age[index])
+        if age == _GONE and not self._by_right:
+            return 0
+        return age if age >= 0 else None
+
+
+@dataclass(eq=False)
+class CellAges:
+    """The ages of objects in each view, and in all views of a frame together, and for a culler
+    those of its units where they are finer than objects."""
+
+    objects: dict[str, Ages] = field(default_factory=dict)
+    units: dict[tuple[str, str], Ages] = field(default_factory=dict)
+
+    def look(self, frame: int, cut: bool, seen: Mapping[str, Bool], all_views: str) -> None:
+        """Go on to a frame. `seen`: by view, (n,) bool, the objects that own a sample."""
+        together = dict(seen)
+        if len(seen) > 1:
+            together[all_views] = np.logical_or.reduce(list(seen.values()))
+        for view, objects in together.items():
+            self.objects.setdefault(view, Ages()).look(frame, cut, objects)
+
+    def aged(
+        self,
+        verdict: FrameVerdict,
+        frame: int,
+        view: str,
+        culler: str,
+        units: Units,
+        settled: Sequence[SettledFrame],
+    ) -> FrameVerdict:
+        """A culler's verdict on one drawn set, with the ages of its misses. To be asked in every
+        frame, misses or not: where `units` are finer than objects, this is how they are followed.
+        """
+        if units.kind == OBJECT or not settled:
+            ages = self.objects[view]
+            return _with(verdict, [ages.of(miss.object) for miss in verdict.misses])
+        of_units = self.units.setdefault((culler, view), Ages())
+        truths = [one.truth for one in settled]
+        of_units.look(frame, truths[0].camera.cut, units_seen(settled[0].scene, truths, units))
+        if not verdict.misses:
+            return verdict
+        lost = lost_units(settled)
+        return _with(verdict, [_oldest(miss, lost, of_units) for miss in verdict.misses])
+
+
+def _with(verdict: FrameVerdict, ages: Sequence[int | None]) -> FrameVerdict:
+    if not verdict.misses:
+        return verdict
+    pairs = zip(verdict.misses, ages, strict=True)
+    return replace(verdict, misses=tuple(replace(miss, age=age) for miss, age in pairs))
+
+
+def _oldest(miss: Miss, lost: Mapping[int, Int64], ages: Ages) -> int | None:
+    """The age of the oldest of the units by which an object is missed, None if one has none."""
+    found = [ages.of(int(unit)) for unit in lost.get(miss.object, ())]
+    return None if not found or None in found else max(age for age in found if age is not None)
+
+
+def units_seen(scene: Scene, truths: Sequence[FrameTruth], units: Units) -> Bool:
+    """(u,) bool, one per unit: whether it owns a decided sample, is tied there or seen as glass, in
+    some view."""
+    owns = np.zeros(scene.triangle_count, np.bool_)
+    for truth in truths:
+        kernels.owned_triangles(truth.buffer.triangle.reshape(-1), truth.decided, owns)
+        owns[truth.ties.triangle] = True
+        owns[truth.blend.triangle] = True
+    return _holds(units, owns)
+
+
+def lost_units(settled: Sequence[SettledFrame]) -> dict[int, Int64]:
+    """By object, the units (ids) that were not drawn and hold a triangle of it that is lost."""
+    scene, units = settled[0].scene, settled[0].units
+    lost = np.logical_or.reduce([one.walk.lost_triangle for one in settled])
+    entry = np.flatnonzero(lost[units.triangles])
+    unit = np.searchsorted(units.offsets, entry, side="right") - 1
+    entry, unit = (one[~np.isin(unit, settled[0].drawn_units)] for one in (entry, unit))
+    objects = scene.object_of_triangle[units.triangles[entry]]
+    return {int(index): np.unique(unit[objects == index]) for index in np.unique(objects)}
+
+
+def _holds(units: Units, marked: Bool) -> Bool:
+    """(u,) bool, one per unit: whether it has one of the marked triangles, (t,) bool."""
+    total = np.concatenate([[0], np.cumsum(marked[units.triangles], dtype=np.int64)])
+    result: Bool = total[units.offsets[1:]] > total[units.offsets[:-1]]
+    return result

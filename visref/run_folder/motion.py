@@ -1,0 +1,60 @@
+"""What moves in a run, frame by frame, for the manifest."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from visref.run_folder.rows import Motion, MovedFrame, MovedObject
+from visref.timeline import Bool, Timeline
+
+# So many of those that move most often are named.
+MOST_NAMED = 50
+
+
+class MotionRecord:
+    """Counts what moved, appeared and vanished since the path's frame before."""
+
+    def __init__(self, timeline: Timeline) -> None:
+        self._timeline = timeline
+        self._frames: list[MovedFrame] = []
+        self._often = np.zeros(timeline.still.object_count, np.int64)
+        self._changed: tuple[int, Bool] | None = None
+
+    def changed(self, frame: int) -> Bool | None:
+        """(n,) bool, the objects that stand otherwise than in the frame before; None where nothing
+        ever moves."""
+        if not self._timeline.moves:
+            return None
+        if self._changed is None or self._changed[0] != frame:
+            self._changed = frame, self._timeline.changed(frame)
+        return self._changed[1]
+
+    def add(self, frame: int) -> None:
+        changed = self.changed(frame)
+        if changed is None or not changed.any():
+            return
+        before, now = self._timeline.absent(frame - 1), self._timeline.absent(frame)
+        self._often += changed
+        self._frames.append(
+            MovedFrame(
+                frame,
+                moved=int(np.count_nonzero(changed & ~before & ~now)),
+                appeared=int(np.count_nonzero(changed & before & ~now)),
+                vanished=int(np.count_nonzero(changed & ~before & now)),
+            )
+        )
+
+    def json(self) -> dict[str, object] | None:
+        """The manifest's `motion`; None where nothing ever moves."""
+        if not self._timeline.moves:
+            return None
+        names = self._timeline.still.names
+        order = np.lexsort((np.arange(len(self._often)), -self._often))[:MOST_NAMED]
+        most = tuple(
+            MovedObject(int(index), names[index], int(self._often[index]))
+            for index in order
+            if self._often[index]
+        )
+        return asdict(Motion(int(np.count_nonzero(self._often)), tuple(self._frames), most))
