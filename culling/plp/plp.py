@@ -17,6 +17,9 @@ Departures from the paper:
 - The traversal ends with the cell whose triangles reach the budget, so it may pass it by less
   than a leaf's triangles.
 - A triangle in several cells is drawn, and counted, once.
+- It is for scenes that stand still: the paper builds its octree before the first frame and does not
+  speak of motion. The cells are the units here, fixed once, and a triangle that moves would leave
+  the cells that it is in; so a scene that moves is refused (`moves`).
 - Solidity is the area of a cell's triangles (`plp.solidity`), not their number; the front
   is ordered by the pixels that a cell may show at (`plp.traversal`), not by solidity alone.
 """

@@ -36,6 +36,7 @@ CONVICTED_BY = {
     "last-row-left-out": "rows_and_columns_at_the_border odd_viewports",
     "last-column-left-out": "rows_and_columns_at_the_border odd_viewports",
     "boxes-occlude": "through_the_holes_of_a_mask rotated_and_mirrored_plates",
+    "clip-plane-ignored": "cut_by_a_plane",
     "occluders-before-near": "exactly_at_the_near_plane",
     "occluders-dilated": "rows_and_columns_at_the_border gap_narrower_than_a_texel",
     "only-the-background-shows": "revealed_across_the_near_plane slanting_wall_before_a_screen",

@@ -145,5 +145,5 @@ def test_hypothesis_scenes_convict_what_is_not_brought_up_to_date(found):
         problems, _ = judge_on(mutant.make, built, exact_truths(built))
         return any(problem.startswith("MISSED_OBJECT") for problem in problems)
 
-    few = settings(QUIET, max_examples=120, phases=[Phase.generate], database=None)
+    few = settings(QUIET, max_examples=800, phases=[Phase.generate], database=None)
     find(moving_cases(), convicted, settings=few)

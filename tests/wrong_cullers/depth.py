@@ -242,6 +242,14 @@ class BoxesOcclude(Depth):
 
 
 @wrong
+class ClipPlaneIgnored(Depth):
+    """What a clip plane cuts off hides still."""
+
+    def rasterise(self, camera, unit, depth):
+        super().rasterise(replace(camera, clip_plane=None), unit, depth)
+
+
+@wrong
 class OccludersBeforeNear(Depth):
     """What lies before the near plane hides what is behind it."""
 

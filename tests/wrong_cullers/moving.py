@@ -33,19 +33,19 @@ class MovingDepth(Depth):
     """Rectangles against the depth of what was drawn, boxes and depth of this frame's scene."""
 
     def prepare(self, scene):
-        self.bounds = scene.object_bounds
+        self.boxes = scene.object_bounds
         self.hides = scene
         return super().prepare(scene)
 
     def update(self, scene):
         self.scene = self.hides = scene
-        self.bounds = scene.object_bounds
+        self.boxes = scene.object_bounds
 
     def filled(self):
-        return np.flatnonzero((self.bounds[:, 0] <= self.bounds[:, 1]).all(axis=1))
+        return np.flatnonzero((self.boxes[:, 0] <= self.boxes[:, 1]).all(axis=1))
 
     def corners(self, unit):
-        low, high = self.bounds[unit]
+        low, high = self.boxes[unit]
         return np.array(list(itertools.product(*zip(low, high, strict=True))))
 
     def rasterise(self, camera, unit, depth):
@@ -59,11 +59,11 @@ class BoxesAtRest(MovingDepth):
     """Boxes are those of the scene as it was first met."""
 
     def update(self, scene):
-        bounds = self.bounds
+        bounds = self.boxes
         super().update(scene)
-        gone = (self.bounds[:, 0] > self.bounds[:, 1]).any(axis=1)
+        gone = (self.boxes[:, 0] > self.boxes[:, 1]).any(axis=1)
         came = (bounds[:, 0] > bounds[:, 1]).any(axis=1)
-        self.bounds = np.where((gone | came)[:, None, None], self.bounds, bounds)
+        self.boxes = np.where((gone | came)[:, None, None], self.boxes, bounds)
 
 
 @wrong
@@ -71,9 +71,9 @@ class BoxesOfTheFrameBefore(MovingDepth):
     """Boxes are brought up to date a change late."""
 
     def update(self, scene):
-        coming = vars(self).get("coming", self.bounds)
+        coming = vars(self).get("coming", self.boxes)
         super().update(scene)
-        self.coming, self.bounds = self.bounds, coming
+        self.coming, self.boxes = self.boxes, coming
 
 
 @wrong
@@ -95,13 +95,13 @@ class MovedWithoutATurn(MovingDepth):
 
     def update(self, scene):
         super().update(scene)
-        self.bounds = self.rest.object_bounds.copy()
+        self.boxes = self.rest.object_bounds.copy()
         for unit in np.flatnonzero(np.diff(scene.object_offsets)):
             first = scene.triangles[scene.object_offsets[unit], 0]
             step = scene.vertices[first].astype(float) - self.rest.vertices[first]
-            self.bounds[unit] += step
+            self.boxes[unit] += step
         gone = (scene.object_bounds[:, 0] > scene.object_bounds[:, 1]).any(axis=1)
-        self.bounds[gone] = scene.object_bounds[gone]
+        self.boxes[gone] = scene.object_bounds[gone]
 
 
 @wrong
@@ -111,10 +111,10 @@ class BoxesOfJoints(MovingDepth):
     def update(self, scene):
         old = self.scene.object_bounds
         super().update(scene)
-        changed = (old != self.bounds).any(axis=(1, 2)) & (self.bounds[:, 0, 0] < np.inf)
-        middle = self.bounds[changed].mean(axis=1, keepdims=True)
-        self.bounds = self.bounds.copy()
-        self.bounds[changed] = middle + 0.25 * (self.bounds[changed] - middle)
+        changed = (old != self.boxes).any(axis=(1, 2)) & (self.boxes[:, 0, 0] < np.inf)
+        middle = self.boxes[changed].mean(axis=1, keepdims=True)
+        self.boxes = self.boxes.copy()
+        self.boxes[changed] = middle + 0.25 * (self.boxes[changed] - middle)
 
 
 @wrong
@@ -143,9 +143,9 @@ class RemovedStillHides(MovingDepth):
 
     def update(self, scene):
         gone = (scene.object_bounds[:, 0] > scene.object_bounds[:, 1]).any(axis=1)
-        last, bounds = self.hides, self.bounds
+        last, bounds = self.hides, self.boxes
         super().update(scene)
-        self.bounds = np.where(gone[:, None, None], bounds, self.bounds)
+        self.boxes = np.where(gone[:, None, None], bounds, self.boxes)
         if gone.any():
             self.hides = last
 
@@ -173,9 +173,9 @@ class VanishedForGood(MovingDepth):
         return units
 
     def update(self, scene):
-        had = (self.bounds[:, 0] <= self.bounds[:, 1]).all(axis=1)
+        had = (self.boxes[:, 0] <= self.boxes[:, 1]).all(axis=1)
         super().update(scene)
-        here = (self.bounds[:, 0] <= self.bounds[:, 1]).all(axis=1)
+        here = (self.boxes[:, 0] <= self.boxes[:, 1]).all(axis=1)
         self.known = np.setdiff1d(self.known, np.flatnonzero(had & ~here))
 
     def filled(self):
