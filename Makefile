@@ -1,4 +1,4 @@
-# demo, test, test-fast, soak, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# demo, test, test-fast, soak, fuzz, lint, bench, tables: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +10,7 @@ SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libg
 # Only the tests: real models that nobody here wrote, and a browser for the pages.
 TEST_PACKAGES := assimp-testmodels chromium
 
-.PHONY: demo test test-fast soak lint bench tables setup clean
+.PHONY: demo test test-fast soak fuzz lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -42,6 +42,12 @@ test-fast: setup
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
+
+# Spoilt files of every kind, for so many seconds; `make test` holds a short run of each target.
+FUZZ_SECONDS := 600
+FUZZ_JOBS := 2
+fuzz: setup
+	FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_JOBS=$(FUZZ_JOBS) $(BIN)/python -m tests.fuzz
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -65,7 +65,10 @@ class Timeline:
             self._refuse_without_time(scene)
         moving = self._moving(scene)
         self.moves = bool(moving.any())
-        self.still = replace(scene, rig=None, moving=moving if self.moves else None)
+        # The scene as it is, where nothing is to be marked or dropped.
+        self.still = scene
+        if self.moves or scene.rig is not None:
+            self.still = replace(scene, rig=None, moving=moving if self.moves else None)
         self._last: tuple[int, Scene] | None = None
 
     def at(self, frame: int) -> Scene:
@@ -90,7 +93,10 @@ class Timeline:
 
     def absent(self, frame: int) -> Bool:
         """(n,) bool, the objects that are not there in a frame."""
-        return self._pose(frame).absent if self.moves else self._rest_absent
+        if self.moves:
+            return self._pose(frame).absent
+        gone = self.still.absent
+        return np.zeros(self.still.object_count, np.bool_) if gone is None else gone
 
     def _between(self, one: int, other: int) -> Bool:
         result = np.zeros(self._scene.object_count, np.bool_)

@@ -72,6 +72,18 @@ def meets_frustum(view: View, relative: Float64) -> NDArray[np.bool_]:
     return result
 
 
+def cut_by_plane(view: View, relative: Float64) -> NDArray[np.bool_]:
+    """(k,) bool, False only where a box relative to the eye lies for certain on the side of the
+    camera's clip plane that counts. The part that is cut off of a *queried* box only draws more,
+    but what is asked about by its own triangles may lie on the plane itself."""
+    plane = view.clip_plane
+    if plane is None:
+        return np.zeros(len(relative), np.bool_)
+    least = np.where(plane[:3] > 0.0, relative[:, 0], relative[:, 1]) @ plane[:3] + plane[3]
+    result: NDArray[np.bool_] = least <= 0.0
+    return result
+
+
 def needs_no_query(view: View, relative: Float64) -> NDArray[np.bool_]:
     """(k,) bool, True where a box holds the eye, crosses the near plane, is too far away
     for float32, or reaches so far beside the image that clipping it may lose samples at

@@ -25,6 +25,8 @@ from visref_culling.gl.masks import certainly_solid, with_known_mask
 from visref_culling.gl.solid_masks import SolidMasks
 from visref_culling.gl.view import View
 
+NO_PLANE = np.array([0.0, 0.0, 0.0, 1.0])
+
 COMMAND_WORDS = 5  # count, instances, first index, base vertex, base instance
 
 
@@ -217,8 +219,11 @@ class Geometry:
 
 def view_uniforms(program: moderngl.Program, view: View) -> None:
     """Set what `mesh.vert` and its like need to know of the view."""
-    if view.clip_plane is not None and program.get("clip_plane", None) is not None:
-        set_uniform(program, "clip_plane", view.clip_plane.astype(np.float32).tobytes())
+    if program.get("clip_plane", None) is not None:
+        # Without one, everything is in front. llvmpipe (Mesa 22.3) went on to cut by a plane that
+        # an earlier view left in the program, though the cutting was switched off.
+        plane = NO_PLANE if view.clip_plane is None else view.clip_plane
+        set_uniform(program, "clip_plane", plane.astype(np.float32).tobytes())
     set_uniform(program, "eye_high", view.eye_high.tobytes())
     set_uniform(program, "eye_low", view.eye_low.tobytes())
     set_uniform(program, "clip_from_relative", view.clip_from_relative_bytes)

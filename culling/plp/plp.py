@@ -32,6 +32,7 @@ from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.boxes.conservative import cut_by_plane
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.shared_geometry import Marks, SharedGeometry
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
@@ -129,12 +130,7 @@ class PLPCulling(GLCuller):
         # inflated, so they hold a part of the near plane: one of the two finds them.
         faces = (octree.hull() & beyond.any(axis=1)).any(axis=(1, 2))
         starts = np.union1d(frame.ids[frame.sure], np.flatnonzero(faces))
-        plane = frame.view.clip_plane
-        if plane is not None:
-            low, high = frame.boxes[:, 0], frame.boxes[:, 1]
-            least = np.where(plane[:3] > 0.0, low, high) @ plane[:3] + plane[3]
-            starts = np.union1d(starts, frame.ids[least <= 0.0])
-        return starts
+        return np.union1d(starts, frame.ids[cut_by_plane(frame.view, frame.boxes)])
 
     def begin_walk(self, frame: Frame) -> None:
         with phase(frame.stats, "traverse"):

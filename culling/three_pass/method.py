@@ -45,7 +45,12 @@ from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.errors import InputError
 from visref.scene import Float32, Float64, Int64, Scene, Units
-from visref_culling.boxes.conservative import inflated, meets_frustum, round_outward
+from visref_culling.boxes.conservative import (
+    cut_by_plane,
+    inflated,
+    meets_frustum,
+    round_outward,
+)
 from visref_culling.gl.changes import Changes, taken
 from visref_culling.gl.device import Target
 from visref_culling.gl.geometry import Geometry
@@ -261,8 +266,9 @@ class ThreePassCulling(GLCuller):
         return ids
 
     def sure(self, frame: Frame) -> NDArray[np.bool_]:
-        """(k,) bool over the frame's units: visible without a query."""
-        return frame.sure.copy()
+        """(k,) bool over the frame's units: visible without a query. What the clip plane cuts, or
+        touches, may be asked about by its own triangles, which are cut off there."""
+        return frame.sure | cut_by_plane(frame.view, frame.boxes)
 
     def asked_themselves(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
         """(k,) bool over the frame's units: whose own triangles are queried. Drawn as they are

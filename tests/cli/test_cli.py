@@ -427,3 +427,21 @@ def test_a_set_of_scenes_is_refused_in_one_line(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "a set of 63 scenes" in error
     assert error.count("\n") == 1
+
+
+def test_of_many_missed_objects_the_console_has_the_first_ten_and_how_many_more(tmp_path, capsys):
+    _, path = write_scene(tmp_path)
+    lines = []
+    for number in range(35):
+        x, y = number % 7 - 3.5, number // 7 - 2.5
+        lines += [f"o part {number}", f"v {x} {y} 0", f"v {x + 0.9} {y} 0", f"v {x} {y + 0.9} 0"]
+        lines.append(f"f {3 * number + 1} {3 * number + 2} {3 * number + 3}")
+    (tmp_path / "many.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    visible = record(tmp_path, [], [])
+    status, verdict = check((str(tmp_path / "many.obj"), path), tmp_path, visible)
+    assert status == 1
+    told = [f for f in verdict["findings"] if f["code"] == "MISSED_OBJECT"]
+    assert len(told) == 35
+    printed = capsys.readouterr().out
+    assert len(re.findall("^MISSED_OBJECT: ", printed, flags=re.MULTILINE)) == 10
+    assert "… and 25 more findings in verdict.json" in printed

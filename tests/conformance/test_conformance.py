@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from unittest import SkipTest
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from tests.support.toy_culler import ToyCuller
 from tests.wrong_cullers.exact import OneTriangleEach
 from visref.conformance import Status, assert_conforms, check_culler, conformance_checks
 from visref.conformance import suite as conformance
-from visref.conformance.scenes import SCENES
+from visref.conformance.scenes import SCENES, Case
 from visref.culler import Culler, DrawnSet, Promise
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError, NothingToJudge
 from visref.scene import Units
+from visref.timeline import Timeline
 from visref.visibility import objects_seen
 
 CHECKS = conformance_checks()
@@ -32,12 +34,18 @@ class DrawsAll(Culler):
         self.everything = np.arange(scene.object_count, dtype=np.int32)
         return scene.object_units()
 
+    def update(self, scene):
+        """All that moved is drawn too."""
+
     def cull(self, camera):
         return DrawnSet(self.everything)
 
 
 class DrawsNothing(Culler):
     name = "draws-nothing"
+
+    def update(self, scene):
+        """Nothing is drawn of what moved either."""
 
     def cull(self, camera):
         return DrawnSet(np.zeros(0, np.int32))
@@ -76,9 +84,10 @@ def test_every_scene_has_something_visible_in_each_frame(made, seed):
     if made.name in WITHOUT_VISIBLE:
         assert scene.triangle_count == 0
         return
-    engine = ExactEngine(scene)
-    views = path.relative_to(scene.origin)
-    seen = np.array([objects_seen(engine.frame(camera), scene).visible for camera in views])
+    truths = conformance.exact_truths(Case(scene, path))
+    timeline = Timeline(scene, path)
+    moments = [timeline.at(k) for k, frame in enumerate(path.frames) for _ in frame.cameras]
+    seen = np.array([objects_seen(*pair).visible for pair in zip(truths, moments, strict=True)])
     assert seen.any(axis=1).all()
     # And something to leave out, or culling would not be tried.
     assert not seen.all()
@@ -112,6 +121,25 @@ def test_sound_culler_with_hidden_objects_left_out_conforms():
     )
     # It does cull: the pass is not that of a culler that draws everything.
     assert np.mean(drawn) < 0.9
+
+
+def test_static_culler_skips_what_moves_by_name_and_passes_none_of_it():
+    moving = named("sliding_door", "two_views")
+    results = check_culler(ToyCuller, checks=[*named("glass"), *moving])
+    told = "'toy' has no update(): it is for scenes that stand still"
+    assert [(r.status, r.reason) for r in results] == [
+        (Status.PASSED, ""),
+        (Status.SKIPPED, told),
+        (Status.SKIPPED, told),
+    ]
+    with pytest.raises(SkipTest, match="sliding_door: 'toy' has no update"):
+        assert_conforms(ToyCuller, checks=moving)
+    assert_conforms(ToyCuller, checks=[*moving, *named("glass")])
+
+
+def test_loss_is_told_with_its_view():
+    (found,) = check_culler(DrawsNothing, checks=named("two_views"))
+    assert re.search(r"frame \d, view '(left|right)' \((64 x 48|48 x 64)\)", found.problems[0])
 
 
 def test_failure_is_told_with_witness_trap_and_a_way_to_the_scene():

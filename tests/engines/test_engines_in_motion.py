@@ -94,6 +94,7 @@ def test_a_posed_engine_is_one_made_of_the_pose(make: Make, seed: int, share: fl
     engine.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_moves_apart_is_seen_as_if_it_stood_still(make: Make, seed: int) -> None:
     """Against an engine that knows of no motion. Duplicates at one distance are left out: of
@@ -125,6 +126,7 @@ def test_of_two_at_one_distance_the_lesser_id_owns_whichever_moves(make: Make) -
         assert not (engine.frame(view(1)).buffer.triangle == 1).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_posed_embree_is_right_wherever_float32_can_tell(make: Make, seed: int) -> None:
     scenes = moments(random_soup(seed), seed, 3)
@@ -155,6 +157,7 @@ def test_masks_and_glass_move_with_their_objects(make: Make, name: str) -> None:
     assert len(before) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [2, 7])
 def test_any_number_of_threads_gives_the_same_bytes_in_motion(make: Make, threads: int) -> None:
     scenes = moments(mixed(3, triangles=600), 3, 4)
@@ -168,6 +171,7 @@ def test_any_number_of_threads_gives_the_same_bytes_in_motion(make: Make, thread
     many.close()
 
 
+@pytest.mark.slow
 def test_duplicates_that_move_are_told_apart_alike_each_time(make: Make) -> None:
     """A library that builds on all cores may put them in any order."""
     soup = random_soup(5, triangles=3000)
@@ -334,7 +338,9 @@ def test_on_a_grid_of_ties_a_posed_engine_is_one_made_of_the_pose(case, seed, sh
                 assert contents(engine.frame(camera)) == contents(fresh.frame(camera))
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize(
+    "seed", [*range(12), *(pytest.param(n, marks=pytest.mark.slow) for n in range(12, 60))]
+)
 def test_posed_arithmetic_is_fresh_arithmetic_bit_for_bit(seed: int) -> None:
     """Against one made of the moment, and against one that knows of no motion."""
     scene, camera = random_case(77, seed)

@@ -16,6 +16,7 @@ from visref.errors import InputError
 from visref.exact import ExactScene, compare_depths
 from visref.exact.depths import depths
 from visref.exact.filters import view_of
+from visref.exact.planes import lowest_bit_of_single
 from visref.exact.rational import in_units, lowest_bit, plane_names
 from visref.exact.scene import Owners
 from visref.scene import Alpha, Scene
@@ -197,3 +198,15 @@ def test_tall_and_single_sample_images_work() -> None:
         frame = ExactScene(scene).certify(view)
         samples = np.arange(0, view.samples, 97)
         frame_of(ExactScene(scene).decide(view, samples), frame, samples)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_lowest_bit_of_single_numbers_is_that_of_any(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 2**32, 50, np.uint32).view(np.float32)
+    values = np.append(values[np.isfinite(values)], [0.0, -0.0, 1.0]).astype(np.float32)
+    if seed % 2:
+        values = np.rint(values[np.abs(values) < 2.0**20] * 8.0).astype(np.float32) / 8.0
+    for most in (200, -2, -149):
+        right = min(most, lowest_bit(values))
+        assert lowest_bit_of_single(values.view(np.uint32), most) == right

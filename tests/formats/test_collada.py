@@ -154,3 +154,23 @@ def test_geometry_that_the_library_cannot_read_is_an_error(tmp_path):
     text = text.replace("</mesh>", "</spline>", 1)
     with pytest.raises(InputError, match="a geometry is lost"):
         load(tmp_path, text)
+
+
+def test_comments_and_instructions_mean_nothing(tmp_path):
+    node = f'<node id="n">{INSTANCE}</node>'
+    plain = load(tmp_path, dae(node))
+    head, mark, body = dae(node).partition("?>")
+    for more in ("<!-- <mesh/> -->", "<?tool <mesh/> ?>", "<!---->"):
+        scene = load(
+            tmp_path, head + mark + body.replace("><", f">{more}<").replace("0 1 2", f"0 1{more} 2")
+        )
+        assert (scene.digest, scene.names) == (plain.digest, plain.names)
+        assert scene.notes == plain.notes
+
+
+def test_what_looks_like_a_comment_in_a_cdata_section_is_text(tmp_path):
+    node = f'<node id="n">{INSTANCE}</node>'
+    numbers = dae(node).replace("0 0 0 1 0 0", "<![CDATA[0 0 0 1 0 0]]>")
+    assert load(tmp_path, numbers).digest == load(tmp_path, dae(node)).digest
+    with pytest.raises(InputError):
+        load(tmp_path, dae(node).replace("0 0 0 1 0 0", "<![CDATA[0 0 0 <!-- 9 --> 1 0 0]]>"))

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.formats.test_gltf_animation import VISIBLE, animate
 from tests.support.gltf_files import TRIANGLE, Gltf
+from visref.camera import Camera, look_at
+from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.formats import load_scene
 from visref.scene import Scene
+from visref.timeline import Timeline
 
 
 def level_file(*levels: str) -> tuple[Gltf, dict[str, int]]:
@@ -118,6 +122,42 @@ def test_an_instanced_finest_level_makes_one_group(tmp_path):
     gltf.json["nodes"][ids["tree"]]["extensions"]["EXT_mesh_gpu_instancing"] = instancing
     (group,) = load(gltf, tmp_path).groups
     assert group.levels == ((0, 1, 2, 3), (4,))
+
+
+def present(scene: Scene, levels: dict[str, int], time: float | None = None) -> list[str]:
+    """The names of what is there in a frame."""
+    camera = Camera(look_at((0, 0, 9), (0, 0, 0)), 8, 8, near=0.1, ymag=1.0)
+    posed = Timeline(scene, CameraPath([Frame((camera,), time, levels=levels)])).at(0)
+    there = np.ones(len(scene.names)) if posed.absent is None else ~posed.absent
+    drawn = np.diff(posed.object_offsets) > 0
+    corners = posed.vertices[posed.triangles]
+    whole = (corners != corners[:, :1]).any(axis=(1, 2))
+    assert whole.tolist() == posed.present.tolist() == (there & drawn).tolist()
+    return [name for name, is_there in zip(scene.names, there, strict=True) if is_there]
+
+
+def test_a_frame_chooses_a_level_and_one_within_stands_or_falls_with_it(tmp_path):
+    gltf, ids = level_file("far")
+    nest, coarse = (gltf.node(root=False, mesh=0, name=name) for name in ("nest", "coarse"))
+    gltf.json["nodes"][ids["far"]]["children"] = [nest]
+    has_levels(gltf, nest, [coarse])
+    scene = load(gltf, tmp_path)
+    assert present(scene, {}) == ["tree", "leaf", "lamp"]
+    assert present(scene, {"tree": 1}) == ["far", "nest", "lamp"]
+    assert present(scene, {"tree": 1, "nest": 1}) == ["far", "coarse", "lamp"]
+    assert present(scene, {"nest": 1}) == ["tree", "leaf", "lamp"]
+
+
+def test_a_level_that_moves_is_absent_all_the_same_and_one_switched_off_stays_off(tmp_path):
+    gltf, ids = level_file("far")
+    animate(gltf, ids["house"], "translation", [0, 1], [[0, 0, 0], [1.0, 0, 0]])
+    animate(gltf, f"/nodes/{ids['leaf']}", VISIBLE, [0, 1], np.array([1, 0], "u1"), "STEP")
+    animate(gltf, f"/nodes/{ids['far']}", VISIBLE, [0, 1], np.array([1, 0], "u1"), "STEP")
+    scene = load(gltf, tmp_path)
+    assert present(scene, {}, 0.5) == ["tree", "leaf", "lamp"]
+    assert present(scene, {}, 1.0) == ["tree", "lamp"]
+    assert present(scene, {"tree": 1}, 0.5) == ["far", "lamp"]
+    assert present(scene, {"tree": 1}, 1.0) == ["lamp"]
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,33 @@ def test_instances_go_with_the_node_that_carries_them(tmp_path):
     assert moment.worlds[:, :3, 3].tolist() == [[3, 0, 0], [0, 3, 0]]
 
 
+def test_a_nodes_own_weights_stand_before_what_animates_its_mesh(tmp_path):
+    gltf = Gltf()
+    moved = gltf.accessor(np.ones((3, 3), "f4"))
+    mesh = triangle_mesh(gltf, targets=[{"POSITION": moved}])
+    for more in ({}, {"weights": [0.5]}, {}):
+        gltf.node(mesh=mesh, **more)
+    animate(gltf, f"/meshes/{mesh}", "weights", [0], [[2.0]])
+    animate(gltf, 2, "weights", [0], [[3.0]])
+    motion = read(gltf, tmp_path).motion
+    moment = motion.at(0, 0.0)
+    assert {number: points[0, 0] for number, points in moment.positions.items()} == {0: 2.0, 2: 3.0}
+    assert motion.affected(0).tolist() == [True, False, True]
+
+
+def test_a_rotation_takes_the_short_way_whichever_sign_its_quaternions_have(tmp_path):
+    half = np.radians(40.0) / 2
+    end = np.array([[0, 0, np.sin(half), np.cos(half)]], "f4")
+    worlds = []
+    for sign in (1, -1):
+        gltf = one_triangle()
+        animate(gltf, 0, "rotation", [0, 1], np.concatenate([[[0, 0, 0, 1]], sign * end]))
+        worlds.append(read(gltf, tmp_path).motion.at(0, 0.5).worlds[0])
+    # A float32 sine or cosine is off by up to 2^-25.
+    assert np.allclose(worlds[0][:2, 0], np.cos(np.radians([20.0, 70.0])), rtol=0, atol=2e-7)
+    assert np.array_equal(*worlds)
+
+
 def test_clips_have_names_of_their_own(tmp_path):
     gltf = one_triangle()
     for clip in range(4):

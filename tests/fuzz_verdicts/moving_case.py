@@ -21,6 +21,7 @@ import numpy as np
 
 from tests.fuzz_verdicts.case import Matrix, Part, Triangle, multiply
 from tests.fuzz_verdicts.cases import (
+    MIRRORS,
     PROMISES,
     TURNS,
     random_camera,
@@ -415,12 +416,10 @@ def _frame(
         case.kinds.add("absent in the path")
     if rng.random() < 0.5:
         places = {}
-        # Of a level the name is its group's too.
-        free = sorted({*maker.names} - {*maker.groups})
-        for name in rng.sample(free, min(len(free), rng.randint(1, 2))):
-            matrix = _place(rng, maker, name)
-            skinned = any(p.skinned for p in case.file.at(None) if p.name == name)
-            if skinned:  # from the left, so about where it is
+        for name in rng.sample(maker.names, rng.randint(1, 2)):
+            (rest,) = [one for one in case.file.at(None) if one.name == name]
+            matrix = _place(rng, maker, name, rest)
+            if rest.skinned or name in maker.groups:  # from the left, so about where it is
                 matrix = multiply(matrix, shifted(tuple(-x for x in far_out)))
             places[name] = multiply(shifted(tuple(far_out)), matrix)
         entry["world_from_object"] = places
@@ -440,9 +439,11 @@ def _frame(
     return {**entry, "views": dict(zip(("left", "right"), cameras, strict=True))}
 
 
-def _place(rng: random.Random, maker: _Maker, name: str) -> Matrix:
-    if name in maker.masked:  # a mask that a pose mirrors is refused
-        turn = rng.choice(TURNS)
+def _place(rng: random.Random, maker: _Maker, name: str, rest: Posed) -> Matrix:
+    if name in maker.masked or name in maker.groups:
+        # A mask that a pose mirrors, and rest does not, is refused.
+        mirrored = rest.mirrored and name not in maker.groups
+        turn = rng.choice(MIRRORS if mirrored else TURNS)
         return multiply(shifted(tuple(rng.randint(-2, 2) for _ in range(3))), turn)
     matrix = random_node(rng)
     if maker.general:
@@ -462,3 +463,8 @@ def _draw(rng: random.Random, case: MovingCase) -> None:
     case.drawn = [
         [u for u in range(len(case.unit_lists)) if rng.random() < share] for _ in case.cells
     ]
+
+
+def mixed_case(seed: int) -> MovingCase:
+    """Every fifth a general one."""
+    return random_moving_case(seed, general=seed % 5 == 4)

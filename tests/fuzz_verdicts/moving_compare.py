@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,8 @@ def compare_moving(
     if scene.object_of_triangle.tolist() != [t.object for t in case.triangles(0)]:
         result.differences.append("reading: other triangles")
         return result
-    seen = _samples(case, Timeline(scene, path), path, result)
+    timeline = Timeline(scene, path)
+    seen = _samples(case, timeline, path, result)
     if result.differences:
         return result
     expected = []
@@ -61,7 +63,8 @@ def compare_moving(
     for name in engines:
         kept = Kept()
         culler = Drawn(case.unit_lists, case.promise, case.drawn, joint=case.joint)
-        referee = Referee(scene, lambda name=name: ENGINES[name](scene, threads=1), threads=1)
+        engine = partial(ENGINES[name], timeline.still, threads=1)
+        referee = Referee(scene, engine, threads=1, timeline=timeline)
         outcome = referee.run(path, range(len(path)), [("fuzz", culler)], [kept])
         if outcome.cullers[0].failed:
             result.differences.append(f"{name}: failed: {outcome.findings}")

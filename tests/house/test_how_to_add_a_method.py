@@ -80,7 +80,7 @@ not_here("G11", LARGE, "nothing is kept from one frame to the next")
 FINISHED = (
     BEGUN
     + '''
-common("G14", of=LARGE)
+common("G14 G15 M1 M2 M3 M4 M5 M6", of=LARGE)
 
 
 @mutant("U1", of=LARGE, caught_by="stacks_of_sheets")
@@ -151,14 +151,15 @@ def test_method_without_mutants_fails_the_suite(installed):
 
 def test_list_that_is_begun_fails_the_suite(installed):
     (installed / "begun.py").write_text(BEGUN)
-    assert open_ends() == [f"{id} of large-asked" for id in ("G14", "U1", "W2")]
+    moving = [f"M{number}" for number in range(1, 7)]
+    assert open_ends() == [f"{id} of large-asked" for id in ("G14", "G15", *moving, "U1", "W2")]
 
 
 def test_method_by_the_guide_has_its_mutants_caught_and_keeps_its_contract(installed):
     (installed / "finished.py").write_text(FINISHED)
     assert open_ends() == []
     made: Suite = suites()["tests.mutants.finished"]
-    assert len(made.mutants) == 9
+    assert len(made.mutants) == 16
     for mutant in made.mutants:
         (is_convicted if mutant.caught_by else breaks_its_contract)(mutant)
     for method in made.keepers:

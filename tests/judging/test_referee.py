@@ -162,7 +162,7 @@ def test_promise_settled_while_preparing_is_the_one_that_counts():
     ("then", "told"),
     [
         (raises, "KeyError: 'no such tile'"),
-        (lambda: None, "frame 1: cull() returned no DrawnSet"),
+        (lambda: None, "cull() returned no DrawnSet"),
         (lambda: DrawnSet(np.array([0.5])), "unit_ids is not a list of integers"),
         (lambda: DrawnSet(np.array([[0]])), "unit_ids is not a list of integers"),
         (lambda: DrawnSet(np.array([-1])), "a unit id is outside 0…36"),
@@ -715,9 +715,14 @@ def test_rasteriser_without_a_proper_picture_stops_its_culler_alone(picture):
     assert [record.exit for record in outcome.cullers] == [Exit.NOTHING_JUDGED, Exit.NO_VIOLATION]
 
 
-def test_promise_that_is_none_is_bad_input():
-    with pytest.raises(InputError, match="'draws' promises 'perfect'"):
-        run(Draws(promise="perfect"))
+def test_a_promise_that_is_none_is_its_culler_s_fault_alone():
+    broken, sound = Draws(promise="perfect"), Draws()
+    broken.name = "broken"
+    outcome = run(broken, sound)
+    assert [record.failed for record in outcome.cullers] == [True, False]
+    (told,) = [finding for finding in outcome.findings if finding.code == "CULLER_FAILED"]
+    assert told.culler == "broken"
+    assert "it promises 'perfect'" in told.message
 
 
 def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():

@@ -13,6 +13,7 @@ from tests.support.exact_scenes import random_case
 from tests.support.hand_made import camera, scene_of_squares, square
 from visref.camera import Camera
 from visref.engines import make_engine
+from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.judging import superfluous
 from visref.judging.superfluous import confirm, superfluous_units
@@ -96,6 +97,7 @@ def check(scene: Scene, view: Camera, units: Units, engine: str) -> Counter[str]
 @pytest.mark.parametrize("chunk", range(3))
 def test_confirmed_units_are_those_that_a_brute_force_finds_hidden(engine, chunk):
     seen: Counter[str] = Counter()
+    declined = 0
     for index in range(70):
         scene, view = random_case(40 + chunk, index)
         rng = np.random.default_rng([chunk, index])
@@ -103,6 +105,12 @@ def test_confirmed_units_are_those_that_a_brute_force_finds_hidden(engine, chunk
             seen += check(scene, view, random_units(rng, scene), engine)
         except AssertionError as error:
             raise AssertionError(f"random_case({40 + chunk}, {index}): {error}") from error
+        except InputError as error:
+            # Of slivers alone, some 1e-4 wide in a scene of 20, Embree may miss a known sample.
+            if "does not see all of it" not in str(error):
+                raise
+            declined += 1
+    assert declined <= (2 if engine == "embree" else 0)
     assert min(seen[kind] for kind in ("hidden", "shown", "tied", "doubt", "glass")) > 5
     assert seen["uncovering"] > 0
     if engine == "embree":

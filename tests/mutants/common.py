@@ -31,6 +31,7 @@ COMMON = {
     "G12": "U single-sample query against a multisampled image",
     "G13": "U transparent or alpha-cut surface as occluder",
     "G14": "U unfinished query read as zero",
+    "G15": "U what a clip plane cuts off hides still",
     "M1": "U boxes of the pose at rest",
     "M2": "U boxes of the frame before",
     "M3": "U occluder depth at its old place",
@@ -138,6 +139,14 @@ class UnfinishedQueryReadAsZero:
         ready = samples.copy()
         ready[-1:] = 0
         return super().passes(ready)
+
+
+@common_step("G15", caught_by="cut_by_a_plane")
+class ClipPlaneIgnored:
+    """What is drawn is drawn whole, whatever the clip plane."""
+
+    def view_of(self, camera):
+        return super().view_of(replace(camera, clip_plane=None))
 
 
 # What is not brought up to date in a scene that moves.

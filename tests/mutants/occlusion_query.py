@@ -14,7 +14,7 @@ QUERIES = (
     SUITE.method("occlusion-query-instanced", SingleQueryCulling, query="instanced", size=8),
 )
 
-common("G2 G9 G10 G12 G13 G14 M1 M2 M3 M4 M5 M6", of=QUERIES)
+common("G2 G9 G10 G12 G13 G14 G15 M1 M2 M3 M4 M5 M6", of=QUERIES)
 not_here(
     "G1 G3 G4 G5 G6 G7",
     QUERIES,

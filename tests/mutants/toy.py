@@ -3,6 +3,8 @@ tested on the CPU."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.mutants.harness import Suite, equivalent, mutant, not_here
@@ -147,10 +149,20 @@ not_here("G8", TOY, "an object's own depth is not there when its box is tested")
 not_here("G12", TOY, "its depth buffer has one sample a pixel, the pixel's centre")
 not_here("G14", TOY, "nothing is asked that could be unfinished")
 not_here(
-    "G1 G2 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14",
+    "G1 G2 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15",
     COARSE_TOY,
     "it differs from the toy in its texels alone",
 )
+
+
+@mutant("G15", of=TOY, caught_by="cut_by_a_plane")
+class ClipPlaneIgnored:
+    """What is drawn fills the depth buffer whole, whatever the clip plane."""
+
+    def rasterise(self, camera, unit, depth):
+        super().rasterise(replace(camera, clip_plane=None), unit, depth)
+
+
 not_here(
     "M1 M2 M3 M4 M5 M6",
     (*TOY, *COARSE_TOY),

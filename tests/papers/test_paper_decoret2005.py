@@ -22,11 +22,11 @@ def run_of(counts):
 
 
 class Results:
-    def __init__(self, run=None, **experiments):
-        self.folder, self.experiments = run, experiments
+    def __init__(self, run=None, motion=None, **experiments):
+        self.folders, self.experiments = {"table-2": run, "motion": motion}, experiments
 
     def run(self, key):
-        return self.folder
+        return self.folders[key]
 
     def experiment(self, key):
         return self.experiments.get(key)
@@ -69,6 +69,23 @@ def test_each_claim_can_fail(place, counts):
     made = table(Results(run_of(counts)), "Table 2")
     assert made.trends[place].holds is False
     assert made.trends[place].why
+
+
+def moving(**changed):
+    row = {"visible": 40, "confirmed": 0, "drawn": 50, "superfluous": 10}
+    frames = {spec: [{"frame": 4, **row}] for spec in paper.MOVING.values()}
+    frames["n-buffer"][0] |= changed
+    return run_folder(frames)
+
+
+def test_a_scene_in_motion_is_measured_by_misses_and_waste():
+    made = table(Results(motion=moving()), "not in the paper")
+    rows = {row.quantity: row for row in made.rows}
+    assert rows["N-buffer: visible objects missed"].ours == 0.0
+    assert rows["N-buffer on the GPU: drawn for nothing"].ours == 10 / 50
+    assert [trend.holds for trend in made.trends] == [True]
+    made = table(Results(motion=moving(confirmed=1)), "not in the paper")
+    assert [trend.holds for trend in made.trends] == [False]
 
 
 def test_levels_stand_beside_their_own_resolution():

@@ -288,6 +288,13 @@ def test_memory_is_limited_and_its_end_is_the_plug_in_s_fault(folder):
             culler.cull(path().cameras[0])
 
 
+@pytest.mark.slow
+def test_the_limit_of_memory_is_the_one_that_is_given(folder):
+    status, verdict = run("Misses", "AllocatesWithoutEnd", more=("--max-memory", "1.5G"))
+    assert status == Exit.VIOLATION
+    assert_told(faults(verdict), {"AllocatesWithoutEnd": "MemoryError|its process"})
+
+
 @pytest.mark.parametrize("more", [(), ("--in-process",)])
 def test_a_spec_that_names_nothing_is_bad_input_for_all(more, folder, capfd):
     for spec, said in (

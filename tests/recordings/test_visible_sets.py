@@ -242,3 +242,40 @@ def test_parquet_ids_must_be_whole(tmp_path):
     pq.write_table(table, tmp_path / "v.parquet")
     with pytest.raises(InputError, match="object_id is of type double"):
         read_visible_sets(tmp_path / "v.parquet", SCENE, range(1), still_path(1))
+
+
+def test_boxes_by_name_come_to_their_units(tmp_path):
+    file = tmp_path / "v.jsonl"
+    name = SCENE.names[1]
+    lines = [
+        {"frame": 0, "visible": [0], "bounds": {name: [[0, -1, 2.5], [1, 1, 3]]}},
+        {"frame": 1, "visible": [0]},
+    ]
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    read = read_visible_sets(file, SCENE, range(2), still_path(2))
+    assert list(read.boxes) == [0]
+    assert read.boxes[0][1].tolist() == [[0.0, -1.0, 2.5], [1.0, 1.0, 3.0]]
+    assert not np.isfinite(np.delete(read.boxes[0], 1, axis=0)).any()
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ([], "bounds is not an object"),
+        ({"nobody": [[0, 0, 0], [1, 1, 1]]}, "no object named 'nobody'"),
+        *(
+            ({"front": box}, "no two corners of three numbers")
+            for box in ([], [[0, 0, 0]], [[0, 0], [1, 1, 1, 1]], [[0, 0, "a"], [1, 1, 1]], 3,
+                        [[0, 0, 10**400], [1, 1, 1]], [[0, 0, True], [1, 1, 1]])
+        ),
+        ({"front": [[2, 0, 0], [1, 1, 1]]}, "a least corner above its greatest"),
+    ],
+)  # fmt: skip
+def test_what_is_no_box_is_one_line_with_its_place(bounds, said, tmp_path):
+    file = tmp_path / "v.jsonl"
+    named = {SCENE.names[0] if key == "front" else key: box for key, box in dict(bounds).items()}
+    line = {"frame": 0, "visible": [], "bounds": named if bounds else bounds}
+    file.write_text(json.dumps(line) + "\n")
+    with pytest.raises(InputError, match=f"line 1: .*{said}") as refused:
+        read_visible_sets(file, SCENE, range(1), still_path(1))
+    assert "\n" not in str(refused.value)

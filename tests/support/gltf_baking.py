@@ -50,9 +50,15 @@ class Animated:
         self.json: dict[str, Any] = json.loads(glb[20 : 20 + length])
         self.blob = glb[20 + length + 8 :]
         self.nodes = self.json.get("nodes", [])
+        self._read: dict[int, np.ndarray] = {}
 
     def values(self, number: int) -> np.ndarray:
         """(count, width), integers as they are, or as shares where they are normalised."""
+        if number not in self._read:
+            self._read[number] = self._values(number)
+        return self._read[number]
+
+    def _values(self, number: int) -> np.ndarray:
         accessor = self.json["accessors"][number]
         width, kind = WIDTHS[accessor["type"]], np.dtype(TYPES[accessor["componentType"]])
         count = accessor["count"]
@@ -72,8 +78,8 @@ class Animated:
         view = self.json["bufferViews"][at["bufferView"]]
         start = view.get("byteOffset", 0) + at.get("byteOffset", 0)
         step = view.get("byteStride", width * kind.itemsize)
-        rows = [np.frombuffer(self.blob, kind, width, start + step * row) for row in range(count)]
-        return np.array(rows, kind).reshape(count, width)
+        steps = step, kind.itemsize
+        return np.ndarray((count, width), kind, self.blob, start, steps)
 
     def at(self, time_s: float | None, clip: int = 0) -> list[Posed]:
         """The objects, in the order of their ids, at a time; None: in the rest pose."""
@@ -247,10 +253,14 @@ def bake(file: Animated, path: Mapping[str, Any], frame: int) -> list[tuple[Pose
     places = entry.get("world_from_object", {})
     result = []
     for posed in file.at(time_s, clip):
-        if posed.name in places:
+        # The name of the finest level is that of all of them.
+        group = posed.level[0] if posed.level is not None else None
+        if group in places:
+            posed.world = np.array(places[group], float) @ posed.world
+        elif posed.name in places:
             posed.world = np.array(places[posed.name], float)
-        here = not posed.hidden and posed.name not in absent
+        here = not posed.hidden and posed.name not in absent and group not in absent
         if posed.level is not None:
-            here = here and levels.get(posed.level[0], 0) == posed.level[1]
+            here = here and levels.get(group, 0) == posed.level[1]
         result.append((posed, here))
     return result

@@ -36,8 +36,7 @@ class ToyCuller(Culler):
     def cull(self, camera):
         depth = self.empty_depth(camera)
         drawn = []
-        filled = np.flatnonzero(np.diff(self.scene.object_offsets))
-        corners = {int(unit): self.corners(int(unit)) for unit in filled}
+        corners = {int(unit): self.corners(int(unit)) for unit in self.filled()}
         nearest = {unit: self.nearest(camera, points) for unit, points in corners.items()}
         for unit in sorted(corners, key=lambda unit: (nearest[unit], unit)):
             if self.sure(camera, corners[unit]):
@@ -53,6 +52,10 @@ class ToyCuller(Culler):
         return DrawnSet(np.array(drawn, np.int32))
 
     # The steps.
+
+    def filled(self):
+        """The units that there is anything of."""
+        return np.flatnonzero(np.diff(self.scene.object_offsets))
 
     def empty_depth(self, camera):
         return np.full((camera.height, camera.width), np.inf)
@@ -122,4 +125,17 @@ def fill(camera, scene, triangles, depth):
         else:
             at = np.einsum("tiyx,ti->tyx", weights, t[seen]) / total
         inside &= (at >= camera.near) & (at <= camera.far)
+        if camera.clip_plane is not None:
+            # Along a sample's ray the distance to the plane is linear in depth.
+            plane = np.array(camera.clip_plane)
+            rays = (
+                camera.forward
+                + camera.column_a[:, None] * camera.right_step
+                + camera.row_b[:, None, None] * camera.up_step
+            )
+            start, way = camera.eye, rays
+            if not camera.is_perspective:
+                start, way = camera.eye + rays - camera.forward, camera.forward
+            ahead = start @ plane[:3] + plane[3] + at * (way @ plane[:3])
+            inside &= ahead > EDGE * (np.abs(start @ plane[:3]) + abs(plane[3]) + at)
     np.minimum(depth, np.where(inside, at, np.inf).min(axis=0, initial=np.inf), out=depth)

@@ -9,6 +9,7 @@ GL is needed. `WRONG` lists them: a test takes the class from there, and the com
     depth      what is compared with what: which depth, which rectangle, which resolution
     materials  what hides and from which side: glass, masks, back faces, winding
     memory     what is kept from the frame before
+    moving     what is not brought up to date where things move, come and go; one view for another
     units      what is drawn of what was found visible, and under which number
     exact      what promises to draw nothing hidden, and does
 
@@ -17,7 +18,18 @@ GL is needed. `WRONG` lists them: a test takes the class from there, and the com
 
 from __future__ import annotations
 
-from tests.wrong_cullers import depth, exact, frustum, materials, memory, units
+from tests.wrong_cullers import depth, exact, frustum, materials, memory, moving, units
 from tests.wrong_cullers.registry import RIGHT, WRONG, Wrong
 
-__all__ = ["RIGHT", "WRONG", "Wrong", "depth", "exact", "frustum", "materials", "memory", "units"]
+__all__ = [
+    "RIGHT",
+    "WRONG",
+    "Wrong",
+    "depth",
+    "exact",
+    "frustum",
+    "materials",
+    "memory",
+    "moving",
+    "units",
+]

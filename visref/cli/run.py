@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    limit = memory_of(given) or default_budget()
+    given_limit = memory_of(given)
+    limit = default_budget() if given_limit is None else given_limit
     making = Making(given.in_process, given.time_limit, limit, say=_say)
     # An unknown culler is said before a large scene is read.
     with making_cullers(given.culler, making) as cullers:

@@ -281,3 +281,31 @@ def close_by_in_an_orthographic_view(rng: np.random.Generator) -> Case:
         objects.append(("close by", box(centre - 0.7, centre + 0.7)))
     objects.append(("hidden", box((-2.0, -2.0, -9.0), (2.0, 2.0, -8.0))))
     return case(objects, [camera(ymag=9.0)])
+
+
+@_scene("what a clip plane cuts off hides nothing", "occluders before the plane, as in a mirror")
+def cut_by_a_plane(rng: np.random.Generator) -> Case:
+    # The plane z = -6 and others near it; of what hides all, only what they cut off does.
+    objects = [
+        ("blind", panel((-9.0, 9.0), (-9.0, 9.0), -4.0)),
+        ("screen", panel((-1.5, 1.5), (-1.5, 1.5), -9.0)),
+        # Their near ends, which hide what is beside the screen, are cut off.
+        ("left beam", box((-3.5, -2.0, -8.0), (-1.2, 2.0, -5.0))),
+        ("right beam", box((1.2, -2.0, -8.0), (3.5, 2.0, -5.0))),
+        ("cut off", box((-0.5, -0.5, -5.5), (0.5, 0.5, -5.0))),
+        ("hidden", box((-0.6, -0.6, -11.0), (0.6, 0.6, -10.0))),
+    ]
+    for _ in range(30):
+        centre = rng.uniform((-6.0, -4.0, -15.0), (6.0, 4.0, -7.0))
+        half = rng.uniform(0.1, 0.5, 3)
+        objects.append(("crate", box(centre - half, centre + half)))
+    planes = [(0.0, 0.0, -1.0, -6.0), (0.3, -0.2, -1.0, -6.2), (-4.0, 1.0, -9.0, -54.0)]
+    views = [camera((0.2 * k, 0.1, 0.0), clip_plane=plane) for k, plane in enumerate(planes)]
+    views += [
+        camera((2.0, 0.5, 0.0), (0.0, 0.0, -9.0), ymag=5.0, clip_plane=planes[1]),
+        # Only what is near counts; and the eye beyond the blind, on its plane and beside it.
+        camera((0.0, 0.0, -4.5), clip_plane=(0.0, 0.0, 1.0, 9.5)),
+        camera((0.0, 0.0, 0.0), clip_plane=(1.0, 0.0, 0.0, 0.0)),
+        camera((0.5, 1.0, -3.0), clip_plane=(0.0, 0.0, -1.0, -4.0)),
+    ]
+    return case(objects, views)

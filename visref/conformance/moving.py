@@ -112,10 +112,10 @@ def appearing_and_vanishing(rng: np.random.Generator) -> Case:
         x = 0.6 + (x - 0.6) * 12.5 / 11.0
         objects.append((f"hidden {number}", box((x - 0.3, -0.3, -9.6), (x + 0.3, 0.3, -9.4))))
         names += [f"blind {number}", f"hidden {number}"]
-    # Whole frames of which little is there, one of which nothing is.
+    # Frames of which little is there, and one of which only the ground is.
     gone = [tuple(name for name in names if rng.random() < 0.4) for _ in range(7)]
     gone[0] = ("blind 0", "hidden 1", "hidden 2")
-    gone[3] = ("ground", *names)
+    gone[3] = tuple(names)
     gone[4] = ()
     frames = [Frame((camera((0.2 * k, 0.3, 3.0)),), absent=names) for k, names in enumerate(gone)]
     return posed(objects, frames)

@@ -78,6 +78,27 @@ def scale_of(still: float, moving: float) -> float:
     return 2.0**-exponent
 
 
+def local_vertices(
+    vertices: Float32, rebase: Float64, scale: float | None = None
+) -> tuple[Float32, float, bool]:
+    """(vertices - rebase) * scale in float32, (v, 3), the scale, by default a power of two with
+    which the greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either
+    way)."""
+    # Nothing is allocated twice: a scene may have millions of vertices.
+    moved = vertices - rebase
+    exact = not rebase.any() or np.array_equal(moved + rebase, vertices)
+    if scale is None:
+        scale = scale_of(max(-moved.min(initial=0.0), moved.max(initial=0.0)), 0.0)
+    moved *= scale
+    local = moved.astype(np.float32)
+    return local, scale, bool(exact and np.array_equal(local, moved))
+
+
+def own_corners(count: int) -> Int32:
+    """(count, 3) int32: triangles that share no corner."""
+    return np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
 def nearer(still: tuple[Int32, Float32], moving: tuple[Int32, Float32], places: Places) -> Int32:
     """(n,) int32, the places of the nearer of two answers, each primitives (n,), -1 for none, and
     distances (n,) float32; the lesser place where they are level."""

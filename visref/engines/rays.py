@@ -33,7 +33,15 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.engines import ray_kernels
 from visref.engines.base import TruthEngine
-from visref.engines.in_motion import Parts, Places, place_corners, reach, scale_of
+from visref.engines.in_motion import (
+    Parts,
+    Places,
+    local_vertices,
+    own_corners,
+    place_corners,
+    reach,
+    scale_of,
+)
 from visref.engines.known_samples import (
     DEPTH_ROUNDING,
     PER_OCTAVE_IN_VIEW,
@@ -117,7 +125,7 @@ class RayEngine(TruthEngine):
             self._place(self._parts)
             return
         self.rebase = origin_of(somewhere(scene.object_bounds))
-        local, self.scale, self.rebase_exact = _local(scene.vertices, self.rebase)
+        local, self.scale, self.rebase_exact = local_vertices(scene.vertices, self.rebase)
         self._reach = float(np.abs(local).max(initial=0.0)) / self.scale
         if len(self._solid):
             triangles = scene.triangles[self._solid]
@@ -166,14 +174,14 @@ class RayEngine(TruthEngine):
         if self._still_scale != self.scale and len(solid):
             self._still_scale = self.scale
             vertices, triangles = parts.standing(scene)
-            local, _, exact = _local(vertices, rebase, self.scale)
+            local, _, exact = local_vertices(vertices, rebase, self.scale)
             self.rebase_exact &= exact
             self._build(local, triangles)
             built.append((local, triangles, parts.still))
         if len(parts.movable):
             corners, exact = self._corners(moving)
             self.rebase_exact &= exact
-            own = _own_corners(len(moving))
+            own = own_corners(len(moving))
             self._build_moving(corners, own, (parts.still, parts.there))
             built.append((corners, own, parts.there))
         for part in built:
@@ -198,7 +206,7 @@ class RayEngine(TruthEngine):
         some = np.unique(np.concatenate([known.primitive, answer[answer >= 0]]))
         asked = known._replace(primitive=np.searchsorted(some, known.primitive).astype(np.int32))
         met = np.where(answer >= 0, np.searchsorted(some, answer), BACKGROUND).astype(np.int32)
-        wrong = misses(asked, met, self._corners(self._solid[some])[0], _own_corners(len(some)))
+        wrong = misses(asked, met, self._corners(self._solid[some])[0], own_corners(len(some)))
         if not len(wrong):
             return
         first = int(self._solid[known.primitive[wrong[0]]])
@@ -439,27 +447,6 @@ class RayEngine(TruthEngine):
         if self._pool is None or workers == 1:
             return [work(index) for index in range(workers)]
         return list(self._pool.map(work, range(workers)))
-
-
-def _local(
-    vertices: Float32, rebase: Float64, scale: float | None = None
-) -> tuple[Float32, float, bool]:
-    """(vertices - rebase) * scale in float32, (v, 3), the scale, by default a power of two with
-    which the greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either
-    way)."""
-    # Nothing is allocated twice: a scene may have millions of vertices.
-    moved = vertices - rebase
-    exact = not rebase.any() or np.array_equal(moved + rebase, vertices)
-    if scale is None:
-        scale = scale_of(max(-moved.min(initial=0.0), moved.max(initial=0.0)), 0.0)
-    moved *= scale
-    local = moved.astype(np.float32)
-    return local, scale, bool(exact and np.array_equal(local, moved))
-
-
-def _own_corners(count: int) -> Int32:
-    """(count, 3) int32: triangles that share no corner."""
-    return np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def _about_one(directions: Float64) -> Float64:

@@ -71,27 +71,30 @@ class Clusters:
         """Put triangles, of objects with these boxes, in order from a place on: where their
         clusters start, (c,) int64, and the clusters' boxes, (c, 2, 3) float32."""
         corners = scene.vertices[scene.triangles[ids]]
-        order = _spatial_order(corners, core_of(somewhere(boxes)))
-        corners, ids = corners[order], ids[order]
+        low, high = (
+            of(of(corners[:, 0], corners[:, 1]), corners[:, 2]) for of in (np.minimum, np.maximum)
+        )
+        order = _spatial_order(low, high, core_of(somewhere(boxes)))
+        ids = ids[order]
         part = slice(at, at + len(ids))
         self._order[part] = ids
-        self._corners[part] = corners.reshape(-1, 9)
+        self._corners[part] = corners.reshape(-1, 9)[order]
         self._one_sided[part] = scene.one_sided[ids]
         starts = np.arange(0, len(ids), CLUSTER)
         bounds = np.zeros((len(starts), 2, 3), np.float32)
         if len(ids):
-            bounds[:, 0] = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
-            bounds[:, 1] = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+            bounds[:, 0] = np.minimum.reduceat(low[order], starts, axis=0)
+            bounds[:, 1] = np.maximum.reduceat(high[order], starts, axis=0)
         return starts + at, bounds
 
 
-def _spatial_order(corners: Float32, box: Float64) -> Int64:
-    """The places of triangles, (k, 3, 3), such that neighbours in the list are near each other and
-    of like size. `box`: (2, 3) float64, where most of them are."""
-    if not len(corners):
+def _spatial_order(low: Float32, high: Float32, box: Float64) -> Int64:
+    """The places of triangles with these least and greatest corners, (k, 3) each, such that
+    neighbours in the list are near each other and of like size. `box`: (2, 3) float64, where most
+    of them are."""
+    if not len(low):
         return np.zeros(0, np.int64)
-    corners = corners.astype(np.float64)
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low, high = low.astype(np.float64), high.astype(np.float64)
     extent = float((box[1] - box[0]).max()) or 1.0
     size = np.clip(np.frexp((high - low).max(axis=1) / extent)[1], -8, 1) + 8
     cell = np.clip((0.5 * (low + high) - box[0]) / extent * 1024.0, 0, 1023).astype(np.int64)

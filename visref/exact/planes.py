@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.exact.rational import lowest_bit, plane_names
 from visref.scene import Float32, Int32, Int64, Scene
@@ -34,7 +38,7 @@ class Planes:
         self._scene = scene
         self.of_triangle[movable] = UNKNOWN_PLANE
         self._passing.clear()
-        unit = lowest_bit(corners) if len(corners) else self._unit
+        unit = int(lowest_bit_of_single(corners.reshape(-1).view(np.uint32), self._unit))
         if unit < self._unit:
             # Names of different units do not compare.
             self._unit = unit
@@ -61,3 +65,21 @@ class Planes:
         # A plane that outlasts the pose keeps its number.
         (self._passing if moves else self._still).setdefault(name, number)
         return number
+
+
+@numba.njit(cache=True, nogil=True)
+def lowest_bit_of_single(words: NDArray[Any], most: int) -> int:
+    """`lowest_bit` of (n,) float32 values, given by their bits, or `most` if that is less."""
+    for word in words:
+        exponent = (word >> 23) & 0xFF
+        whole = word & 0x7FFFFF
+        # A value is whole * 2^(exponent - 150); subnormal ones have the least exponent too.
+        whole, exponent = (whole, 1) if exponent == 0 else (whole | 0x800000, exponent)
+        bit = exponent - 150
+        # Only what has a lower bit than any before is looked at.
+        while bit < most and whole != 0 and whole & 1 == 0:
+            whole >>= 1
+            bit += 1
+        if whole != 0 and bit < most:
+            most = bit
+    return most

@@ -7,6 +7,7 @@ Why not through trimesh: measured with trimesh 5.2, it applies neither `<unit>` 
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 import zlib
 from pathlib import Path
@@ -50,7 +51,8 @@ def parse_collada(path: Path, budget: Budget) -> Placed:
         ) from error
     try:
         document = collada.Collada(
-            io.BytesIO(_text(path, budget)), ignore=[DaeBrokenRefError, DaeUnsupportedError]
+            io.BytesIO(_without_comments(_text(path, budget))),
+            ignore=[DaeBrokenRefError, DaeUnsupportedError],
         )
     except (InputError, MemoryError, RecursionError):
         raise
@@ -59,6 +61,15 @@ def parse_collada(path: Path, budget: Budget) -> Placed:
             f"this is not valid COLLADA: {str(error)[:200]}", fix="export the file anew"
         ) from error
     return _Reader(collada, document, budget).placed
+
+
+# Comments and processing instructions; CDATA sections, in which neither is one.
+_NO_ELEMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->|<\?(?!xml\s).*?\?>", re.DOTALL)
+
+
+def _without_comments(text: bytes) -> bytes:
+    """The same document: pycollada takes a comment for an element that it does not know."""
+    return _NO_ELEMENT.sub(lambda found: found[0] if found[0][2:3] == b"[" else b"", text)
 
 
 def _text(path: Path, budget: Budget) -> bytes:

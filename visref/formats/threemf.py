@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -186,7 +187,7 @@ class _Reader:
             _parse(self._chunks(_RELATIONSHIPS), _RELATIONSHIPS, start, lambda tag: None)
         return targets[0] if targets else _USUAL_PART
 
-    def _chunks(self, part: str) -> Iterator[bytes]:
+    def _chunks(self, part: str) -> Generator[bytes, None, None]:
         name = self._parts.get(part)
         if name is None:
             raise InputError(f"the archive has no part {part[:80]!r}", fix="export the file anew")
@@ -208,7 +209,7 @@ class _PartReader:
         self.prefixes: dict[str | None, str] = {}
         self.unread: set[str] = set()
 
-    def parse(self, chunks: Iterator[bytes]) -> None:
+    def parse(self, chunks: Generator[bytes, None, None]) -> None:
         _parse(chunks, self.part, self._start, self._end, self.prefixes)
         for what in sorted(self.unread):
             self.reader.placed.notes.append((Code.PARTLY_READ, f"{what} is not read"))
@@ -325,7 +326,7 @@ class _Rows:
 
 
 def _parse(
-    chunks: Iterator[bytes],
+    chunks: Generator[bytes, None, None],
     part: str,
     start: Callable[[str, Attributes], None],
     end: Callable[[str], None],
@@ -344,8 +345,10 @@ def _parse(
 
     parser.StartDoctypeDeclHandler = refuse
     try:
-        for chunk in chunks:
-            parser.Parse(chunk, False)
+        # The archive stays open as long as one of its streams does.
+        with closing(chunks):
+            for chunk in chunks:
+                parser.Parse(chunk, False)
         parser.Parse(b"", True)
     except expat.ExpatError as error:
         raise InputError(

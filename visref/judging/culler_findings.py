@@ -28,6 +28,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     for pixels, frame, miss in record.losses():
         lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
+        text += f", view '{miss.view}'" if miss.view else ""
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
     found += _hidden_findings(record, scene)

@@ -21,6 +21,8 @@ class JudgedRaster(Raster):
     def __init__(self, raster: Raster) -> None:
         try:
             self.tolerance: RasterTolerance = check_tolerance(raster.tolerance)
+        except CullerError:  # from another process, and said so there
+            raise
         except Exception as error:  # a plug-in may raise anything
             raise CullerError(f"raster.tolerance: {_told(error)}") from error
         self._raster = raster

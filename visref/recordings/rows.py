@@ -9,7 +9,7 @@ import csv
 import io
 import reprlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ from visref.recordings.names import shown_name
 from visref.scene import clean_name
 
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
+# Beyond float64; not one of Python's whole numbers without end.
+_HUGE = 1 << 1024
 # Rows at a time: what a batch takes beside the rows kept is small.
 _BATCH = 1 << 16
 
@@ -35,12 +37,14 @@ _BATCH = 1 << 16
 @dataclass(frozen=True)
 class Row:
     """What a recording says of one frame, and where. `sets`: by view, or under `ALL_VIEWS` for all
-    views together, the ids and names of what was drawn."""
+    views together, the ids and names of what was drawn. `bounds`: by name, the least and greatest
+    corner of the box that was tested, in world space."""
 
     place: str
     frame: int
     sets: dict[str, list[int | str]]
     stats: QueryStats
+    bounds: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
 
 
 def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
@@ -75,7 +79,8 @@ def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
                     f"frame is {reprlib.repr(row['frame'])}", place=place, fix="give an integer"
                 )
             sets = _sets(row["visible"], place)
-            yield Row(place, row["frame"], sets, _stats(row.get("stats", {}), place))
+            stats = _stats(row.get("stats", {}), place)
+            yield Row(place, row["frame"], sets, stats, _bounds(row.get("bounds", {}), place))
 
 
 def _sets(visible: Any, place: str) -> dict[str, list[int | str]]:
@@ -96,6 +101,34 @@ def _sets(visible: Any, place: str) -> dict[str, list[int | str]]:
             clean_name(entry) if isinstance(entry, str) else entry for entry in entries
         ]
     return sets
+
+
+def _bounds(values: Any, place: str) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Boxes by name."""
+    if not isinstance(values, dict):
+        raise InputError(
+            "bounds is not an object", place=place, fix='write {"name": [[0,0,0],[1,1,1]]}'
+        )
+    boxes = {}
+    for name, box in values.items():
+        corners = box if isinstance(box, list) and len(box) == 2 else []
+        numbers = [value for corner in corners if isinstance(corner, list) for value in corner]
+        plain = all(type(value) in (int, float) and abs(value) < _HUGE for value in numbers)
+        if len(numbers) != 6 or not plain or any(len(corner) != 3 for corner in corners):
+            raise InputError(
+                f"the box of {shown_name(name)} is no two corners of three numbers",
+                place=place,
+                fix="write [[least x, y, z], [greatest x, y, z]]",
+            )
+        low, high = (tuple(map(float, corner)) for corner in corners)
+        if any(one > other for one, other in zip(low, high, strict=True)):
+            raise InputError(
+                f"the box of {shown_name(name)} has a least corner above its greatest",
+                place=place,
+                fix="write the least corner first; leave out what has no box",
+            )
+        boxes[clean_name(name)] = (low, high)
+    return boxes
 
 
 def _stats(values: Any, place: str) -> QueryStats:

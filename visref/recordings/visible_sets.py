@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from visref.errors import InputError
 from visref.memory import Budget
 from visref.recordings.names import Names, shown_name
 from visref.recordings.rows import READERS, Row
-from visref.scene import Int32, Scene, Units
+from visref.scene import Float64, Int32, Scene, Units
 
 # So many are listed of what may be many.
 _VIEWS_SHOWN = 6
@@ -42,12 +42,14 @@ class VisibleSets:
     where groups were named, each such group as one unit in place of its objects.
 
     `sets`: by frame, and in each by view, or under `ALL_VIEWS` for all views together, the ids of
-    the units, ascending int32.
+    the units, ascending int32. `boxes`: of the frames that say which boxes were tested, (u, 2, 3)
+    float64 in world space, one per unit; +inf and -inf where it says none.
     """
 
     sets: Mapping[int, Mapping[str, Int32]]
     stats: Mapping[int, QueryStats]
     units: Units
+    boxes: Mapping[int, Float64] = field(default_factory=dict)
 
     @property
     def frames(self) -> dict[int, Int32]:
@@ -92,7 +94,7 @@ class Replay(Culler):
                 self._calls.append((frame, cameras, ALL_VIEWS))
             else:
                 self._calls += [(frame, (camera,), camera.view) for camera in cameras]
-        self._done = 0
+        self._done, self._frame = 0, -1
         self._look_ahead()
 
     def _look_ahead(self) -> None:
@@ -114,11 +116,15 @@ class Replay(Culler):
         for asked, expected in zip(cameras, planned, strict=True):
             same = np.array_equal(asked.world_from_camera, expected.world_from_camera)
             assert (same, asked.view) == (True, expected.view), "cameras come in order, each once"
+        self._frame = frame
         self._done += 1
         self._look_ahead()
         return DrawnSet(
             self._recorded.sets[frame][view], self._recorded.stats[frame], ordered=False
         )
+
+    def bounds(self) -> Float64 | None:
+        return self._recorded.boxes.get(self._frame)
 
 
 def read_visible_sets(
@@ -196,6 +202,8 @@ def _gather(
             for entry in objects:
                 if isinstance(entry, str):
                     places.setdefault(entry, by_frame[frame].place)
+        for name in by_frame[frame].bounds:
+            places.setdefault(name, by_frame[frame].place)
     named = Names(scene).resolved(places, source) if places else {}
 
     def meant(entry: int | str, row: Row) -> tuple[int, ...]:
@@ -210,9 +218,15 @@ def _gather(
         }
         for frame in frames
     }
-    units, unit_of = _units(
-        scene, {one for sets in drawn.values() for objects in sets.values() for one in objects}
-    )
+    every = {one for sets in drawn.values() for objects in sets.values() for one in objects}
+    every |= {named[name] for frame in frames for name in by_frame[frame].bounds}
+    units, unit_of = _units(scene, every)
+    boxes = {}
+    for frame in frames:
+        if by_frame[frame].bounds:
+            boxes[frame] = np.tile(np.array([[np.inf], [-np.inf]]), (units.count, 1, 3))
+            for name, box in by_frame[frame].bounds.items():
+                boxes[frame][unit_of[named[name]]] = box
     sets = {
         frame: {
             view: np.unique(np.array([unit_of[one] for one in objects], np.int32))
@@ -220,7 +234,7 @@ def _gather(
         }
         for frame, of_frame in drawn.items()
     }
-    return VisibleSets(sets, {frame: by_frame[frame].stats for frame in frames}, units)
+    return VisibleSets(sets, {frame: by_frame[frame].stats for frame in frames}, units, boxes)
 
 
 def _check_views(row: Row, views: list[str], source: str) -> None:

@@ -359,7 +359,7 @@ class SoftwareDepthOfTheLastFrame:
 
 
 common("G13", of=ALL, caught_by="behind_glass")
-common("M1 M2 M5 M6", of=ALL)
+common("G15 M1 M2 M5 M6", of=ALL)
 common("M3 M4", of=(OCCLUSION, Z, GL, GL_Z))
 
 

@@ -31,7 +31,7 @@ SUITE.kept_by(*LOOKUPS)
 
 common("G10", of=ALL, caught_by="walk_through_a_city")
 common("G13", of=ALL, caught_by="revealed_behind_glass")
-common("M1 M2 M3 M4 M5 M6", of=ALL)
+common("G15 M1 M2 M3 M4 M5 M6", of=ALL)
 common("G2 G14", of=(QUERY,))
 common("G9", of=(QUERY,), caught_by=PIERCED)
 common("G12", of=(QUERY,), caught_by="crowd")

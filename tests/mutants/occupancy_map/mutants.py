@@ -26,7 +26,7 @@ ONE_STEPS = SUITE.method("occupancy-map-one", StepwiseOccupancyMap, maps=1)
 STEPS = (FIVE_STEPS, ONE_STEPS)
 
 
-common("G2 G9 G10 G12 G13 G14 M1 M2 M3 M4 M5 M6", of=MAPS)
+common("G2 G9 G10 G12 G13 G14 G15 M1 M2 M3 M4 M5 M6", of=MAPS)
 not_here("G5 G6 G7", MAPS, "the rasteriser compares the depths: none is tested or read back")
 not_here("G8", MAPS, "an object's own depth is not there when its box is asked")
 not_here("G11", MAPS, "maps and image are emptied at a frame's start (see W7)")

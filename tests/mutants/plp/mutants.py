@@ -194,6 +194,7 @@ class ThresholdAboveOneSample:
 
 common("G12", of=(HP,), caught_by="seen_from_outside")
 common("G13", of=(EXT, IB), leaf=2)
+common("G15", of=(EXT,))
 common("G14", of=(EXT, HP), caught_by="lens_shift_and_zoom")
 
 
@@ -281,4 +282,5 @@ not_here("W15", (HP, *ITEMS, HG_RESTORE), "the ways of asking share the geometry
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W")]
 not_here(" ".join(UNSAFE), (PLP,), "it promises nothing: what its budget leaves out is measured")
 not_here("W14", (PLP,), "no cell is asked")
+not_here("G15", (HP, *ITEMS, *RESTORES), "what is drawn is the same however cells are asked")
 not_here("M1 M2 M3 M4 M5 M6", ALL, "it is for scenes that stand still, and says so")

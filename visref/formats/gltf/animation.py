@@ -133,6 +133,7 @@ class Animations:
     targets: list[list[Target]] = field(default_factory=list)
     unplayed: list[str] = field(default_factory=list)
     _times: dict[int, Float64] = field(default_factory=dict)
+    _counts: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for animation in self.document.entries("animations"):
@@ -244,7 +245,9 @@ class Animations:
             if "mesh" not in mesh.value:
                 target.sampler.fail(f"it animates the weights of {mesh.place}, which has no mesh")
             mesh = self.document.entry("meshes", mesh["mesh"])
-        count = morph_targets(mesh)
+        if mesh.place not in self._counts:
+            self._counts[mesh.place] = morph_targets(mesh)
+        count = self._counts[mesh.place]
         if not count:
             target.sampler.fail(f"it animates the weights of {mesh.place}, which has no targets")
         return count

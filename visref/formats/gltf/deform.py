@@ -61,11 +61,6 @@ class Part:
     displacements: Sequence[NDArray[Any] | None]
     influences: Influences | None
 
-    @property
-    def size(self) -> int:
-        """Bytes that it holds."""
-        return sum(array.nbytes for array in self.arrays())
-
     def arrays(self) -> list[NDArray[Any]]:
         """All that it holds."""
         result = [self.base, *(moved for moved in self.displacements if moved is not None)]

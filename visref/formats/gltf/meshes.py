@@ -111,16 +111,22 @@ class _Primitive:
         if positions is None or self.drawn is None:
             return Part(np.zeros((0, 3)), [], None)
         rows = used_vertices(len(positions), self.drawn)
+        budget, place = self.document.budget, self.json.place
+        kept: list[NDArray[Any] | None] = []
         targets = self.json.get("targets")
-        moved = [
-            self.displacement(target, "POSITION", positions)
-            for target in (targets.items() if targets is not None else [])
-        ]
-        kept = [None if values is None else values[rows] for values in moved]
-        influences = None if self.influences is None else self.influences.take(rows)
-        part = Part(positions[rows], kept, influences)
-        self.document.budget.claim("what places its vertices", part.size, place=self.json.place)
-        return part
+        for target in targets.items() if targets is not None else []:
+            moved = self.displacement(target, "POSITION", positions)
+            if moved is not None:
+                budget.claim("its morph targets", 3 * moved.itemsize * len(rows), place=place)
+                moved = moved[rows]
+            kept.append(moved)
+        influences = None
+        if self.influences is not None:
+            size = self.influences.joints.nbytes + self.influences.weights.nbytes
+            budget.claim("its joints and weights", size, place=place)
+            influences = self.influences.take(rows)
+        budget.claim("its vertices once more", 3 * positions.itemsize * len(rows), place=place)
+        return Part(positions[rows], kept, influences)
 
     def claim(self, kind: int) -> None:
         """Claim the Mesh, which many primitives may make of the same few bytes."""
@@ -204,7 +210,12 @@ class _Primitive:
     def joints(self, vertex_count: int, joint_count: int) -> Influences:
         """The joints of each vertex and their weights (section 3.7.3.3)."""
         joints, weights = [], []
-        for number in range(len(self.json["attributes"].names())):
+        names = self.json["attributes"].names()
+        sets = sum(name.startswith("JOINTS_") for name in names)
+        # int32 and float64, four of each, and once more while they are put together.
+        size = vertex_count * sets * 4 * 12 * 2
+        self.document.budget.need("its joints and weights", size, place=self.json.place)
+        for number in range(len(names)):
             joint = self.attribute(f"JOINTS_{number}", ("VEC4",))
             weight = self.attribute(f"WEIGHTS_{number}", ("VEC4",))
             if joint is None or weight is None:

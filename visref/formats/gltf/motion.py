@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +20,7 @@ from visref.formats.gltf.animation import (
     Bank,
     Channel,
     Playback,
+    Target,
 )
 from visref.formats.gltf.deform import Deformer
 from visref.formats.gltf.nodes import Nodes, trs_matrices
@@ -71,35 +72,32 @@ class Carrier:
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What one clip bears on. (n,) bool of the nodes in the scene: `moved`, `shown_or_hidden`, each
-    with all below what a channel names; `morphed_nodes`, `morphed_meshes`: whose weights it
-    animates."""
+    """The nodes and meshes that the channels of some clips name: `moved` are nodes whose place they
+    change, `switched` nodes that they show or hide, `morphed_nodes` and `morphed_meshes` those
+    whose weights they change."""
 
-    moved: Flags
-    shown_or_hidden: Flags
+    moved: frozenset[int]
+    switched: frozenset[int]
     morphed_nodes: frozenset[int]
     morphed_meshes: frozenset[int]
 
     @classmethod
-    def of(cls, nodes: Nodes, animations: Animations, clip: int) -> Reach:
-        named = {path: np.zeros(len(nodes.parent), np.bool_) for path in ("moved", VISIBLE)}
-        morphed: dict[str, set[int]] = {"nodes": set(), "meshes": set()}
-        for target in animations.targets[clip]:
-            if target.path == WEIGHTS:
-                morphed[target.kind].add(target.index)
-            else:
-                named["moved" if target.path in TRANSFORMS else VISIBLE][target.index] = True
-        reached = np.zeros(len(nodes.parent), np.bool_)
-        reached[nodes.order] = True
-        return cls(
-            nodes.and_below(named["moved"]) & reached,
-            nodes.and_below(named[VISIBLE]) & reached,
-            frozenset(morphed["nodes"]),
-            frozenset(morphed["meshes"]),
-        )
+    def of(cls, targets: Iterable[Target]) -> Reach:
+        """What these targets name."""
+        named: dict[str, set[int]] = {
+            "move": set(),
+            "nodes": set(),
+            "meshes": set(),
+            VISIBLE: set(),
+        }
+        for target in targets:
+            kind = target.kind if target.path == WEIGHTS else target.path
+            named["move" if kind in TRANSFORMS else kind].add(target.index)
+        groups = (named["move"], named[VISIBLE], named["nodes"], named["meshes"])
+        return cls(*(frozenset(group) for group in groups))
 
     def morphs(self, node: int, mesh: int, own_weights: bool) -> bool:
-        """Whether it animates the weights of a node with a mesh."""
+        """Whether the weights of a node with a mesh are animated."""
         return node in self.morphed_nodes or (mesh in self.morphed_meshes and not own_weights)
 
 
@@ -219,21 +217,20 @@ class _Clip:
         self.place = motion.animations.places[clip].place
         nodes = motion.nodes
         self.playback = Playback(motion.channels[clip])
-        reach = Reach.of(nodes, motion.animations, clip)
-        moving_skins = {
-            number for number, skin in motion.skins.items() if reach.moved[skin.joints].any()
-        }
+        reach = Reach.of(motion.animations.targets[clip])
+        moved, switched = nodes.and_below(reach.moved), nodes.and_below(reach.switched)
+        moving_skins = {number for number, skin in motion.skins.items() if moved[skin.joints].any()}
         self.affected = np.zeros(len(motion.skinned), np.bool_)
         self.rigid: list[Carrier] = []
         self.deformed: list[Carrier] = []
         self.veiled: list[Carrier] = []
         for carrier in motion.carriers:
-            rigid = carrier.skin < 0 and bool(reach.moved[carrier.node])
+            rigid = carrier.skin < 0 and bool(moved[carrier.node])
             deformed = carrier.deformer >= 0 and (
                 carrier.skin in moving_skins
                 or reach.morphs(carrier.node, carrier.mesh, carrier.own_weights)
             )
-            veiled = carrier.drawn and bool(reach.shown_or_hidden[carrier.node])
+            veiled = carrier.drawn and bool(switched[carrier.node])
             if rigid:
                 self.rigid.append(carrier)
             if deformed:
@@ -252,9 +249,9 @@ class _Clip:
             for carrier in self.deformed
             if carrier.skin >= 0
             for node in motion.skins[carrier.skin].joints.tolist()
-            if not reach.moved[node]
+            if not moved[node]
         ]
-        self.forest = _Forest(nodes, reach.moved, joints)
+        self.forest = _Forest(nodes, moved, joints)
         self.local = nodes.parent_from_node()[self.forest.ids]
         self.trs = (nodes.translation, nodes.rotation, nodes.scale)
         self.skin_rows = {
@@ -262,7 +259,7 @@ class _Clip:
             for carrier in self.deformed
             if carrier.skin >= 0
         }
-        self.veils = _Forest(nodes, reach.shown_or_hidden)
+        self.veils = _Forest(nodes, switched)
         self.rest_hidden = _hidden_at_rest(motion)
         self._prepare_rigid()
         self._prepare_driven()

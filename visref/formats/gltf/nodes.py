@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -48,12 +49,29 @@ class Nodes:
         starts = np.searchsorted(depth[by_depth], np.arange(depth.max(initial=-1) + 2))
         return [by_depth[start:end] for start, end in pairwise(starts)]
 
-    def and_below(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(n,) bool: the given nodes, (n,) bool, with all below them."""
-        result = nodes.copy()
-        parent = np.array(self.parent, np.int64)
-        for generation in self.generations[1:]:
-            result[generation] |= result[parent[generation]]
+    @cached_property
+    def subtrees(self) -> tuple[Int64, Int64]:
+        """Where in `order` each node's subtree starts and ends, (n,) each; -1 where the scene does
+        not reach it. MSFT_lod's coarser levels are in their parent's subtree."""
+        starts = np.full(len(self.parent), -1)
+        starts[self.order] = np.arange(len(self.order))
+        sizes = [1] * len(self.parent)
+        for node in reversed(self.order):
+            if self.parent[node] >= 0:
+                sizes[self.parent[node]] += sizes[node]
+        return starts, np.where(starts >= 0, starts + np.array(sizes, np.int64), -1)
+
+    def and_below(self, nodes: Collection[int]) -> NDArray[np.bool_]:
+        """(n,) bool: the given nodes with all below them, as far as the scene reaches them."""
+        result = np.zeros(len(self.parent), np.bool_)
+        starts, ends = self.subtrees
+        chosen = np.array([node for node in nodes if starts[node] >= 0], np.int64)
+        if not len(chosen):
+            return result
+        edges = np.zeros(len(self.order) + 1, np.int64)
+        np.add.at(edges, starts[chosen], 1)
+        np.add.at(edges, ends[chosen], -1)
+        result[self.order] = np.cumsum(edges)[:-1] > 0
         return result
 
     def parent_from_node(self) -> Float64:

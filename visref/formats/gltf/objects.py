@@ -179,19 +179,14 @@ def _levels(
 ) -> list[Group]:
     """The groups of MSFT_lod. `named`: the name at or above each node, and its path; `firsts`: of
     each node of the order, and of its end, how many objects come before."""
-    places = {node: place for place, node in enumerate(nodes.order)} if nodes.levels else {}
-    sizes = [1] * len(nodes.order)
-    for node in reversed(places):
-        if nodes.parent[node] >= 0:
-            sizes[places[nodes.parent[node]]] += sizes[places[node]]
+    starts, ends = nodes.subtrees
 
     def objects(node: int) -> tuple[int, ...]:
-        place = places[node]
-        return tuple(range(firsts[place], firsts[place + sizes[place]]))
+        return tuple(range(firsts[starts[node]], firsts[ends[node]]))
 
     groups = []
     for finest, coarser in nodes.levels.items():
-        if finest not in places or not coarser:
+        if starts[finest] < 0 or not coarser:
             continue
         levels = tuple(objects(node) for node in (finest, *coarser))
         members = tuple(number for level in levels for number in level)

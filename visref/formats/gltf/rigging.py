@@ -26,20 +26,17 @@ class Rigging:
         self.deformers: list[Deformer] = []
         self.skinned: list[bool] = []
         self._skins: dict[int, Skin] = {}
+        self._joints_move: dict[int, bool] = {}
         self._channels = [self._read(clip) for clip in range(len(self.animations.targets))]
-        self._reaches = [
-            Reach.of(nodes, self.animations, clip)
-            for clip, channels in enumerate(self._channels)
-            if channels
-        ]
-        none = np.zeros(len(nodes.parent), np.bool_)
-        self._moved: NDArray[np.bool_] = none
-        self._veiled: NDArray[np.bool_] = none
-        for reach in self._reaches:
-            self._moved = self._moved | reach.moved
-            self._veiled = self._veiled | reach.shown_or_hidden
+        self._reach = Reach.of(target for clip in self.animations.targets for target in clip)
+        self._moved = nodes.and_below(self._reach.moved)
+        self._switched = nodes.and_below(self._reach.switched)
         self._shown = self._ever_shown()
-        self._deforming = self._pairs() if self._reaches else set()
+        self._deforming: set[tuple[int, int]] = set()
+        # Meshes whose weights some clip animates.
+        self._morphing = set(self._reach.morphed_meshes)
+        if any(self._channels):
+            self._find_deforming()
 
     def _read(self, clip: int) -> list[Channel]:
         result = []
@@ -53,18 +50,20 @@ class Rigging:
     def _ever_shown(self) -> NDArray[np.bool_]:
         """(n,) bool, nodes that are visible in the rest pose or at some time of a clip."""
         nodes = self.nodes
-        result = ~nodes.and_below(~nodes.visible)
-        for channels in self._channels:
-            may = nodes.visible.copy()
-            for channel in channels:
-                if channel.target.path == VISIBLE and channel.values.any():
-                    may[channel.target.index] = True
-            result |= ~nodes.and_below(~may)
+        off = np.flatnonzero(~nodes.visible).tolist()
+        result = ~nodes.and_below(off)
+        for channels in self._channels if off else []:
+            on = {
+                channel.target.index
+                for channel in channels
+                if channel.target.path == VISIBLE and channel.values.any()
+            }
+            if not on.isdisjoint(off):
+                result |= ~nodes.and_below([node for node in off if node not in on])
         return result
 
-    def _pairs(self) -> set[tuple[int, int]]:
+    def _find_deforming(self) -> None:
         """The pairs of a mesh and a skin, -1 for none, whose vertices a clip may move."""
-        result = set()
         entries = self.document.entries("nodes")
         for node in self.nodes.order:
             entry = entries[node]
@@ -72,10 +71,17 @@ class Rigging:
                 continue
             mesh, own = entry["mesh"].integer(), "weights" in entry.value
             skin = self.skin_of(entry)
-            moves = skin >= 0 and bool(self._moved[self._skins[skin].joints].any())
-            if moves or any(reach.morphs(node, mesh, own) for reach in self._reaches):
-                result.add((mesh, skin))
-        return result
+            morphs = self._reach.morphs(node, mesh, own)
+            if morphs:
+                self._morphing.add(mesh)
+            if morphs or (skin >= 0 and self._moves(skin)):
+                self._deforming.add((mesh, skin))
+
+    def _moves(self, skin: int) -> bool:
+        """Whether a clip moves a joint of a skin."""
+        if skin not in self._joints_move:
+            self._joints_move[skin] = bool(self._moved[self._skins[skin].joints].any())
+        return self._joints_move[skin]
 
     def shows(self, node: int) -> bool:
         """Whether a node is visible in the rest pose, or at some time of a clip."""
@@ -87,14 +93,7 @@ class Rigging:
 
     def morphs(self, mesh: int) -> bool:
         """Whether a clip animates the weights of a mesh, or of a node with it."""
-        entries = self.document.entries("nodes")
-        for reach in self._reaches:
-            if mesh in reach.morphed_meshes:
-                return True
-            for node in reach.morphed_nodes:
-                if entries[node]["mesh"].integer() == mesh:
-                    return True
-        return False
+        return mesh in self._morphing
 
     def skin_of(self, node: Json) -> int:
         """The number of a node's skin, which is read if it was not; -1 for none."""
@@ -118,7 +117,7 @@ class Rigging:
         self.skinned.extend([carrier.skin >= 0] * carrier.count)
         if (
             self._moved[carrier.node]
-            or self._veiled[carrier.node]
+            or self._switched[carrier.node]
             or self.deforms(carrier.mesh, carrier.skin)
         ):
             self.carriers.append(carrier)
