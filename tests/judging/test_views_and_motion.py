@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -306,3 +307,36 @@ def test_a_scene_that_stands_still_says_nothing_of_motion(tmp_path):
     inputs = Inputs(in_both(), STEREO, range(1), "exact")
     judge_to_folder(inputs, [("all", Draws(range(4)))], tmp_path / "run", pictures=0)
     assert read_run(tmp_path / "run").manifest.motion is None
+
+
+class DrawsJointly(Draws):
+    """One set for all views."""
+
+    joint = True
+
+    def cull_joint(self, cameras):
+        return self.cull(cameras[0])
+
+
+def test_a_report_shows_each_view_and_says_what_a_set_is_for(tmp_path):
+    inputs = Inputs(in_both(), STEREO, range(1), "exact")
+    cullers = [("joint", DrawsJointly((FRONT, BOTH))), ("single", Draws((FRONT, BOTH)))]
+    judge_to_folder(inputs, cullers, tmp_path / "run", pictures=1)
+    run = read_run(tmp_path / "run")
+    assert {(p.culler, p.view) for p in run.manifest.pictures} == {
+        (culler, view) for culler in ("joint", "single") for view in ("ahead", "behind")
+    }
+    for culler in ("joint", "single"):
+        (lost,) = run.lost_objects(culler)
+        assert (lost.worst.view, lost.worst.pixels, lost.frames) == ("behind", 4, 1)
+    write_report([tmp_path / "run"], tmp_path / "page")
+    page = (tmp_path / "page" / "report.html").read_text()
+    titles = re.findall(r'data-frame="0" data-view="(\w+)" data-title="([^"]+)"', page)
+    assert titles == [("ahead", "Frame 0, view ahead"), ("behind", "Frame 0, view behind")]
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, flags=re.S)
+    text = [re.sub(r"<[^>]+>", "", caption).strip() for caption in captions]
+    # Three are visible in all: `front` and `both` ahead, `rear` and `both` behind.
+    assert text.count("joint, all views: 2 drawn, 0 superfluous, 1 missed") == 2
+    assert "single: 2 drawn, 0 superfluous, 0 missed" in text
+    assert "single: 2 drawn, 1 superfluous, 1 missed" in text
+    assert page.count('data-go-view="behind"') == 2
