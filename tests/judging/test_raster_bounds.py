@@ -131,7 +131,7 @@ def test_what_is_declared_out_of_bounds_is_its_cullers_failure_alone(declared):
     (said,) = failures(outcome)
     assert said.startswith("raster.tolerance")
     assert outcome.exit is Exit.VIOLATION
-    json.dumps(verdict_json(outcome, scene(), {0: WIDTH}), allow_nan=False)
+    json.dumps(verdict_json(outcome, scene()), allow_nan=False)
     assert outcome.cullers[0].raster is None
 
 
@@ -289,7 +289,7 @@ def test_what_a_step_of_a_sensible_buffer_hides_stays_excused(near, excused):
 def test_what_was_excused_is_in_the_verdict_with_the_tolerance():
     close = scene(gap=0.001)
     outcome = judged(Draws(Rasterised(RasterTolerance(0.0, 16))), Draws(), of=close, frames=2)
-    told = verdict_json(outcome, close, {0: WIDTH, 1: WIDTH})["cullers"]
+    told = verdict_json(outcome, close)["cullers"]
     excused, convicted = told.values()  # type: ignore[attr-defined]
     assert convicted["raster"] is None
     lost = excused["missed_pixels"]

@@ -396,7 +396,7 @@ class Diary:
         self.entries.append(("truth", frame))
 
     def on_verdict(self, job, judged):
-        self.entries.append((job.spec, judged.record.frame, judged.truth is not None))
+        self.entries.append((job.spec, judged.record.frame, bool(judged.settled)))
 
     def on_frame_done(self, frame):
         self.entries.append(("done", frame))
@@ -550,9 +550,8 @@ def half():
 def test_run_folder_holds_what_the_run_found(tmp_path):
     folder = tmp_path / "run"
     outcome = recording(folder, Draws(), half())
-    widths = dict.fromkeys(range(len(PATH)), PATH.cameras[0].width)
     verdict = json.loads((folder / "verdict.json").read_text())
-    expected = json.loads(json.dumps(verdict_json(outcome, SCENE, widths)))
+    expected = json.loads(json.dumps(verdict_json(outcome, SCENE)))
     expected["cullers"]["draws#2"]["worst"]["view"] = ""
     assert verdict == {"version": 2, **expected}
     assert (verdict["status"], verdict["exit_status"]) == ("violation", 1)

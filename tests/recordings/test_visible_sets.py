@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -10,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.support.hand_made import camera, scene_of_squares, still_path
-from visref.camera_path import CameraPath
+from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.recordings.visible_sets import Replay, read_visible_sets
 
@@ -66,6 +67,80 @@ def test_replay_plays_the_frames_that_are_judged_in_path_order(tmp_path):
     file = write(tmp_path, "v.jsonl", text)
     replay = Replay(read_visible_sets(file, SCENE, range(1, 3), still_path(3)), path)
     assert [replay.cull(same).unit_ids.tolist() for _ in range(2)] == [[1], [2]]
+
+
+STEREO = CameraPath([Frame(tuple(replace(camera(), view=view) for view in ("left", "right")))] * 3)
+
+
+def test_sets_by_view_say_the_same_in_all_three_forms(tmp_path):
+    expected = [{"left": [1], "right": []}, {"": [0, 2]}, {"left": [0], "right": [0, 1]}]
+    json_lines = [{"frame": f, "visible": v} for f, v in enumerate(expected)]
+    json_lines[1]["visible"] = [2, 0]
+    json_file = write(tmp_path, "v.jsonl", lines(*json_lines))
+    rows = [
+        (0, "left", 1), (0, "right", None), (1, "", 0), (1, "", 2),
+        (2, "right", 1), (2, "left", 0), (2, "right", 0),
+    ]  # fmt: skip
+    text = "".join(f"{f},{view},{'' if i is None else i}\n" for f, view, i in rows)
+    csv_file = write(tmp_path, "v.csv", "frame,view,object_id\n" + text)
+    frames, views, ids = (list(column) for column in zip(*rows, strict=True))
+    # A null is a set for all views too.
+    views = [view or None for view in views]
+    table = pa.table({"frame": frames, "view": views, "object_id": ids})
+    pq.write_table(table, tmp_path / "v.parquet")
+    for file in (json_file, csv_file, tmp_path / "v.parquet"):
+        read = read_visible_sets(file, SCENE, range(3), STEREO)
+        found = [
+            {view: ids.tolist() for view, ids in read.sets[frame].items()} for frame in range(3)
+        ]
+        assert found == expected, file.name
+
+
+def test_replay_is_joint_in_the_frames_that_have_one_set_for_all_views(tmp_path):
+    text = lines(
+        {"frame": 0, "visible": [1]},
+        {"frame": 1, "visible": {"right": [2], "left": [0]}},
+        {"frame": 2, "visible": []},
+    )
+    sets = read_visible_sets(write(tmp_path, "v.jsonl", text), SCENE, range(3), STEREO)
+    replay = Replay(sets, STEREO)
+    left, right = STEREO.views(0)
+    assert replay.joint
+    assert replay.cull_joint((left, right)).unit_ids.tolist() == [1]
+    assert not replay.joint
+    assert replay.cull(left).unit_ids.tolist() == [0]
+    assert not replay.joint
+    assert replay.cull(right).unit_ids.tolist() == [2]
+    assert replay.joint
+    assert replay.cull_joint((left, right)).unit_ids.tolist() == []
+
+
+WRONG_VIEWS = {
+    "unknown view": ({"left": [], "rigth": []}, "the frame has no view 'rigth'"),
+    "missing view": ({"left": [0]}, "view 'right' is missing"),
+    "no view": ({}, "view 'left' is missing"),
+    "all views and one": ({"": [0], "left": [0]}, "a set for all views and others by view"),
+    "a view's set a name": ({"left": "square0", "right": []}, "visible of view 'left' is not"),
+    "a view's set of views": ({"left": {"a": []}, "right": []}, "visible of view 'left' is not"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_VIEWS)
+def test_wrong_views_are_one_line_with_their_place(name, tmp_path):
+    visible, expected = WRONG_VIEWS[name]
+    good = {"frame": 0, "visible": []}
+    file = write(tmp_path, "v.jsonl", lines(good, {"frame": 1, "visible": visible}))
+    with pytest.raises(InputError) as caught:
+        read_visible_sets(file, SCENE, range(2), STEREO)
+    assert str(caught.value).startswith(f"{file}: line 2: ")
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_frame_with_one_view_without_a_name_has_no_sets_by_view(tmp_path):
+    file = write(tmp_path, "v.jsonl", lines({"frame": 0, "visible": {"left": [0]}}))
+    with pytest.raises(InputError, match="the frame has one view without a name: write a list"):
+        read_visible_sets(file, SCENE, range(1), still_path(1))
 
 
 BAD = {

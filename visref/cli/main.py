@@ -25,6 +25,7 @@ COMMANDS = {
     "bench": "speed against error: where to stop paying",
     "report": "make a page from run folders",
     "tables": "measure the papers' tables again, beside the published numbers",
+    "path": "make camera paths: the six views of a cube map",
     "explain": "replay a witness from the run folder alone",
     "objects": "list a scene's object ids and names",
     "cullers": "list cullers, their options and promises",

@@ -135,19 +135,11 @@ def ages_table(rows: Sequence[CullerSummary]) -> tuple[list[str], list[tuple[str
         low = ranges[-1][1] + 1
         ranges.append((low, 2 * low - 1))
     headings = [f"{low}" if low == high else f"{low}–{high}" for low, high in ranges]
-    table = [
-        (
-            row.culler,
-            [
-                *(
-                    sum(n for age, n in row.ages.items() if low <= age <= high)
-                    for low, high in ranges
-                ),
-                row.ageless,
-            ],
-        )
-        for row in aged
-    ]
+    table = []
+    for row in aged:
+        ages = row.ages.items()
+        numbers = [sum(n for age, n in ages if low <= age <= high) for low, high in ranges]
+        table.append((row.culler, [*numbers, row.ageless]))
     return [*headings, "by right"], table
 
 
