@@ -84,7 +84,8 @@ Layers = tuple[NDArray[Any], ...]
 DEPTH_SLACK = 2.0**-18
 
 
-# An engine that gets known samples of one in so many triangles of some size wrong does not see them.
+# An engine that gets known samples of one in so many triangles of some size wrong does not see
+# such triangles.
 SIGHT = 8
 
 
@@ -229,8 +230,8 @@ class RayEngine(TruthEngine):
                 continue
             first = int(asked_of[lost[0]])
             raise InputError(
-                f"the engine '{self.name}' does not see all of it: it gets known samples of {missed} "
-                f"of {of_size} triangles wrong that are of size {size[lost[0]]:.3g} "
+                f"the engine '{self.name}' does not see all of it: it gets known samples wrong of "
+                f"{missed} of {of_size} triangles of size {size[lost[0]]:.3g} "
                 f"in a scene that reaches to {self._reach:.3g}",
                 source=self.scene.source,
                 place=f"object '{self.scene.names[self.scene.object_of_triangle[first]]}'",
