@@ -20,13 +20,14 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     """One finding per object and kind, and what else a reader of the numbers should know."""
     found: list[Finding] = []
     confirmed = Code.MISSED_OBJECT if record.promise.convicts else Code.MISSED_DECLARED
-    frames_of: dict[int, int] = {}
+    # A frame counts once, in however many views.
+    frames_of: dict[int, set[int]] = {}
     for row in record.frames:
         for miss in row.verdict.misses:
             if miss.kind is MissKind.CONFIRMED:
-                frames_of[miss.object] = frames_of.get(miss.object, 0) + 1
+                frames_of.setdefault(miss.object, set()).add(row.frame)
     for pixels, frame, miss in record.losses():
-        lost, seen = counted(pixels, "sample"), counted(frames_of[miss.object], "frame")
+        lost, seen = counted(pixels, "sample"), counted(len(frames_of[miss.object]), "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         text += f", view '{miss.view}'" if miss.view else ""
         name = scene.names[miss.object]
@@ -105,7 +106,7 @@ def _hidden_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
             )
         text = (
             f"{record.unit_kind} {unit}, drawn though hidden in "
-            f"{counted(len(found[unit]), 'frame')}; in frame {frame} {where}"
+            f"{counted(len({at for at, _ in found[unit]}), 'frame')}; in frame {frame} {where}"
         )
         name = scene.names[unit] if record.unit_kind == OBJECT else ""
         result.append(Finding(Code.DRAWN_HIDDEN, text, record.spec, frame, name))
