@@ -12,7 +12,8 @@ from visref.camera import Camera
 from visref.culler import Option
 from visref.engines.base import TruthEngine
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving, somewhere
+from visref.placing import somewhere
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving
 from visref.visibility import (
     BACKGROUND,
     BlendVisibility,

@@ -19,7 +19,8 @@ from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
-from visref.scene import Float64, Scene, origin_of, placed_boxes, rounded, unique_names
+from visref.placing import origin_of, placed_boxes, rounded
+from visref.scene import Float64, Scene, unique_names
 from visref_datasets_gen.glb import glb_bytes
 from visref_datasets_gen.graph import AlphaTexture, Mesh, Node, Primitive
 

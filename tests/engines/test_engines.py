@@ -20,7 +20,8 @@ from visref.engines.exact import ExactEngine
 from visref.engines.open3d import Open3DEngine
 from visref.errors import InputError
 from visref.judging.referee import Referee
-from visref.scene import Alpha, Scene, origin_of
+from visref.placing import origin_of
+from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, FrameTruth, objects_seen
 
 Make = Callable[..., TruthEngine]

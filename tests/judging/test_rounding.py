@@ -15,7 +15,8 @@ from visref.engines import make_engine
 from visref.findings import Code
 from visref.judging.referee import Referee
 from visref.judging.rounding import FORGIVEN_PX, moved_px
-from visref.scene import Scene, rounded
+from visref.placing import rounded
+from visref.scene import Scene
 
 
 class Draws(Culler):

@@ -13,7 +13,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float32, Float64, Int32, Scene, origin_of, somewhere
+from visref.placing import origin_of, somewhere
+from visref.scene import Float32, Float64, Int32, Scene
 
 # What the triangles that stand still and those that move are called, (s,) and (m,) int32.
 Places = tuple[Int32, Int32]

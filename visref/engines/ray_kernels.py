@@ -72,12 +72,12 @@ class SampleGrid(NamedTuple):
 
 
 @njit(inline="always")
-def _dot(x, y):  # type: ignore[no-untyped-def]
+def dot(x, y):  # type: ignore[no-untyped-def]
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @njit(inline="always")
-def _cross(x, y):  # type: ignore[no-untyped-def]
+def cross(x, y):  # type: ignore[no-untyped-def]
     return (
         x[1] * y[2] - x[2] * y[1],
         x[2] * y[0] - x[0] * y[2],
@@ -86,7 +86,7 @@ def _cross(x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _minus(x, y):  # type: ignore[no-untyped-def]
+def minus(x, y):  # type: ignore[no-untyped-def]
     return x[0] - y[0], x[1] - y[1], x[2] - y[2]
 
 
@@ -96,7 +96,7 @@ def _magnitude(x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _corner(mesh, t, k):  # type: ignore[no-untyped-def]
+def corner(mesh, t, k):  # type: ignore[no-untyped-def]
     v = mesh.triangles[t, k]
     return (
         np.float64(mesh.vertices[v, 0]),
@@ -117,7 +117,7 @@ def _offset(grid, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _counts(grid, z, a, b):  # type: ignore[no-untyped-def]
+def counts(grid, z, a, b):  # type: ignore[no-untyped-def]
     """Whether a hit at view depth z lies within the range, and before the clip plane."""
     if not (z >= grid.near and z <= grid.far):
         return False
@@ -128,35 +128,35 @@ def _counts(grid, z, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _facet(mesh, grid, t):  # type: ignore[no-untyped-def]
+def facet_of(mesh, grid, t):  # type: ignore[no-untyped-def]
     """What a triangle's plane has in common for all rays: n, the sums of absolute products
     that n's rounding is relative to, and p."""
     m = grid.axes
-    v0 = _corner(mesh, t, 0)
-    u, v = _minus(_corner(mesh, t, 1), v0), _minus(_corner(mesh, t, 2), v0)
+    v0 = corner(mesh, t, 0)
+    u, v = minus(corner(mesh, t, 1), v0), minus(corner(mesh, t, 2), v0)
     size = (
         abs(u[1] * v[2]) + abs(u[2] * v[1]),
         abs(u[2] * v[0]) + abs(u[0] * v[2]),
         abs(u[0] * v[1]) + abs(u[1] * v[0]),
     )
-    return _cross(u, v), size, _minus(v0, m[0])
+    return cross(u, v), size, minus(v0, m[0])
 
 
 @njit(inline="always")
-def _plane(facet, grid, a, b):  # type: ignore[no-untyped-def]
+def plane(facet, grid, a, b):  # type: ignore[no-untyped-def]
     """Numerator and denominator of the plane's view depth along a ray."""
     n, _, p = facet
     m = grid.axes
     side = _offset(grid, a, b)
     if grid.perspective:
-        return _dot(n, p), _dot(n, (m[1, 0] + side[0], m[1, 1] + side[1], m[1, 2] + side[2]))
-    return _dot(n, _minus(p, side)), _dot(n, m[1])
+        return dot(n, p), dot(n, (m[1, 0] + side[0], m[1, 1] + side[1], m[1, 2] + side[2]))
+    return dot(n, minus(p, side)), dot(n, m[1])
 
 
 @njit(inline="always")
-def _depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
+def depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
     """View depth of a triangle's plane along a ray, and a bound of its rounding error."""
-    numerator, denominator = _plane(facet, grid, a, b)
+    numerator, denominator = plane(facet, grid, a, b)
     _, size, p = facet
     m = grid.axes
     side = (
@@ -166,9 +166,9 @@ def _depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
     )
     if grid.perspective:
         above = _magnitude(size, p)
-        below = _magnitude(size, m[1]) + _dot(size, side)
+        below = _magnitude(size, m[1]) + dot(size, side)
     else:
-        above = _magnitude(size, p) + _dot(size, side)
+        above = _magnitude(size, p) + dot(size, side)
         below = _magnitude(size, m[1])
     depth = numerator / denominator
     room = abs(denominator) - PLANE_ROUNDING * below
@@ -241,7 +241,7 @@ def resolve(
     width = len(grid.column_a)
     y, x = start // width, start % width
     pending = 0
-    last, facet, low, high, one_sided = -1, _facet(mesh, grid, 0), 0.0, 0.0, False
+    last, facet, low, high, one_sided = -1, facet_of(mesh, grid, 0), 0.0, 0.0, False
     for k in range(count):
         s = start + k
         triangle[s] = BACKGROUND
@@ -251,19 +251,19 @@ def resolve(
             # Neighbouring samples mostly share their triangle.
             if t != last:
                 last = t
-                facet = _facet(mesh, grid, t)
-                z0 = _dot(facet[2], forward_dual)
-                z1 = _dot(_minus(_corner(mesh, t, 1), eye), forward_dual)
-                z2 = _dot(_minus(_corner(mesh, t, 2), eye), forward_dual)
+                facet = facet_of(mesh, grid, t)
+                z0 = dot(facet[2], forward_dual)
+                z1 = dot(minus(corner(mesh, t, 1), eye), forward_dual)
+                z2 = dot(minus(corner(mesh, t, 2), eye), forward_dual)
                 low = min(z0, z1, z2) - depth_slack
                 high = max(z0, z1, z2) + depth_slack
                 one_sided = mesh.one_sided[t]
             b = grid.row_b[x if grid.scattered else y]
-            numerator, denominator = _plane(facet, grid, grid.column_a[x], b)
+            numerator, denominator = plane(facet, grid, grid.column_a[x], b)
             z = numerator / denominator
             covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
             true_hit = covers and z >= low and z <= high
-            if true_hit and _counts(grid, z, grid.column_a[x], b):
+            if true_hit and counts(grid, z, grid.column_a[x], b):
                 triangle[s] = t
                 depth[s] = z
             elif not (true_hit and z > grid.far + depth_slack):
@@ -284,237 +284,8 @@ def least_depths(which: NDArray[Any], mesh: Triangles, grid: SampleGrid) -> NDAr
     for i in range(len(which)):
         result[i] = np.inf
         if which[i] >= 0:
-            facet = _facet(mesh, grid, which[i])
-            depth, error = _depth_interval(facet, grid, grid.column_a[i], grid.row_b[i])
+            facet = facet_of(mesh, grid, which[i])
+            depth, error = depth_interval(facet, grid, grid.column_a[i], grid.row_b[i])
             # An edge-on plane may be met anywhere.
             result[i] = depth - error if error < np.inf else -np.inf
     return result
-
-
-@njit(inline="always")
-def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
-    """The edge's function of (a, b): (constant, a's, b's). Its sign says on which side of the
-    edge a ray passes. Exactly antisymmetric in pi and pj, so that no sample slips between
-    two triangles that share an edge."""
-    m = grid.axes
-    if grid.perspective:
-        q = _cross(pi, pj)
-        return _dot(q, m[1]), _dot(q, m[2]), _dot(q, m[3])
-    q = _cross(m[1], _minus(pj, pi))
-    return _dot(_cross(pi, pj), m[1]), _dot(q, m[2]), _dot(q, m[3])
-
-
-@njit(inline="always")
-def _extent(grid, corners):  # type: ignore[no-untyped-def]
-    """Bounds low_a, high_a, low_b, high_b of what a triangle may cover."""
-    m = grid.axes
-    # Half of near: far from any rounding of a depth that counts.
-    clip = 0.5 * grid.near
-    low_a, high_a, low_b, high_b = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(3):
-        p, q = corners[k], corners[(k + 1) % 3]
-        if not grid.perspective:
-            a, b = _dot(p, m[5]), _dot(p, m[6])
-            low_a, high_a = min(low_a, a), max(high_a, a)
-            low_b, high_b = min(low_b, b), max(high_b, b)
-            continue
-        z, z_next = _dot(p, m[4]), _dot(q, m[4])
-        if z >= clip:
-            a, b = _dot(p, m[5]) / z, _dot(p, m[6]) / z
-            low_a, high_a = min(low_a, a), max(high_a, a)
-            low_b, high_b = min(low_b, b), max(high_b, b)
-        if (z >= clip) != (z_next >= clip):
-            w = (clip - z) / (z_next - z)
-            a = ((1.0 - w) * _dot(p, m[5]) + w * _dot(q, m[5])) / clip
-            b = ((1.0 - w) * _dot(p, m[6]) + w * _dot(q, m[6])) / clip
-            low_a, high_a = min(low_a, a), max(high_a, a)
-            low_b, high_b = min(low_b, b), max(high_b, b)
-    return low_a, high_a, low_b, high_b
-
-
-@njit(inline="always")
-def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
-    """Pixel bounds x0, x1, y0, y1 (x1 and y1 excluded) of what a triangle may cover."""
-    low_a, high_a, low_b, high_b = _extent(grid, corners)
-    width, height = len(grid.column_a), len(grid.row_b)
-    x0 = (low_a - grid.column_a[0]) / 2.0 - RECTANGLE_MARGIN_PX
-    x1 = (high_a - grid.column_a[0]) / 2.0 + RECTANGLE_MARGIN_PX
-    y0 = (grid.row_b[0] - high_b) / 2.0 - RECTANGLE_MARGIN_PX
-    y1 = (grid.row_b[0] - low_b) / 2.0 + RECTANGLE_MARGIN_PX
-    return (
-        int(min(max(x0, 0.0), np.float64(width))),
-        int(min(max(x1 + 1.0, 0.0), np.float64(width))),
-        int(min(max(y0, 0.0), np.float64(height))),
-        int(min(max(y1 + 1.0, 0.0), np.float64(height))),
-    )
-
-
-@njit(inline="always")
-def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
-    """Whether a ray meets the closed triangle, from a side that counts."""
-    e0, e1, e2 = edges
-    s0 = e0[0] + (a * e0[1] + b * e0[2])
-    s1 = e1[0] + (a * e1[1] + b * e1[2])
-    s2 = e2[0] + (a * e2[1] + b * e2[2])
-    if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
-        return False
-    denominator = _plane(facet, grid, a, b)[1]
-    return denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t])
-
-
-@njit(inline="always")
-def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
-    """`_rectangle`, cut to `window`."""
-    x0, x1, y0, y1 = _rectangle(grid, corners)
-    return max(x0, window[0]), min(x1, window[1]), max(y0, window[2]), min(y1, window[3])
-
-
-@njit(error_model="numpy")
-def splat(
-    which: NDArray[Any],
-    mesh: Triangles,
-    grid: SampleGrid,
-    window: tuple[int, int, int, int],
-    mark: NDArray[Any],
-    triangle: NDArray[Any],
-    depth: NDArray[Any],
-) -> None:
-    """Test the triangles `which` (ascending ids) against the samples of `window` (x0, x1, y0,
-    y1; x1, y1 excluded): where `mark`, the nearest becomes the owner. Closed triangles, closed
-    range; one-sided ones from behind do not count. `mark`, `triangle`, `depth`: (samples,)."""
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    width = len(grid.column_a)
-    for t in which:
-        p0 = _minus(_corner(mesh, t, 0), eye)
-        p1 = _minus(_corner(mesh, t, 1), eye)
-        p2 = _minus(_corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
-        if x0 >= x1 or y0 >= y1:
-            continue
-        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
-        facet = _facet(mesh, grid, t)
-        for y in range(y0, y1):
-            b = grid.row_b[y]
-            for x in range(x0, x1):
-                s = y * width + x
-                a = grid.column_a[x]
-                if not mark[s] or not _meets(edges, facet, mesh, grid, t, a, b):
-                    continue
-                z = _depth_interval(facet, grid, a, b)[0]
-                if z < depth[s] and _counts(grid, z, a, b):
-                    triangle[s] = t
-                    depth[s] = z
-
-
-@njit(error_model="numpy")
-def layers(
-    which: NDArray[Any],
-    mesh: Triangles,
-    grid: SampleGrid,
-    window: tuple[int, int, int, int],
-    owner: NDArray[Any],
-    doubtful: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-    """Every hit of the triangles `which` that lies before its sample's `owner`, (samples,), in
-    `window` as `splat`: sample, triangle, view depth and a bound of its error, (h,) each.
-
-    Depths whose error bounds overlap count with `doubtful`, and do not without.
-    """
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    width = len(grid.column_a)
-    sample, triangle = np.empty(1024, np.int64), np.empty(1024, np.int32)
-    depth, bound = np.empty(1024), np.empty(1024)
-    count = 0
-    for t in which:
-        p0 = _minus(_corner(mesh, t, 0), eye)
-        p1 = _minus(_corner(mesh, t, 1), eye)
-        p2 = _minus(_corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
-        if x0 >= x1 or y0 >= y1:
-            continue
-        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
-        facet = _facet(mesh, grid, t)
-        for y in range(y0, y1):
-            b = grid.row_b[y]
-            for x in range(x0, x1):
-                a = grid.column_a[x]
-                if not _meets(edges, facet, mesh, grid, t, a, b):
-                    continue
-                z, error = _depth_interval(facet, grid, a, b)
-                if not _counts(grid, z, a, b):
-                    continue
-                s = y * width + x
-                if owner[s] >= 0:
-                    behind, slack = _depth_interval(_facet(mesh, grid, owner[s]), grid, a, b)
-                    sure = z + error < behind - slack
-                    if not (sure or (doubtful and z - error <= behind + slack)):
-                        continue
-                if count == len(sample):
-                    sample = np.concatenate((sample, np.empty(count, np.int64)))
-                    triangle = np.concatenate((triangle, np.empty(count, np.int32)))
-                    depth = np.concatenate((depth, np.empty(count)))
-                    bound = np.concatenate((bound, np.empty(count)))
-                sample[count], triangle[count] = s, t
-                depth[count], bound[count] = z, error
-                count += 1
-    return (
-        sample[:count].copy(),
-        triangle[:count].copy(),
-        depth[:count].copy(),
-        bound[:count].copy(),
-    )
-
-
-@njit(inline="always")
-def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
-    """Whether a ray meets the closed triangle, from a side that counts."""
-    low, high = np.inf, -np.inf
-    for k in range(3):
-        e = _edge(grid, corners[k], corners[(k + 1) % 3])
-        s = e[0] + (a * e[1] + b * e[2])
-        low, high = min(low, s), max(high, s)
-    denominator = _plane(_facet(mesh, grid, t), grid, a, b)[1]
-    one_side = low >= 0.0 or high <= 0.0
-    return one_side and (denominator < 0.0 or (denominator > 0.0 and not mesh.one_sided[t]))
-
-
-@njit(error_model="numpy")
-def settle_points(
-    which: NDArray[Any],
-    mesh: Triangles,
-    grid: SampleGrid,
-    by_a: NDArray[Any],
-    triangle: NDArray[Any],
-    depth: NDArray[Any],
-) -> None:
-    """`splat`'s OWN for some points of a scattered grid: `by_a` are their indices, sorted by a.
-
-    `which`: (t,) int32 triangle ids. `by_a`: (k,) int64. `triangle`, int32, and `depth`,
-    float64: (samples,) each, one per point of the grid, changed in place. Ties go to the least
-    id, so `which` is in ascending order.
-    """
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    sorted_a = grid.column_a[by_a]
-    margin = 2.0 * RECTANGLE_MARGIN_PX
-    for t in which:
-        p0 = _minus(_corner(mesh, t, 0), eye)
-        p1 = _minus(_corner(mesh, t, 1), eye)
-        p2 = _minus(_corner(mesh, t, 2), eye)
-        low_a, high_a, low_b, high_b = _extent(grid, (p0, p1, p2))
-        first = np.searchsorted(sorted_a, low_a - margin)
-        for k in range(first, len(by_a)):
-            if sorted_a[k] > high_a + margin:
-                break
-            i = by_a[k]
-            a, b = grid.column_a[i], grid.row_b[i]
-            if b < low_b - margin or b > high_b + margin:
-                continue
-            if not _covers(mesh, grid, t, (p0, p1, p2), a, b):
-                continue
-            z = _depth_interval(_facet(mesh, grid, t), grid, a, b)[0]
-            if z < depth[i] and _counts(grid, z, a, b):
-                triangle[i] = t
-                depth[i] = z

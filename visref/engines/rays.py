@@ -3,7 +3,7 @@
 For each camera, tile by tile over all cores: rays are made in float64 and rounded once, the
 library names the nearest triangle, and `ray_kernels.resolve` computes its view depth in
 float64 and asks whether it counts. The few samples whose hit does not count but may hide one
-that does, the masked triangles and the blended layers go to `ray_kernels.splat`, which tests
+that does, the masked triangles and the blended layers go to `splat_kernels.splat`, which tests
 triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
 
 Numeric policy: owners are the library's, good to its float32 rounding, so a sample within that
@@ -31,8 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.engines import ray_kernels
+from visref.engines import ray_kernels, splat_kernels
 from visref.engines.base import TruthEngine
+from visref.engines.grids import sample_grid
 from visref.engines.in_motion import (
     Parts,
     Places,
@@ -53,17 +54,8 @@ from visref.engines.known_samples import (
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.scene import (
-    OTHERS_MOVE,
-    Alpha,
-    Float32,
-    Float64,
-    Int32,
-    Scene,
-    origin_of,
-    same_moving,
-    somewhere,
-)
+from visref.placing import origin_of, somewhere
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
@@ -299,7 +291,7 @@ class RayEngine(TruthEngine):
             pending = np.flatnonzero(triangle == PENDING)
             triangle[pending] = BACKGROUND
             by_a = pending[np.argsort(grid.column_a[pending], kind="stable")]
-            ray_kernels.settle_points(self._solid, self._mesh, grid, by_a, triangle, depth)
+            splat_kernels.settle_points(self._solid, self._mesh, grid, by_a, triangle, depth)
         return triangle
 
     def along(self, origins: Float64, directions: Float64) -> Int32:
@@ -401,7 +393,7 @@ class RayEngine(TruthEngine):
         window = (int(columns.min()), int(columns.max()) + 1, int(rows[0]), int(rows[-1]) + 1)
 
         def work(part: tuple[int, int, int, int]) -> None:
-            ray_kernels.splat(self._solid, self._mesh, grid, part, mark, triangle, depth)
+            splat_kernels.splat(self._solid, self._mesh, grid, part, mark, triangle, depth)
 
         self._in_bands(window, work)
 
@@ -414,7 +406,7 @@ class RayEngine(TruthEngine):
             return Doubt(), np.zeros(0)
 
         def work(part: tuple[int, int, int, int]) -> Layers:
-            found = ray_kernels.layers(self._masked, self._mesh, grid, part, triangle, True)
+            found = splat_kernels.layers(self._masked, self._mesh, grid, part, triangle, True)
             state = mask_states(self.scene, camera, found[0], found[1])
             kept = state != HOLE
             return (*(column[kept] for column in found), state[kept])
@@ -443,7 +435,7 @@ class RayEngine(TruthEngine):
             return BlendVisibility(), np.zeros(0, np.int32)
 
         def work(part: tuple[int, int, int, int]) -> Layers:
-            found: Layers = ray_kernels.layers(
+            found: Layers = splat_kernels.layers(
                 self._blended, self._mesh, grid, part, triangle, False
             )
             return found
@@ -477,34 +469,6 @@ def _about_one(directions: Float64) -> Float64:
     exponent = np.frexp(np.abs(directions).max(axis=1))[1]
     scaled: Float64 = np.ldexp(directions, -exponent[:, None])
     return scaled
-
-
-def sample_grid(camera: Camera) -> SampleGrid:
-    """The camera's samples as the compiled loops read them."""
-    basis = np.stack([camera.forward, camera.right_step, camera.up_step])
-    axes = np.concatenate([camera.eye[None], basis, np.linalg.inv(basis.T)])
-    return SampleGrid(
-        np.ascontiguousarray(axes),
-        camera.is_perspective,
-        float(camera.near),
-        float(camera.far),
-        camera.column_a,
-        camera.row_b,
-        clips=camera.clip_plane is not None,
-        clip=_clip(camera),
-    )
-
-
-def _clip(camera: Camera) -> Float64:
-    """(6,) float64, the clip plane as `SampleGrid.clip` has it; zeros without one."""
-    result = np.zeros(6)
-    if camera.clip_plane is not None:
-        normal, offset = np.array(camera.clip_plane[:3]), camera.clip_plane[3]
-        result[0], result[3] = normal @ camera.eye + offset, normal @ camera.forward
-        aside = normal @ camera.right_step, normal @ camera.up_step
-        result[4:6] = aside if camera.is_perspective else 0.0
-        result[1:3] = 0.0 if camera.is_perspective else aside
-    return result
 
 
 def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:

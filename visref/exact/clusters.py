@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.scene import Float32, Float64, Int32, Int64, Scene, core_of, somewhere
+from visref.placing import core_of, somewhere
+from visref.scene import Float32, Float64, Int32, Int64, Scene
 
 Bool = NDArray[np.bool_]
 

@@ -18,6 +18,7 @@ from visref.findings import Code
 from visref.frozen import frozen
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.memory import Budget
+from visref.placing import origin_of, placed_boxes, rounded
 from visref.rig import Motion, Rig
 from visref.scene import (
     Alpha,
@@ -27,9 +28,6 @@ from visref.scene import (
     Scene,
     check_indices,
     clean_name,
-    origin_of,
-    placed_boxes,
-    rounded,
     unique_names,
 )
 
