@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 import visref
 from tests.cli.test_cli import record, write_scene
+from visref.cli.main import main
 from visref.cli.terminal import ERRORS, OUT, Printer
 from visref.wording import shown
 
@@ -191,6 +192,27 @@ def test_columns_are_aligned_by_what_a_terminal_shows(capsys_text):
         lambda: OUT.table(("name", "n"), [("日本", "1"), ("é", "22")], left=("name",))
     )
     assert printed == "name   n\n日本   1\né     22\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["objects", "x.glb", "a\n::error::b"],
+        ["objects", "x.glb", "--no\n::error::b"],
+        ["check", "x.glb", "--threads", "a\n::error::b"],
+        ["check", "x.glb", "--promise", "a\n::error::b"],
+        ["a\n::error::b"],
+    ],
+)
+def test_a_word_that_is_no_argument_stays_on_its_line(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    said = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert obeyed(said) == []
+    assert not any(line.startswith("::") for line in said.splitlines())
+    assert said.splitlines()[-1].startswith("visref")
+    assert "::error::b" in said.splitlines()[-1]
 
 
 def test_our_own_lines_stay(capsys_text):

@@ -180,7 +180,7 @@ def _seeds() -> dict[str, bytes]:
 
 
 TARGETS = (
-    Target("report", "case.json", _seeds, _spoilt, _report, _rewritten, lay_out=lay_out, cases=40),
+    Target("report", "case.json", _seeds, _spoilt, _report, _rewritten, lay_out=lay_out, cases=30),
     Target("explain", "case.json", _seeds, _spoilt, _explain, _rewritten, lay_out=lay_out,
-           cases=25, writes=("run/witnesses",)),
+           cases=20, writes=("run/witnesses",)),
 )  # fmt: skip

@@ -21,6 +21,9 @@ from tests.fuzz.limits import Folders, Limits, MiB
 from tests.fuzz.target import Target, command
 from visref.errors import InputError
 
+# hypothesis listens to Python's garbage collector, and fails where a parser is deep already.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
 LIMITS = Limits(seconds=0.3, wall=0.6, memory=64 * MiB, ceiling=256 * MiB)
 GOOD = json.dumps({"size": 3, "names": ["a", "b"], "unit": 1.0}).encode()
 

@@ -20,7 +20,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, Any, NoReturn, cast
 
 from visref.wording import shown
 
@@ -170,6 +170,12 @@ class Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         if message:
             (OUT if file is sys.stdout else ERRORS).lines(message)
+
+    def error(self, message: str) -> NoReturn:
+        """The usage, and one line: a word that nobody asked for may hold line ends."""
+        self.print_usage(sys.stderr)
+        ERRORS.line(f"{self.prog}: error: {message}")
+        self.exit(2)
 
 
 def prepare() -> None:
