@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from tests.support.gltf_files import TWO, Gltf
 from visref.cli.main import main
@@ -40,8 +42,13 @@ def add_box(gltf: Gltf, name: str, centre: Any, size: Any) -> int:
 
 def write_path(folder: Path, *poses: np.ndarray, **values: Any) -> Path:
     """96 by 72, near 0.1, far 1000; orthographic with a pixel for a tenth of a unit unless `yfov`
-    is given. Without poses the camera is at the origin and looks down -Z."""
-    frames = [{"world_from_camera": pose.tolist()} for pose in poses or (np.eye(4),)]
+    is given. Without poses the camera is at the origin and looks down -Z. `each`: what else is
+    said of each frame, one dictionary per pose."""
+    each = values.pop("each", [{}] * max(len(poses), 1))
+    poses = poses or (np.eye(4),) * len(each)
+    frames = [
+        {"world_from_camera": pose.tolist(), **more} for pose, more in zip(poses, each, strict=True)
+    ]
     frame_values = {k: values.pop(k) for k in ("shift_x_px", "shift_y_px") if k in values}
     document = {
         "format": "visref-path",
@@ -65,6 +72,36 @@ def check(scene: Path, *visible: str, engine: str = "embree") -> tuple[int, Any]
     file = scene.parent / "visible.jsonl"
     file.write_text(json.dumps({"frame": 0, "visible": list(visible)}) + "\n")
     return _judge("check", scene, "--visible", str(file), "--engine", engine)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """`sums`: what the verdict says of the culler; `findings`: code, object and frame of each;
+    `lost`: samples lost per frame. Without a verdict only the exit status."""
+
+    status: int
+    sums: Any = None
+    findings: tuple[tuple[str, str, int | None], ...] = ()
+    lost: tuple[int, ...] = ()
+
+
+def check_rows(scene: Path, *rows: dict[str, Any], engine: str, more: Any = ()) -> Judged:
+    """Judge a recording, one row per frame in order. `more`: further arguments."""
+    file = scene.parent / "visible.jsonl"
+    file.write_text("".join(json.dumps({"frame": i, **row}) + "\n" for i, row in enumerate(rows)))
+    given = ("--visible", str(file), "--engine", engine, *more)
+    status, sums = _judge("check", scene, *given)
+    if sums is None:
+        return Judged(status)
+    out = max(scene.parent.glob("run*"), key=lambda folder: int(folder.name[3:]))
+    findings = json.loads((out / "verdict.json").read_text())["findings"]
+    table = pq.read_table(out / "frames.parquet", columns=["frame", "missed_pixels"]).to_pylist()
+    return Judged(
+        status,
+        sums,
+        tuple((one["code"], one["object"], one["frame"]) for one in findings),
+        tuple(row["missed_pixels"] for row in sorted(table, key=lambda row: row["frame"])),
+    )
 
 
 def run(scene: Path, culler: type, *, engine: str = "embree") -> tuple[int, Any]:
