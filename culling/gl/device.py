@@ -381,6 +381,9 @@ def device() -> Device:
             _shared = Device()
     if _shared.thread != threading.get_ident():
         raise RuntimeError("the OpenGL context belongs to another thread")
+    if not _egl().eglGetCurrentContext():
+        # Somebody else's was, and is gone.
+        _shared.context.__enter__()
     return _shared
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.exact.rational import lowest_bit, plane_names
 from visref.scene import Float32, Int32, Int64, Scene
 
@@ -67,7 +67,7 @@ class Planes:
         return number
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def lowest_bit_of_single(words: NDArray[Any], most: int) -> int:
     """`lowest_bit` of (n,) float32 values, given by their bits, or `most` if that is less."""
     for word in words:
