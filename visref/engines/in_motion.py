@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.placing import origin_of, somewhere
 from visref.scene import Float32, Float64, Int32, Scene
 
@@ -115,7 +115,7 @@ def nearer(still: tuple[Int32, Float32], moving: tuple[Int32, Float32], places: 
     return place
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def reach(
     vertices: NDArray[Any], triangles: NDArray[Any], which: NDArray[Any], origin: Any
 ) -> float:
@@ -129,7 +129,7 @@ def reach(
     return greatest
 
 
-@numba.njit(cache=True, nogil=True)
+@njit()
 def place_corners(
     vertices: NDArray[Any],
     triangles: NDArray[Any],

@@ -218,7 +218,7 @@ class RayEngine(TruthEngine):
             lost = wrong[octave[wrong] == one]
             of_size, missed = (len(np.unique(asked_of[at])) for at in (octave == one, lost))
             # A lone sliver may be at the limit of what float32 tells apart; a size is not.
-            if SIGHT * missed < of_size or (missed == 1 and 2 * len(lost) < np.sum(octave == one)):
+            if SIGHT * missed < of_size or (missed == 1 and len(lost) < np.sum(octave == one)):
                 continue
             first = int(asked_of[lost[0]])
             raise InputError(
