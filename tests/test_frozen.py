@@ -311,7 +311,7 @@ def verdicts(engine: str, *cullers: Culler) -> list[Any]:
     path = CameraPath((a_camera(), a_camera()))
     referee = Referee(scene, lambda: make_engine(engine, scene))
     outcome = referee.run(path, [0, 1], [(c.name, c) for c in cullers])
-    cullers_said = verdict_json(outcome, scene, {0: 32, 1: 32})["cullers"]
+    cullers_said = verdict_json(outcome, scene)["cullers"]
     return list(cullers_said.values())  # type: ignore[attr-defined]
 
 

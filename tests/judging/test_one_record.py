@@ -7,6 +7,7 @@ Soups of triangles on a coarse grid: many lie over each other, so that ties are 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -147,11 +148,19 @@ def test_a_culler_alone_has_the_records_that_it_has_beside_others(case, engine, 
     assert records(scene, engine, [judged]) == alone
 
 
+def without_ages(found):
+    """The records but for the ages of misses, which begin anew after frames that nobody judged."""
+    return {
+        key: (counts, tuple(replace(miss, age=None) for miss in misses), *rest)
+        for key, (counts, misses, *rest) in found.items()
+    }
+
+
 @pytest.mark.parametrize("frames", [(2,), (0, 3), (3, 1)])
-def test_other_frames_change_no_record(case, engine, frames):
+def test_other_frames_change_no_record_but_for_ages(case, engine, frames):
     scene, whole = case
     some = {key: record for key, record in whole.items() if key[1] in frames}
-    assert records(scene, engine, cullers(), frames=frames) == some
+    assert without_ages(records(scene, engine, cullers(), frames=frames)) == without_ages(some)
 
 
 def test_a_truth_file_gives_the_records_of_casting(case, engine, tmp_path):

@@ -18,7 +18,7 @@ import pytest
 from tests.fuzz_verdicts import brute
 from tests.fuzz_verdicts.case import REPEAT, Case, Mask, Part
 from tests.fuzz_verdicts.cases import random_case, shifted
-from tests.fuzz_verdicts.compare import ENGINES, Compared, Drawn, Kept, _States
+from tests.fuzz_verdicts.compare import ENGINES, Compared, Drawn, Kept, States, lost_samples
 from tests.fuzz_verdicts.files import write
 from visref.formats.loading import load_path, load_scene
 from visref.judging.referee import Referee
@@ -127,7 +127,7 @@ def agree(case: Case, kinds: tuple[str, ...], folder: Path, seen: Counter[str]) 
     frames = []
     for number, camera in enumerate(case.frames):
         view = brute.View(case.triangles, camera)
-        states = _States(view, scene, path.cameras[number], Compared())
+        states = States(view, scene, path.cameras[number], Compared())
         frames.append([brute.Sample(view, at, states) for at in range(len(view.grid))])
     for kind in kinds:
         draw(case, kind, rng)
@@ -135,12 +135,11 @@ def agree(case: Case, kinds: tuple[str, ...], folder: Path, seen: Counter[str]) 
             kept = Kept()
             cast = partial(engine, scene, threads=1)
             referee = Referee(scene, cast, threads=1)
-            record = referee.run(path, range(len(path)), [("drawn", Drawn(case))], [kept]).cullers[
-                0
-            ]
+            culler = Drawn(case.unit_lists, case.promise, case.drawn)
+            (record,) = referee.run(path, range(len(path)), [("drawn", culler)], [kept]).cullers
             alike = [
-                sees_what_is_there(cast, samples)
-                for cast, samples in zip(kept.cast, frames, strict=True)
+                sees_what_is_there(truth, samples)
+                for (_, truth), samples in zip(kept.cast, frames, strict=True)
             ]
             assert name != "exact" or all(alike)
             totals: Counter[str] = Counter()
@@ -156,7 +155,7 @@ def agree(case: Case, kinds: tuple[str, ...], folder: Path, seen: Counter[str]) 
                 verdict = judged.record.verdict
                 for field in SAME:
                     assert getattr(verdict.counts, field) == wanted[field], (where, field)
-                assert set(judged.settled.walk.lost_samples.tolist()) == lost, where
+                assert lost_samples(judged) == lost, where
                 convicted = {m.object for m in verdict.misses if m.kind == "confirmed"}
                 assert convicted == loses, where
                 partly = sum(m.partly for m in verdict.misses if m.kind == "confirmed")

@@ -43,6 +43,9 @@ from visref.report.words import percent, quantity
 
 pytestmark = pytest.mark.slow
 
+# Its control character as an escape.
+NASTY_SHOWN = NASTY.replace("\x07", r"\x07")
+
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
@@ -92,6 +95,8 @@ def test_headline_is_the_verdicts_status(runs, pages, name, headline):
 def test_status_follows_verdict_json_and_is_not_judged_again(runs, tmp_path):
     folder = shutil.copytree(runs["clean"], tmp_path / "run")
     verdict = record(folder)
+    # Its frames, which a second judging would start from, still tell of no loss.
+    verdict["cullers"]["only"] |= {"status": "violation", "violations": 1}
     verdict |= {"status": "violation", "exit_status": 1}
     (folder / "verdict.json").write_text(json.dumps(verdict))
     page = write_report([folder], tmp_path / "page").read_text()
@@ -241,6 +246,14 @@ def test_long_lists_are_cut_with_a_count(tmp_path):
     many = rows.slice(0, 1).to_pylist()[0]
     copies = [many | {"object": i, "name": f"o{i}"} for i in range(1000)]
     pq.write_table(pa.Table.from_pylist(copies, schema=rows.schema), folder / "objects.parquet")
+    # So many objects in the scene, and missed in that frame.
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["scene"]["objects"] = len(copies)
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    table = pq.read_table(folder / "frames.parquet")
+    frames = table.to_pylist()
+    frames[many["frame"]] |= {"visible": len(copies), "missed": len(copies)}
+    pq.write_table(pa.Table.from_pylist(frames, schema=table.schema), folder / "frames.parquet")
     page = write_report([folder], tmp_path / "page").read_text()
     shown = len(Reader(page).find("p", **{"class": "command"}))
     assert 0 < shown < 20
@@ -253,7 +266,7 @@ def test_names_cannot_break_out_of_the_page(pages):
     reader = Reader(page)
     assert len(reader.find("script")) == 1
     assert "<script>alert" not in page
-    assert any(text == NASTY for _, text in reader.find("b"))
+    assert any(text == NASTY_SHOWN for _, text in reader.find("b"))
     assert "<script>" not in markdown.replace("\\<script\\>", "")
     assert "it fell over <here>" not in page
 
@@ -340,7 +353,7 @@ def test_junit_counts_violations_as_failures_and_doubt_as_errors(runs, pages):
         assert (case.find("failure") is not None) == (status == "violation")
         assert (case.find("error") is not None) == (status == "inconclusive")
     (failure,) = suite.iter("failure")
-    assert NASTY.replace("\x07", "\ufffd") in failure.text
+    assert NASTY_SHOWN in failure.text
     assert "it fell over <here>" in "".join(suite.itertext())
 
 

@@ -17,6 +17,7 @@ from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.outcome import CullerRecord, FrameRecord
 from visref.run_folder.witnesses import triangles_along, write_witnesses
 from visref.scene import Scene
+from visref.timeline import Timeline
 
 
 def random_scene(seed: int, offset: float = 0.0) -> Scene:
@@ -87,7 +88,7 @@ def test_triangles_passed_by_in_blocks_are_none_that_own_a_sample(ortho, offset)
 
 
 def of_object(number: int, pixels: int, kind: MissKind = MissKind.CONFIRMED) -> Miss:
-    return Miss(number, kind, pixels, pixels, 0, 2 * number, 10.0)
+    return Miss(number, kind, pixels, pixels, 0, 2 * number, 10.0, width=camera().width)
 
 
 def written(tmp_path, scene, *frames: list[Miss]) -> list[tuple[int, int]]:
@@ -101,7 +102,8 @@ def written(tmp_path, scene, *frames: list[Miss]) -> list[tuple[int, int]]:
     ]
     record = CullerRecord("draws", Promise.CONSERVATIVE, frames=rows)
     nothing = np.zeros(scene.triangle_count, np.bool_)
-    write_witnesses(tmp_path / "w.jsonl", scene, path, record, lambda frame, view: nothing)
+    timeline = Timeline(scene, path)
+    write_witnesses(tmp_path / "w.jsonl", timeline, path, record, lambda frame, view: nothing)
     lines = [json.loads(line) for line in (tmp_path / "w.jsonl").read_text().splitlines()]
     return [(line["frame"], line["object"]) for line in lines]
 

@@ -41,11 +41,12 @@ from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
 
 RESULT = "experiment.json"
+_FIELDS = {"asked", "result", "digest"}
 ENGINE = "embree"
 
 
 def _wrote(record: Any) -> Sequence[str] | None:
-    ours = isinstance(record, dict) and record.keys() == {"asked", "result"}
+    ours = isinstance(record, dict) and record.keys() == _FIELDS
     return [re.escape(RESULT)] if ours else None
 
 
@@ -209,7 +210,7 @@ def _experiment(folder: Path) -> dict[str, Any] | None:
     """What stands in an experiment's file, None unless it is as it was written. What an experiment
     found has a form that only its paper knows, so a digest tells whether it was changed."""
     found = json_inside(folder, RESULT, "remove it, and run again")
-    if not isinstance(found, dict) or {*found} != {"asked", "result", "digest"}:
+    if not isinstance(found, dict) or found.keys() != _FIELDS:
         return None
     return found if found["digest"] == _digest(found["asked"], found["result"]) else None
 
