@@ -13,7 +13,7 @@ import pytest
 
 from tests.cli.test_cli import write_scene
 
-MOMENTS = 20
+MOMENTS = 8
 
 # What Python does before it comes to visref is Python's: an interrupt there is told by itself.
 PROGRAM = """

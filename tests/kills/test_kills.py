@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-COUNT, SEED, AT_ONCE = 9, 0, 4
+COUNT, SEED, AT_ONCE = 5, 0, 3
 
 
 @pytest.mark.slow
