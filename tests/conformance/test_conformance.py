@@ -123,6 +123,15 @@ def test_sound_culler_with_hidden_objects_left_out_conforms():
     assert np.mean(drawn) < 0.9
 
 
+def test_scenes_and_checks_are_marked_as_moving_where_something_moves():
+    found = {made.name for made in SCENES if Timeline(*conformance.case(made.name)).moves}
+    assert found == {made.name for made in SCENES if made.moves}
+    assert found == {check.name for check in CHECKS if check.moves}
+    still = [check.name for check in conformance_checks(moving=False)]
+    assert still == [check.name for check in CHECKS if check.name not in found]
+    assert 0 < len(found) < len(still)
+
+
 def test_static_culler_skips_what_moves_by_name_and_passes_none_of_it():
     moving = named("sliding_door", "two_views")
     results = check_culler(ToyCuller, checks=[*named("glass"), *moving])

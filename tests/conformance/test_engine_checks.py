@@ -12,6 +12,7 @@ from visref.conformance import (
     engine_checks,
     parametrize_with_engine_checks,
 )
+from visref.conformance.scenes import SCENES
 from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
@@ -118,6 +119,11 @@ class FailsToCloseTwice(ExactEngine):
 def test_wrong_engine_fails_its_check(engine, check):
     with pytest.raises(AssertionError, match=check):
         assert_engine_conforms(engine, checks=[CHECKS[check]])
+
+
+def test_engines_are_asked_for_every_scene_that_stands_still_and_for_no_other():
+    about_scenes = CHECKS.keys() & {made.name for made in SCENES}
+    assert about_scenes == {made.name for made in SCENES if not made.moves}
 
 
 class StandsStill(TruthEngine):

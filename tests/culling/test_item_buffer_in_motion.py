@@ -58,7 +58,7 @@ def test_masks_and_glass_move_in_gl_too(name: str) -> None:
     built, _ = built_case(name, 0)
     scenes = moments(built.scene, 1, 4, share=0.7, size=0.3)
     engine, raster = ItemBufferEngine(scenes[0]), GLRaster(scenes[0])
-    raster.item_buffer(built.path.frames[0])
+    raster.item_buffer(built.path.cameras[0])
     for scene in scenes[1:]:
         engine.pose(scene)
         raster.pose(scene)

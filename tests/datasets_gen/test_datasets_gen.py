@@ -153,8 +153,8 @@ def test_written_path_reads_back_equal(tmp_path: Path) -> None:
 def test_size_options_set_the_path(tmp_path: Path) -> None:
     arguments = ["city", "--out", str(tmp_path), "--scale", "0.02", "--frames", "3"]
     assert main([*arguments, "--width", "64", "--height", "48"]) == 0
-    frames = CameraPath.load(tmp_path / "city.path.json").frames
-    assert [(camera.width, camera.height) for camera in frames] == [(64, 48)] * 3
+    cameras = CameraPath.load(tmp_path / "city.path.json").cameras
+    assert [(camera.width, camera.height) for camera in cameras] == [(64, 48)] * 3
 
 
 @pytest.mark.slow

@@ -62,8 +62,8 @@ def hard_cases() -> dict[str, tuple[Case, tuple[FrameTruth, ...]]]:
 
 
 @pytest.mark.parametrize("method", ALL, ids=str)
-def test_nothing_is_missed_on_any_conformance_scene(method: Method) -> None:
-    for made in SCENES:
+def test_nothing_is_missed_on_any_conformance_scene_that_stands_still(method: Method) -> None:
+    for made in (made for made in SCENES if not made.moves):
         assert problems_while_standing(method.make, *conformance_case(made.name)) == (), made.name
 
 

@@ -33,23 +33,28 @@ class Case:
 
 @dataclass(frozen=True)
 class SceneMaker:
-    """A named scene. `claim` says what a safe culler does on it, `trap` what goes wrong."""
+    """A named scene. `claim` says what a safe culler does on it, `trap` what goes wrong, `moves`
+    whether anything in it does."""
 
     name: str
     claim: str
     trap: str
     build: Callable[[np.random.Generator], Case]
+    moves: bool = False
 
 
 Build = Callable[..., Case]
 
 
-def register_in(scenes: list[SceneMaker]) -> Callable[[str, str], Callable[[Build], Build]]:
-    """A decorator that puts scenes into a list, with their claim and the usual trap."""
+def register_in(
+    scenes: list[SceneMaker], *, moves: bool = False
+) -> Callable[[str, str], Callable[[Build], Build]]:
+    """A decorator that puts scenes into a list, with their claim and the usual trap. `moves`:
+    whether things move in them."""
 
     def scene(claim: str, trap: str) -> Callable[[Build], Build]:
         def register(build: Build) -> Build:
-            scenes.append(SceneMaker(build.__name__, claim, trap, build))
+            scenes.append(SceneMaker(build.__name__, claim, trap, build, moves))
             return build
 
         return register

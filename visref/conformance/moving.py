@@ -32,7 +32,7 @@ from visref.scene import Float64, Scene
 
 MOVING: list[SceneMaker] = []
 
-_scene = register_in(MOVING)
+_scene = register_in(MOVING, moves=True)
 
 
 @_scene("what a sliding door opens to is drawn, and what it shuts off may not be", "old depth")
