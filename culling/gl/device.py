@@ -383,7 +383,7 @@ def device() -> Device:
         raise RuntimeError("the OpenGL context belongs to another thread")
     if not _egl().eglGetCurrentContext():
         # Somebody else's was, and is gone.
-        _shared.context.__enter__()
+        _shared.context.__enter__()  # type: ignore[no-untyped-call]
     return _shared
 
 
