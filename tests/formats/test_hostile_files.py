@@ -215,9 +215,9 @@ def test_a_buffer_may_stand_in_a_folder_beside(tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh(gltf.primitive(SQUARE, TWO)))
     (tmp_path / "scene").mkdir()
-    (tmp_path / "shared files").mkdir()
-    (tmp_path / "shared files/x.bin").write_bytes(gltf.blob)
-    uri = "../shared%20files/x.bin"
+    (tmp_path / "other files").mkdir()
+    (tmp_path / "other files/x.bin").write_bytes(gltf.blob)
+    uri = "../other%20files/x.bin"
     gltf.json["buffers"] = [{"byteLength": len(gltf.blob), "uri": uri}]
     file = tmp_path / "scene/a.gltf"
     file.write_text(json.dumps({k: v for k, v in gltf.json.items() if v != []}))
