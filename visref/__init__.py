@@ -13,7 +13,7 @@ TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from visref.camera import Camera, look_at
-    from visref.camera_path import CameraPath
+    from visref.camera_path import CameraPath, Frame
     from visref.conformance import assert_conforms, check_culler, conformance_checks
     from visref.culler import Culler, DrawnSet, Option, Promise, QueryStats, RasterTolerance
     from visref.engines import TruthEngine, make_engine
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from visref.report import write_report
     from visref.runs import judge_to_folder, truth_to_file
     from visref.scene import Scene, Units
+    from visref.timeline import Timeline
     from visref.visibility import (
         FrameTruth,
         ObjectVisibility,
@@ -43,6 +44,7 @@ __all__ = [
     "Culler",
     "DrawnSet",
     "Exit",
+    "Frame",
     "FrameTruth",
     "InputError",
     "Inputs",
@@ -56,6 +58,7 @@ __all__ = [
     "RunOutcome",
     "Scene",
     "Ties",
+    "Timeline",
     "TruthEngine",
     "Units",
     "VisibilityBuffer",
@@ -79,7 +82,7 @@ __all__ = [
 # Where each public name lives; the imports above say the same to type checkers.
 _MODULES = {
     "visref.camera": ("Camera", "look_at"),
-    "visref.camera_path": ("CameraPath",),
+    "visref.camera_path": ("CameraPath", "Frame"),
     "visref.conformance": ("assert_conforms", "check_culler", "conformance_checks"),
     "visref.culler": (
         "Culler",
@@ -100,6 +103,7 @@ _MODULES = {
     "visref.report": ("write_report",),
     "visref.runs": ("judge_to_folder", "truth_to_file"),
     "visref.scene": ("Scene", "Units"),
+    "visref.timeline": ("Timeline",),
     "visref.visibility": (
         "FrameTruth",
         "ObjectVisibility",
