@@ -294,7 +294,7 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
         # pyarrow takes a leading ~ for the home folder.
         with pq.ParquetFile(file.absolute()) as opened:
             found, count = opened.schema_arrow, opened.metadata.num_rows
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     try:
         facts = json.loads((found.metadata or {}).get(_KEY, b"{}"))
@@ -336,7 +336,7 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
         table = pq.read_table(file.absolute())
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     if any(column.null_count for column in table.columns):
         raise spoilt("its columns are not those of a truth file: a cell is empty")
