@@ -55,6 +55,8 @@ def lay_out(data: bytes, folders: Folders, target: Target) -> Path:
         file.write_bytes(content)
     for name, entry in changes.items():
         file = folders.inside / name
+        if _is_within_no_folder(file, folders.inside):
+            continue
         if file.is_dir() and not file.is_symlink():
             shutil.rmtree(file)
         else:
@@ -73,6 +75,12 @@ def lay_out(data: bytes, folders: Folders, target: Target) -> Path:
         else:
             file.mkdir()
     return folders.inside / "run"
+
+
+def _is_within_no_folder(file: Path, top: Path) -> bool:
+    """Whether the case has made something else of a folder that the file would be in."""
+    above = [parent for parent in file.parents if parent != top and top in parent.parents]
+    return any(parent.is_symlink() or (parent.exists() and not parent.is_dir()) for parent in above)
 
 
 def _entry(content: bytes) -> dict[str, str]:
