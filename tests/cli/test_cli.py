@@ -23,8 +23,8 @@ from visref.registry import make_culler
 REAL_MODEL = Path("/usr/share/assimp/models/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb")
 
 
-def write_scene(folder: Path) -> tuple[str, str]:
-    """Two boxes, one behind the other, and a third beside them; a path of two frames."""
+def write_scene(folder: Path, frames: int = 2) -> tuple[str, str]:
+    """Two boxes, one behind the other, and a third beside them; a path of so many equal frames."""
     scene = trimesh.Scene()
     for name, centre in (("front", (0, 0, 0)), ("behind", (0, 0, -5)), ("beside", (3, 0, 0))):
         box = trimesh.creation.box((2, 2, 2))
@@ -41,7 +41,7 @@ def write_scene(folder: Path) -> tuple[str, str]:
         "near": 0.1,
         "far": None,
         "yfov": 0.9,
-        "frames": [{"world_from_camera": pose.tolist()}] * 2,
+        "frames": [{"world_from_camera": pose.tolist()}] * frames,
     }
     (folder / "path.json").write_text(json.dumps(path))
     return str(folder / "scene.glb"), str(folder / "path.json")

@@ -17,9 +17,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-import trimesh
-
+from tests.cli.test_cli import write_scene
 from tests.support.dying import content
 from visref.cli import run as _imported_before_forks  # noqa: F401
 from visref.cli.main import main
@@ -41,28 +39,8 @@ Process = subprocess.Popen[bytes] | int
 
 def inputs(folder: Path) -> list[str]:
     """A scene of three boxes and a path of four frames, as arguments."""
-    scene = trimesh.Scene()
-    for name, centre in (("front", (0, 0, 0)), ("behind", (0, 0, -5)), ("beside", (3, 0, 0))):
-        box = trimesh.creation.box((2, 2, 2))
-        box.apply_translation(centre)
-        scene.add_geometry(box, node_name=name, geom_name=name)
-    (folder / "scene.glb").write_bytes(scene.export(file_type="glb"))
-    pose = np.eye(4)
-    pose[2, 3] = 10.0
-    path = {
-        "format": "visref-path", "version": 1, "width": 64, "height": 48, "near": 0.1,
-        "far": None, "yfov": 0.9, "frames": [{"world_from_camera": pose.tolist()}] * 4,
-    }  # fmt: skip
-    (folder / "path.json").write_text(json.dumps(path))
-    return [
-        str(folder / "scene.glb"),
-        "--path",
-        str(folder / "path.json"),
-        "--threads",
-        "1",
-        "--pictures",
-        "1",
-    ]
+    scene, path = write_scene(folder, frames=4)
+    return [scene, "--path", path, "--threads", "1", "--pictures", "1"]
 
 
 class Kills:
