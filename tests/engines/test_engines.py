@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.engine_kinds import engine_kind
 from tests.support.truth_scenes import Part, box, brute_force, build, filled, quad, random_soup
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
-from visref.engines import embree, engine_names, make_engine
+from visref.engines import engine_names, make_engine
 from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
@@ -30,14 +31,7 @@ Make = Callable[..., TruthEngine]
 @pytest.fixture(params=["packets", "single rays", "open3d"])
 def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Make:
     """An engine of each kind; "single rays" is Embree without its bundled library."""
-    if request.param == "open3d":
-        pytest.importorskip("open3d")
-        return Open3DEngine
-    if request.param == "single rays":
-        monkeypatch.setattr(embree, "load_library", lambda: None)
-    elif embree.load_library() is None:
-        pytest.skip("this embreex brings no library with packets of eight rays")
-    return EmbreeEngine
+    return engine_kind(request.param, monkeypatch)
 
 
 def perspective(width: int = 32, height: int = 24, **rest: float) -> Camera:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.engine_kinds import engine_kind
 from tests.support.exact_scenes import random_case
 from tests.support.motion import moments, with_own_vertices
 from tests.support.strategies import cases
@@ -21,11 +22,9 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.conformance.suite import built_case
 from visref.culler import RasterTolerance
-from visref.engines import embree
 from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
-from visref.engines.open3d import Open3DEngine
 from visref.engines.rays import RayEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
@@ -39,16 +38,7 @@ Make = Callable[..., TruthEngine]
 @pytest.fixture(params=["packets", "single rays", "open3d", "exact"])
 def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Make:
     """An engine of each kind; "single rays" is Embree without its bundled library."""
-    if request.param == "exact":
-        return ExactEngine
-    if request.param == "open3d":
-        pytest.importorskip("open3d")
-        return Open3DEngine
-    if request.param == "single rays":
-        monkeypatch.setattr(embree, "load_library", lambda: None)
-    elif embree.load_library() is None:
-        pytest.skip("this embreex brings no library with packets of eight rays")
-    return EmbreeEngine
+    return engine_kind(request.param, monkeypatch)
 
 
 def contents(truth: FrameTruth) -> list[bytes]:
