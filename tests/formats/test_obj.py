@@ -117,3 +117,11 @@ def test_numbers_are_read_as_exactly_as_python_reads_them(tmp_path):
     faces = [f"f {i} {i + 1} {i + 2}" for i in range(1, len(values) - 1)]
     scene = load(tmp_path, "\n".join(lines + faces))
     assert np.array_equal(scene.vertices, values.astype(np.float32))
+
+
+@pytest.mark.parametrize("last", ["f 1 2 3 \\", "f 1 2 3 # \\", "f 1 2 \\\n3\\", "o a\\", "mtllib\\"])
+def test_backslash_at_the_end_of_the_file_continues_nothing(tmp_path, last):
+    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    faces = "" if last.startswith("f") else "f 1 2 3\n"
+    scene = load(tmp_path, triangle + faces + last)
+    assert scene.triangle_count == 1

@@ -106,6 +106,8 @@ def _read_chunk(reading: _Reading, chunk: bytes) -> None:
         raise InputError("a zero byte, and OBJ is text", place=place, fix="export anew")
     newlines = chunk.count(b"\n")
     text = (b"\n" + chunk + b"\n").replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
+    # A backslash at the file's end continues nothing: the last line ends all the same.
+    text += b"\n"
     raw = np.frombuffer(text, np.uint8)
     blank = raw <= 32
     starts = np.flatnonzero(blank[:-1] & ~blank[1:]) + 1
