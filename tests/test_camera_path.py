@@ -14,6 +14,7 @@ from tests.support.bad_input import path_json
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
+from visref.findings import Code
 from visref.recordings.truth_file import path_digest
 from visref.schemas import schema
 
@@ -164,11 +165,6 @@ WRONG = {
     "no view": (frame(views={}), "frames[0].views: the frame has no view", True),
     "views a list": (frame(views=[]), "frames[0].views: this is not a JSON object", True),
     "a view a number": (frame(views={"a": 3}), "frames[0].views.a: this is not a JSON", True),
-    "a view's unknown field": (
-        frame(views={"a": {"cut": True}}),
-        "frames[0].views.a: unknown field 'cut'",
-        True,
-    ),
     "a view without a pose": (
         of_frame({"views": {"a": {"world_from_camera": POSE}, "b": {}}}),
         "frames[0].views.b: world_from_camera is missing",
@@ -214,8 +210,6 @@ WRONG = {
         "frames[0].clip_plane: clip_plane is [0.0, 0.0, 0.0, 1.0]",
         False,
     ),
-    "poses at the top": (path_json(absent=["door"]), "unknown field 'absent'", True),
-    "views at the top": (path_json(views={"a": {}}), "unknown field 'views'", True),
 }
 
 
@@ -250,3 +244,46 @@ def test_a_path_of_several_views_has_no_single_camera():
     path = CameraPath([Frame((eye("a"),)), Frame((eye("a"), eye("b")))])
     with pytest.raises(InputError, match=r"frames\[1\]: it has 2 views"):
         _ = path.cameras
+
+
+PASSED_OVER = {
+    "at the top": (path_json(abscent=["door"]), "field 'abscent' is not known", "at the top"),
+    "in a frame": (
+        frame(world_from_objekt={}),
+        "did you mean 'world_from_object'?",
+        "at frames[0]",
+    ),
+    "in a view": (frame(views={"a": {"cut": True}}), "field 'cut'", "at frames[0].views.a"),
+}
+
+
+@pytest.mark.parametrize("name", PASSED_OVER)
+def test_a_field_that_is_not_known_is_passed_over_and_said(name):
+    value, said, where = PASSED_OVER[name]
+    jsonschema.validate(value, schema("path"))
+    ((code, text),) = CameraPath.from_json(value, source="a.json").remarks
+    assert code == Code.FIELD_IGNORED
+    assert text.startswith("a.json: ")
+    assert said in text
+    assert where in text
+
+
+def test_a_field_in_every_frame_is_said_once_with_its_count():
+    value = frame(fov=1.0)
+    value["frames"] *= 5
+    ((_, text),) = CameraPath.from_json(value).remarks
+    assert "(5 times, first at frames[0])" in text
+
+
+def test_frames_of_a_path_with_gaps_go_by_their_numbers():
+    cameras = CameraPath.from_json(path_json()).views(0)
+    one = cameras[0]
+    path = CameraPath([one, one, replace(one, near=0.5)], numbers=[2, 7, 1 << 30])
+    assert [path.place(number) for number in (2, 7, 1 << 30)] == [0, 1, 2]
+    assert path.views(1 << 30)[0].near == 0.5
+    assert path.relative_to(np.ones(3)).numbers == [2, 7, 1 << 30]
+    assert not path.without_gaps
+    for number in (-1, 0, 3, 1 << 31):
+        assert not path.has(number)
+        with pytest.raises(KeyError):
+            path.frame(number)

@@ -211,6 +211,19 @@ class Code(StrEnum):
         "No frame was judged, or no object is visible in any of them. A run that checked "
         "nothing proves nothing: it is inconclusive.",
     )
+    FIELD_IGNORED = Rule(
+        "FIELD_IGNORED",
+        Severity.WARNING,
+        "A path or a recording has a field that is not known",
+        "It may be a later version's, or misspelt: it was passed over, and the rest was read.",
+    )
+    RECORDING_CUT_OFF = Rule(
+        "RECORDING_CUT_OFF",
+        Severity.WARNING,
+        "The recording ends in the middle of a line",
+        "Whoever wrote it did not come to its end, as when an engine crashes. The frames before "
+        "were judged.",
+    )
     ANIMATION_IGNORED = Rule(
         "ANIMATION_IGNORED",
         Severity.WARNING,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -39,7 +40,7 @@ class Inputs:
 
     scene: Scene
     path: CameraPath
-    frames: range
+    frames: Sequence[int]
     engine: str = DEFAULT_ENGINE
     threads: int | None = None
     settings: dict[str, Any] = field(default_factory=dict)
@@ -97,17 +98,20 @@ def open_inputs(
         cameras = load_path(scene, max_memory=max_memory)
     else:
         raise InputError("the scene has no camera path", source=scene, fix="give --path")
+    notes = (*notes, *(Finding(code, text) for code, text in cameras.remarks))
     settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
     if rest_pose:
         settings["rest_pose"] = True
     if generated := generated_with(scene):
         settings["generated"] = generated
-    picked = picked_frames(frames, len(cameras))
+    picked = picked_frames(frames, cameras)
     _refuse_huge_frames(cameras, picked, Budget.of(max_memory), path or scene)
     return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory, rest_pose)
 
 
-def _refuse_huge_frames(path: CameraPath, frames: range, budget: Budget, source: str) -> None:
+def _refuse_huge_frames(
+    path: CameraPath, frames: Sequence[int], budget: Budget, source: str
+) -> None:
     """Frames are cast one at a time, so each has to fit by itself."""
     for frame in frames:
         for camera in path.views(frame):
@@ -188,10 +192,11 @@ def _findings(scene: Scene) -> tuple[Finding, ...]:
     return tuple(Finding(code, text) for code, text in scene.notes)
 
 
-def picked_frames(text: str | None, count: int) -> range:
-    """The frames that a slice A:B:STEP picks."""
+def picked_frames(text: str | None, path: CameraPath) -> Sequence[int]:
+    """The numbers of the frames that a slice A:B:STEP picks, of those that there are."""
     if text is None:
-        return range(count)
+        return path.numbers
+    count = path.numbers[-1] + 1
     parts = text.split(":")
     try:
         numbers = [whole_number(part) if part else None for part in parts]
@@ -203,8 +208,10 @@ def picked_frames(text: str | None, count: int) -> range:
             raise ValueError
     except ValueError as error:
         raise InputError(f"--frames {text} is no slice", fix="write A:B or A:B:STEP") from error
-    if not picked or picked.step < 0:
+    there = picked if path.without_gaps else [number for number in picked if path.has(number)]
+    if not there or picked.step < 0:
         raise InputError(
-            f"--frames {text} picks none of the path's {count} frames", fix="give frames in order"
+            f"--frames {text} picks none of the path's {len(path)} frames",
+            fix="give frames in order",
         )
-    return picked
+    return there

@@ -10,6 +10,8 @@ import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import gcd
 from pathlib import Path
 from typing import cast
 
@@ -80,7 +82,7 @@ def judge_to_folder(
             timeline=inputs.timeline,
             engine=inputs.engine,
             exact=recorded.exact if recorded is not None else None,
-            settings={**inputs.settings, "frames": [frames.start, frames.stop, frames.step]},
+            settings={**inputs.settings, "frames": _slice(frames)},
             picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
         )
         referee = Referee(
@@ -98,6 +100,13 @@ def judge_to_folder(
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
+
+
+def _slice(frames: Sequence[int]) -> list[int]:
+    """Start, stop and step of the slice that picks these frames, of those that there are."""
+    if isinstance(frames, range):
+        return [frames.start, frames.stop, frames.step]
+    return [frames[0], frames[-1] + 1, gcd(*(b - a for a, b in pairwise(frames))) or 1]
 
 
 def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:

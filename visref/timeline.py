@@ -55,7 +55,7 @@ class Timeline:
 
     def __init__(self, scene: Scene, path: CameraPath, *, rest_pose: bool = False) -> None:
         self._source = path.source
-        self._frames = path.frames
+        self._path = path
         self._motion = None if rest_pose or scene.rig is None else scene.rig.motion
         # What is not there whatever level of detail is: of a scene from a file, what that hides.
         hidden = scene.absent if scene.rig is None else scene.rig.hidden
@@ -85,11 +85,16 @@ class Timeline:
         return scene
 
     def changed(self, frame: int) -> Bool:
-        """(n,) bool, the objects that stand otherwise than in the frame before, appear or vanish;
-        none in the first frame."""
-        if frame == 0 or not self.moves:
+        """(n,) bool, the objects that stand otherwise than in the path's frame before, appear or
+        vanish; none in the first frame."""
+        if not self.moves or (before := self.before(frame)) is None:
             return np.zeros(self._scene.object_count, np.bool_)
-        return self._between(frame - 1, frame)
+        return self._between(before, frame)
+
+    def before(self, frame: int) -> int | None:
+        """The number of the path's frame before, None of the first."""
+        place = self._path.place(frame)
+        return self._path.numbers[place - 1] if place else None
 
     def absent(self, frame: int) -> Bool:
         """(n,) bool, the objects that are not there in a frame."""
@@ -126,7 +131,7 @@ class Timeline:
 
     def _refuse_without_time(self, scene: Scene) -> None:
         assert self._motion is not None
-        for index, frame in enumerate(self._frames):
+        for index, frame in zip(self._path.numbers, self._path.frames, strict=True):
             if frame.time_s is not None:
                 continue
             affected = self._motion.affected(self._clip(frame, index))
@@ -158,7 +163,7 @@ class Timeline:
         """(n,) bool, what any frame poses, hides or shows."""
         moving = np.zeros(scene.object_count, np.bool_)
         clips = set()
-        for index, frame in enumerate(self._frames):
+        for index, frame in zip(self._path.numbers, self._path.frames, strict=True):
             for name in frame.world_from_object:
                 moving[list(self._meanings.objects(name, index, "world_from_object"))] = True
             for name in frame.absent:
@@ -184,7 +189,7 @@ class Timeline:
         return kept[index]
 
     def _make_pose(self, index: int) -> _Pose:
-        frame, rig = self._frames[index], self._rig
+        frame, rig = self._path.frame(index), self._rig
         pose = _Pose(absent=self._rest_hidden.copy())
         skinned = np.zeros(len(pose.absent), np.bool_)
         if self._motion is not None and frame.time_s is not None:

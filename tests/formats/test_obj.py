@@ -119,7 +119,9 @@ def test_numbers_are_read_as_exactly_as_python_reads_them(tmp_path):
     assert np.array_equal(scene.vertices, values.astype(np.float32))
 
 
-@pytest.mark.parametrize("last", ["f 1 2 3 \\", "f 1 2 3 # \\", "f 1 2 \\\n3\\", "o a\\", "mtllib\\"])
+@pytest.mark.parametrize(
+    "last", ["f 1 2 3 \\", "f 1 2 3 # \\", "f 1 2 \\\n3\\", "o a\\", "mtllib\\"]
+)
 def test_backslash_at_the_end_of_the_file_continues_nothing(tmp_path, last):
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     faces = "" if last.startswith("f") else "f 1 2 3\n"

@@ -161,6 +161,8 @@ def _digest(table: pa.Table, facts: dict[str, Any]) -> str:
 def path_digest(path: CameraPath) -> str:
     """SHA-256 (hexadecimal) of what every frame's samples and scene hang on."""
     definitions = [frame.definition() for frame in path.frames]
+    if not path.without_gaps:
+        definitions.append({"numbers": list(path.numbers)})
     return hashlib.sha256(json.dumps(definitions, sort_keys=True).encode()).hexdigest()
 
 
@@ -203,7 +205,7 @@ def _cells(
     owned = facts.get("owned") or [None] * len(frames)
     known = {
         (frame, camera.view): camera.samples
-        for frame in range(len(path))
+        for frame in path.numbers
         for camera in path.views(frame)
     }
     cells: dict[tuple[int, str], int | None] = {}
@@ -245,7 +247,7 @@ def _check_rows(
     if len(np.unique(cell_of * scene.object_count + objects)) < len(objects):
         raise _spoilt(source, "an object stands twice in a frame")
     by_view = {
-        (frame, camera.view): camera for frame in range(len(path)) for camera in path.views(frame)
+        (frame, camera.view): camera for frame in path.numbers for camera in path.views(frame)
     }
     sizes = np.array(
         [(by_view[cell].width, by_view[cell].height) for cell in cells], np.int64

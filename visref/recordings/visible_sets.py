@@ -171,9 +171,10 @@ def _gather(
 ) -> VisibleSets:
     by_frame: dict[int, Row] = {}
     for row in rows:
-        if not 0 <= row.frame < len(path):
+        if not path.has(row.frame):
             raise InputError(
-                f"frame {reprlib.repr(row.frame)} is not on the path (0…{len(path) - 1})",
+                f"frame {reprlib.repr(row.frame)} is not on the path "
+                f"({path.numbers[0]}…{path.numbers[-1]})",
                 source=source,
                 place=row.place,
                 fix="record the frames of this path",

@@ -72,7 +72,7 @@ def check_manifest(folder: Path, manifest: Manifest) -> None:
     for index, pictures in enumerate(manifest.pictures):
         if pictures.culler not in manifest.cullers:
             problem, place = f"culler {quoted(pictures.culler)} is not in 'cullers'", "culler"
-        elif pictures.frame >= len(manifest.samples):
+        elif pictures.frame not in manifest.samples:
             problem, place = f"frame {pictures.frame} is not in 'samples'", "frame"
         elif pictures.view not in manifest.samples[pictures.frame]:
             problem, place = f"view {quoted(pictures.view)} is not in 'samples'", "view"
@@ -117,7 +117,7 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
         culler, frame, view = cell
         if culler not in known:
             problem, place = f"it judges {quoted(culler)}, which {VERDICT} does not", "culler"
-        elif not 0 <= frame < len(manifest.samples):
+        elif frame not in manifest.samples:
             problem, place = f"frame {frame} is not one of {MANIFEST}", "frame"
         elif not judged_views(manifest, frame, view):
             problem, place = f"view {quoted(view)} is not one of {MANIFEST}", "view"
@@ -142,7 +142,7 @@ def check_frames(folder: Path, manifest: Manifest, verdict: RunVerdict, table: p
 def check_timings(folder: Path, manifest: Manifest, table: pa.Table) -> None:
     """That times are times, of cullers and frames of the manifest."""
     file = folder / TIMINGS
-    check_range(table, "frame", 0, len(manifest.samples) - 1, file, FIX)
+    check_among(table, "frame", manifest.samples, file, FIX)
     check_range(table, "ms", 0.0, float(np.finfo(np.float64).max), file, FIX)
     check_among(table, "culler", {**manifest.cullers, "": None}, file, FIX)
     check_among(table, "view", _views(manifest), file, FIX)
@@ -161,7 +161,7 @@ def check_objects(folder: Path, manifest: Manifest, table: pa.Table) -> None:
     """That rows are of cullers, frames and views of the manifest, of objects, units and triangles
     that there are and of samples within their view."""
     file = folder / OBJECTS
-    check_range(table, "frame", 0, len(manifest.samples) - 1, file, FIX)
+    check_among(table, "frame", manifest.samples, file, FIX)
     check_among(table, "culler", manifest.cullers, file, FIX)
     check_among(table, "kind", frozenset(ObjectKind), file, FIX)
     check_among(table, "cause", CAUSES, file, FIX)
@@ -176,7 +176,9 @@ def check_objects(folder: Path, manifest: Manifest, table: pa.Table) -> None:
     for name in ("pixels", "owned", "samples", "age"):
         check_range(table, name, 0, _INT64, file, FIX)
     sizes = {
-        (view["width"], view["height"]) for views in manifest.samples for view in views.values()
+        (view["width"], view["height"])
+        for views in manifest.samples.values()
+        for view in views.values()
     }
     check_range(table, "x", 0, max(width for width, _ in sizes) - 1, file, FIX)
     check_range(table, "y", 0, max(height for _, height in sizes) - 1, file, FIX)
@@ -221,6 +223,6 @@ def judged_views(manifest: Manifest, frame: int, view: str) -> tuple[str, ...]:
 
 def _views(manifest: Manifest) -> frozenset[str]:
     """All that a record may name."""
-    several = any(len(views) > 1 for views in manifest.samples)
-    named = frozenset(view for views in manifest.samples for view in views)
+    several = any(len(views) > 1 for views in manifest.samples.values())
+    named = frozenset(view for views in manifest.samples.values() for view in views)
     return named | {ALL_VIEWS} if several else named

@@ -89,7 +89,7 @@ def _check(witness: Fields, found: Mapping[str, Any], culler: str, manifest: Man
     frame, view = found["frame"], found["view"]
     if found["culler"] != culler:
         raise witness.error(f"it is {quoted(found['culler'])}, and not {quoted(culler)}", "culler")
-    if frame >= len(manifest.samples):
+    if frame not in manifest.samples:
         raise witness.error(f"frame {frame} is not one of {MANIFEST}", "frame")
     if view not in manifest.samples[frame]:
         raise witness.error(f"view {quoted(view)} is not one of {MANIFEST}", "view")

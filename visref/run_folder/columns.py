@@ -99,14 +99,17 @@ def check_range(
 
 
 def check_among(
-    table: pa.Table, column: str, known: Mapping[str, object] | frozenset[str], file: Path, fix: str
+    table: pa.Table,
+    column: str,
+    known: Mapping[str, object] | Mapping[int, object] | frozenset[str],
+    file: Path,
+    fix: str,
 ) -> None:
-    """Raises InputError if a cell that is not null is none of the `known` texts."""
+    """Raises InputError if a cell that is not null is none of the `known` texts or numbers."""
     for value in pc.unique(table[column]).to_pylist():
         if value is not None and value not in known:
-            raise InputError(
-                f"its column '{column}' holds {quoted(value)}", source=str(file), fix=fix
-            )
+            shown = quoted(value) if isinstance(value, str) else str(value)
+            raise InputError(f"its column '{column}' holds {shown}", source=str(file), fix=fix)
 
 
 def _absent(field: pa.Field, count: int) -> pa.ChunkedArray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from visref.camera import MAX_IMAGE_SIDE, MAX_SAMPLES
@@ -65,6 +66,7 @@ def read_manifest(value: object, source: str) -> Manifest:
     exact = None
     if version >= 2 and not top.is_null("exact"):
         exact = top.flag("exact")
+    facts = _path_facts(path)
     return Manifest(
         version,
         SceneFacts(
@@ -73,7 +75,7 @@ def read_manifest(value: object, source: str) -> Manifest:
             scene.whole("objects"),
             scene.whole("triangles"),
         ),
-        PathFacts(path.text("source"), path.text("sha256"), path.whole("frames", least=1)),
+        facts,
         top.text("engine"),
         exact,
         _settings(top),
@@ -96,7 +98,7 @@ def read_manifest(value: object, source: str) -> Manifest:
             )
             for pictures in top.each("pictures")
         ),
-        _samples(top, version),
+        _samples(top, version, facts),
         top.inner("versions").texts(),
         _machine(top),
         _motion(top) if version >= 2 else None,
@@ -118,6 +120,17 @@ def _motion(top: Fields) -> Motion | None:
             for one in motion.each("most")
         ),
     )
+
+
+def _path_facts(path: Fields) -> PathFacts:
+    count = path.whole("frames", least=1)
+    if not path.has("numbers"):
+        # As large as its samples, of which there are as many.
+        return PathFacts(path.text("source"), path.text("sha256"), count, range(count))
+    numbers = path.whole_list("numbers")
+    if len(numbers) != count or any(one >= other for one, other in pairwise(numbers)):
+        raise path.error("they are not a number per frame, ascending", "numbers")
+    return PathFacts(path.text("source"), path.text("sha256"), count, numbers)
 
 
 def _settings(top: Fields) -> dict[str, Any]:
@@ -149,17 +162,22 @@ def _machine(top: Fields) -> dict[str, Any]:
     return top.free("machine")
 
 
-def _samples(top: Fields, version: int) -> tuple[Mapping[str, Mapping[str, Any]], ...]:
+def _samples(
+    top: Fields, version: int, path: PathFacts
+) -> Mapping[int, Mapping[str, Mapping[str, Any]]]:
     """The samples' definition by frame and view; in version 1 a frame has one without a name."""
     frames = top.each("samples")
     if version == 1:
-        return tuple({UNNAMED_VIEW: read_definition(frame)} for frame in frames)
-    found = []
-    for frame in frames:
-        found.append({view: read_definition(definition) for view, definition in frame.items()})
-        if not found[-1]:
-            raise frame.error("a frame has at least one view")
-    return tuple(found)
+        found = [{UNNAMED_VIEW: read_definition(frame)} for frame in frames]
+    else:
+        found = []
+        for frame in frames:
+            found.append({view: read_definition(definition) for view, definition in frame.items()})
+            if not found[-1]:
+                raise frame.error("a frame has at least one view")
+    # Whether there are as many as frames, `check_manifest` asks.
+    numbers = path.numbers if len(found) == path.frames else range(len(found))
+    return dict(zip(numbers, found, strict=True))
 
 
 def read_definition(definition: Fields) -> Mapping[str, Any]:

@@ -35,7 +35,9 @@ class MotionRecord:
         changed = self.changed(frame)
         if changed is None or not changed.any():
             return
-        before, now = self._timeline.absent(frame - 1), self._timeline.absent(frame)
+        earlier = self._timeline.before(frame)
+        assert earlier is not None, "nothing changes in the first frame"
+        before, now = self._timeline.absent(earlier), self._timeline.absent(frame)
         self._often += changed
         self._frames.append(
             MovedFrame(

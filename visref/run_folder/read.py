@@ -223,7 +223,7 @@ def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
     version = manifest.version
     verdict = read_verdict(json_inside(folder, VERDICT, FIX), str(folder / VERDICT), version)
     check_verdict(folder, manifest, verdict)
-    cells = sum(map(len, manifest.samples))
+    cells = sum(map(len, manifest.samples.values()))
     frames = table_inside(
         folder,
         FRAMES,

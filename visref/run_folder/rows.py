@@ -6,7 +6,7 @@ Names are those of the files' columns and keys. What a folder of version 1 does 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -158,11 +158,13 @@ class SceneFacts:
 
 @dataclass(frozen=True, slots=True)
 class PathFacts:
-    """The camera path: where it came from, the digest of its samples, how many frames it has."""
+    """The camera path: where it came from, the digest of its samples, how many frames it has, and
+    their numbers, ascending."""
 
     source: str
     sha256: str
     frames: int
+    numbers: Sequence[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +226,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """manifest.json. `samples`: by frame of the path and by view, the samples' definition
+    """manifest.json. `samples`: by number of the path's frames and by view, the samples' definition
     (`Camera.definition`). `exact`: whether the engine's truth is exact, None where it is not
     said. `motion`: None where nothing moves, or nothing is said of it."""
 
@@ -236,7 +238,7 @@ class Manifest:
     settings: dict[str, Any]
     cullers: dict[str, CullerFacts]
     pictures: tuple[PictureSet, ...]
-    samples: tuple[Mapping[str, Mapping[str, Any]], ...]
+    samples: Mapping[int, Mapping[str, Mapping[str, Any]]]
     versions: dict[str, str]
     machine: dict[str, Any]
     motion: Motion | None = None

@@ -188,7 +188,13 @@ class RunWriter:
                 "objects": scene.object_count,
                 "triangles": scene.triangle_count,
             },
-            "path": {"source": path.source, "sha256": path_digest(path), "frames": len(path)},
+            "path": {
+                "source": path.source,
+                "sha256": path_digest(path),
+                "frames": len(path),
+                # 0, 1, … are not written.
+                **({} if path.without_gaps else {"numbers": list(path.numbers)}),
+            },
             "engine": self._engine,
             "exact": self._exact,
             "settings": self._settings,
@@ -206,7 +212,7 @@ class RunWriter:
             "motion": self._motion.json(),
             "samples": [
                 {camera.view: camera.definition() for camera in path.views(frame)}
-                for frame in range(len(path))
+                for frame in path.numbers
             ],
             "versions": versions(),
             "machine": machine(),

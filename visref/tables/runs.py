@@ -15,7 +15,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -287,7 +287,7 @@ def _run_task(
         if isinstance(work, Experiment):
             entry = cast(Any, load_entry(EXPERIMENTS, work.name, kind="experiment"))
             if path is not None:
-                path = replace(path, frames=tuple(path.frames[frame] for frame in picked))
+                path = CameraPath([path.frame(frame) for frame in picked], path.source)
             result = json.loads(json.dumps(entry(scene, path), allow_nan=False))
             record = {"asked": asked, "result": result, "digest": _digest(asked, result)}
             write_json(written / RESULT, record)
