@@ -72,6 +72,7 @@ class Scene(Shared):
     `given_names`: n names as the file has them, which may repeat. `paths`: n paths from the root
     of the scene graph, such as `house/kitchen/chair`, which may repeat too. Both are `names`
     where a reader gives none. `groups`: what several objects are called together.
+    `nodes`: (n,) int32, each object's node in its glTF file, None where the file has none.
     `notes`: what the reader of a file left out or decided, as (code, message) pairs.
     `masks`: the alpha masks, a row for each triangle, or None. A MASK triangle without one,
     because its `masks.row` is -1 or there are no `masks`, may be solid or a hole anywhere.
@@ -104,6 +105,7 @@ class Scene(Shared):
     moving: NDArray[np.bool_] | None = None
     rig: Rig | None = field(default=None, repr=False)
     motion: str = ""
+    nodes: Int32 | None = None
 
     def __post_init__(self) -> None:
         count = len(self.triangles)
@@ -123,7 +125,7 @@ class Scene(Shared):
             put(self, "triangles", _collapsed(self.triangles, self.absent[self.object_of_triangle]))
         for name in ("vertices", "triangles", "object_offsets", "one_sided", "alpha", "origin"):
             put(self, name, frozen(getattr(self, name)))
-        for name in ("moved", "absent", "moving"):
+        for name in ("moved", "absent", "moving", "nodes"):
             if getattr(self, name) is not None:
                 put(self, name, frozen(getattr(self, name)))
 
@@ -156,7 +158,7 @@ class Scene(Shared):
             raise error.at(source=self.source) from error
         if not np.isfinite(self.origin).all():
             raise InputError("the scene's origin is not finite", source=self.source)
-        for name in ("absent", "moving"):
+        for name in ("absent", "moving", "nodes"):
             value = getattr(self, name)
             if value is not None and value.shape != (len(self.names),):
                 raise InputError(f"{name} is not one per object", source=self.source)

@@ -99,9 +99,9 @@ class Mesh:
 
 @dataclass
 class Placed:
-    """The objects of a file, in order: a name, a path, a mesh (`NO_MESH` for none) and
-    `world_from_object` (4, 4) float64 of each; `masks`: the materials and images that the
-    meshes' masks name; `groups` and `notes` as in `Scene`. `hidden`: whether each object is
+    """The objects of a file, in order: a name, a path, a mesh (`NO_MESH` for none), a glTF node (-1
+    for none) and `world_from_object` (4, 4) float64 of each; `masks`: the materials and images that
+    the meshes' masks name; `groups` and `notes` as in `Scene`. `hidden`: whether each object is
     switched off in the rest pose; of a group with levels of detail all but the finest are absent
     there too. `motion`: how the file animates its objects, None where it does not."""
 
@@ -112,6 +112,7 @@ class Placed:
     world_from_object: list[Float64] = field(default_factory=list)
     hidden: list[bool] = field(default_factory=list)
     motion: Motion | None = None
+    nodes: list[int] = field(default_factory=list)
     groups: list[Group] = field(default_factory=list)
     masks: MaskTable = field(default_factory=MaskTable)
     notes: list[tuple[Code, str]] = field(default_factory=list)
@@ -125,12 +126,13 @@ class Placed:
         path: str = "",
         group: bool = False,
         hidden: bool = False,
+        node: int = -1,
     ) -> None:
         """Append instances of a mesh; `world_from_object` is (4, 4) or (k, 4, 4).
 
         `path`: from the scene graph's root, names with slashes between; by default the name.
         `group`: whether the name stands for all these instances together. `hidden`: whether they
-        are switched off in the rest pose.
+        are switched off in the rest pose. `node`: the glTF node.
         """
         matrices = world_from_object.reshape(-1, 4, 4)
         name = clean_name(name) or "object"
@@ -142,6 +144,7 @@ class Placed:
         self.paths.extend([path] * len(matrices))
         self.mesh_of_object.extend([mesh] * len(matrices))
         self.hidden.extend([hidden] * len(matrices))
+        self.nodes.extend([node] * len(matrices))
         self.world_from_object.append(matrices)
 
 
@@ -283,6 +286,7 @@ def flatten(
         absent=absent if absent.any() else None,
         rig=rig,
         motion="" if placed.motion is None else placed.motion.digest,
+        nodes=np.array(placed.nodes, np.int32) if max(placed.nodes, default=-1) >= 0 else None,
     )
 
 

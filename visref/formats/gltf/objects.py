@@ -97,6 +97,7 @@ def read_objects(document: Document) -> Placed:
             path=below(path, own),
             group=instances is not None and node not in nodes.levels,
             hidden=carrier.drawn and node in nodes.hidden,
+            node=node,
         )
     placed.motion = rigging.motion()
     placed.groups.extend(_levels(document, nodes, named, [*firsts, len(placed.names)]))
