@@ -22,6 +22,8 @@ from visref.generators import Generator, find_generator
 from visref.memory import SAMPLE_BYTES, Budget
 from visref.numerals import whole_number
 from visref.options import OptionValue
+from visref.recordings.recording import read_recording
+from visref.recordings.visible_sets import VisibleSets
 from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
 from visref.timeline import Timeline
@@ -83,10 +85,7 @@ def open_inputs(
     """Read what a command works on. Raises InputError for anything wrong with it, and where it
     would take more than `max_memory` bytes (None: a share of what is free). `rest_pose`: what the
     file animates stands as it does at rest."""
-    if threads is not None and threads < 1:
-        raise InputError(f"--threads is {threads}", fix="give 1 or more")
-    # An unknown engine is said before a large scene is read.
-    check_engine(engine)
+    _check_asked(engine, threads)
     loaded, own_path, notes = open_scene(
         scene, cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
     )
@@ -98,15 +97,57 @@ def open_inputs(
         cameras = load_path(scene, max_memory=max_memory)
     else:
         raise InputError("the scene has no camera path", source=scene, fix="give --path")
+    settings = _settings(scene, cull_backfaces, lenient, rest_pose)
+    picked = picked_frames(frames, cameras)
+    _refuse_huge_frames(cameras, picked, Budget.of(max_memory), path or scene)
     notes = (*notes, *(Finding(code, text) for code, text in cameras.remarks))
+    return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory, rest_pose)
+
+
+def open_recorded(
+    scene: str,
+    recording: str,
+    *,
+    frames: str | None = None,
+    engine: str = DEFAULT_ENGINE,
+    threads: int | None = None,
+    cull_backfaces: bool = False,
+    lenient: bool = False,
+    max_memory: int | None = None,
+    rest_pose: bool = False,
+) -> tuple[Inputs, VisibleSets]:
+    """Read a scene and a one-file recording of it: what a command works on, and what was drawn.
+    Raises InputError as `open_inputs` does."""
+    _check_asked(engine, threads)
+    loaded, _, notes = open_scene(
+        scene, cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
+    )
+    read = read_recording(recording, loaded, max_memory=max_memory)
+    path = read.path
+    picked = picked_frames(frames, path)
+    _refuse_huge_frames(path, picked, Budget.of(max_memory), recording)
+    notes = (*notes, *(Finding(code, text) for code, text in path.remarks))
+    settings = _settings(scene, cull_backfaces, lenient, rest_pose)
+    inputs = Inputs(
+        read.scene, path, picked, engine, threads, settings, notes, max_memory, rest_pose
+    )
+    return inputs, read.sets.only(picked)
+
+
+def _check_asked(engine: str, threads: int | None) -> None:
+    if threads is not None and threads < 1:
+        raise InputError(f"--threads is {threads}", fix="give 1 or more")
+    # An unknown engine is said before a large scene is read.
+    check_engine(engine)
+
+
+def _settings(scene: str, cull_backfaces: bool, lenient: bool, rest_pose: bool) -> dict[str, Any]:
     settings: dict[str, Any] = {"cull_backfaces": cull_backfaces, "lenient": lenient}
     if rest_pose:
         settings["rest_pose"] = True
     if generated := generated_with(scene):
         settings["generated"] = generated
-    picked = picked_frames(frames, cameras)
-    _refuse_huge_frames(cameras, picked, Budget.of(max_memory), path or scene)
-    return Inputs(loaded, cameras, picked, engine, threads, settings, notes, max_memory, rest_pose)
+    return settings
 
 
 def _refuse_huge_frames(

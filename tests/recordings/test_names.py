@@ -12,8 +12,9 @@ from tests.support.gltf_files import TRIANGLE, Gltf
 from tests.support.hand_made import judged, soup, still_path, truth
 from visref.errors import InputError
 from visref.formats import load_scene
+from visref.recordings.gathering import grouped_units
 from visref.recordings.names import Names
-from visref.recordings.visible_sets import _units, read_visible_sets
+from visref.recordings.visible_sets import read_visible_sets
 from visref.scene import Group, Scene
 
 # 0 house/kitchen/chair, 1 house/hall/chair, 2 house/hall/lamp, 3 chair, 4 tree,
@@ -128,10 +129,10 @@ def test_a_group_is_one_unit_and_so_are_its_objects_where_they_are_named_alone(t
 
 def test_a_group_is_superfluous_only_if_none_of_it_is_visible():
     scene = replace(soup([1, 1, 1]), groups=(Group("pair", "pair", (0, 1)),))
-    units, unit_of = _units(scene, {(0, 1), (2,)})
+    units, unit_of = grouped_units(scene, [(0, 1)], np.zeros(3, np.bool_))
     for owner, hidden in ((0, False), (1, False), (2, True)):
         verdict = judged(scene, truth([[owner]]), units, [0, 1])
-        assert (unit_of[0, 1] in verdict.superfluous_units) == hidden
+        assert (unit_of[3] in verdict.superfluous_units) == hidden
 
 
 def test_an_ambiguous_name_is_an_error_that_lists_the_candidates(tmp_path, scene):

@@ -22,7 +22,7 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
 from visref.culler import QueryStats
 from visref.errors import InputError
-from visref.recordings.visible_sets import read_visible_sets
+from visref.recordings import read_recording, read_visible_sets
 from visref.run_folder.claims import read_witness
 from visref.run_folder.facts import read_manifest, read_verdict
 from visref.run_folder.json_fields import Fields
@@ -64,6 +64,25 @@ LINE = {
 }
 
 
+# The other kind of line that a recording has.
+HEADER = "recording header"
+
+
+def recorded_header() -> dict[str, Any]:
+    top = {name: value for name, value in path_json().items() if name != "frames"}
+    return {**top, "format": "visref-recording", "groups": {"pair": [0, "pillar"]}, "units": None}
+
+
+# What a frame may say, and is the header's where it does not.
+SHARED = {"width": 8, "height": 6, "near": 0.1, "far": None, "yfov": 1.0}
+
+
+def recorded_frame(shared: dict[str, Any] = SHARED) -> dict[str, Any]:
+    """The frame of the path with all that may move, and what was drawn."""
+    drawn = {"visible": [0, "wall"], "bounds": {"wall": [[0, 0, 0], [1, 2.5, 3]]}}
+    return {**shared, **path_json()["frames"][3], **drawn, "frame": 3, "stats": LINE["stats"]}
+
+
 def two_frames() -> CameraPath:
     """Of which the second has two views."""
     (camera,) = still_path(1).cameras
@@ -76,6 +95,10 @@ def valid(run, name: str) -> Any:
         return path_json()
     if name == "visible_sets":
         return LINE
+    if name == HEADER:
+        return recorded_header()
+    if name == "recording":
+        return recorded_frame()
     if name == "witness":
         (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
         return json.loads(file.read_text().splitlines()[0])
@@ -92,6 +115,11 @@ def read(name: str, value: Any, folder) -> None:
         read_witness(Fields(value, "witness", ""))
     elif name == "path":
         CameraPath.from_json(value)
+    elif name.startswith("recording"):
+        lines = [value, recorded_frame({})] if name == HEADER else [recorded_header(), value]
+        file = folder / "run.jsonl"
+        file.write_text("\n".join(map(json.dumps, lines)) + "\n")
+        read_recording(file, report_runs.scene())
     else:
         file = folder / "sets.jsonl"
         file.write_text("\n".join(map(json.dumps, [{"frame": 0, "visible": []}, value])))
@@ -137,10 +165,11 @@ def variants(value: Any) -> Iterator[tuple[str, Any]]:
                 yield f"{at}: {to!r}", changed(value, at, to)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, HEADER])
 def test_schema_is_one_and_every_property_is_known_to_the_writer(name, run):
-    jsonschema.Draft202012Validator.check_schema(schema(name))
-    jsonschema.validate(valid(run, name), schema(name))
+    of = schema(name.split()[0])
+    jsonschema.Draft202012Validator.check_schema(of)
+    jsonschema.validate(valid(run, name), of)
 
 
 def test_no_schema_has_another_name():
@@ -158,10 +187,18 @@ def test_counts_and_counters_are_those_of_the_code():
 # How many of the variants are refused, at least: a check that refuses nothing proves nothing.
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("manifest", 300), ("path", 150), ("verdict", 300), ("visible_sets", 40), ("witness", 300)],
+    [
+        ("manifest", 300),
+        ("path", 150),
+        ("verdict", 300),
+        ("visible_sets", 40),
+        ("witness", 300),
+        ("recording", 150),
+        (HEADER, 50),
+    ],
 )
 def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
-    validator = jsonschema.Draft202012Validator(schema(name))
+    validator = jsonschema.Draft202012Validator(schema(name.split()[0]))
     refused = 0
     for what, value in variants(valid(run, name)):
         if validator.is_valid(value):

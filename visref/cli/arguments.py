@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
-from visref.inputs import Inputs, open_inputs
+from visref.errors import InputError
+from visref.inputs import Inputs, open_inputs, open_recorded
 from visref.memory import parse_size
 from visref.numerals import whole_number
+from visref.recordings.visible_sets import VisibleSets
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
 
@@ -75,14 +78,26 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inputs_of(given: argparse.Namespace) -> Inputs:
     """What the scene arguments name. Raises InputError for anything wrong with it."""
-    return open_inputs(
-        given.scene,
-        path=given.path,
-        frames=given.frames,
-        engine=given.engine,
-        threads=given.threads,
-        cull_backfaces=given.cull_backfaces,
-        lenient=given.lenient,
-        rest_pose=given.rest_pose,
-        max_memory=memory_of(given),
-    )
+    return open_inputs(given.scene, path=given.path, **_settings_of(given))
+
+
+def recorded_inputs_of(given: argparse.Namespace) -> tuple[Inputs, VisibleSets]:
+    """What the scene arguments and --recording name, and what was drawn. Raises InputError for
+    anything wrong with it."""
+    if given.path is not None:
+        raise InputError(
+            "--path and --recording", fix="leave --path out: a recording has its cameras"
+        )
+    return open_recorded(given.scene, given.recording, **_settings_of(given))
+
+
+def _settings_of(given: argparse.Namespace) -> dict[str, Any]:
+    return {
+        "frames": given.frames,
+        "engine": given.engine,
+        "threads": given.threads,
+        "cull_backfaces": given.cull_backfaces,
+        "lenient": given.lenient,
+        "rest_pose": given.rest_pose,
+        "max_memory": memory_of(given),
+    }

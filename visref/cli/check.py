@@ -5,7 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inputs_of
+from visref.cli.arguments import (
+    add_judging_arguments,
+    add_scene_arguments,
+    inputs_of,
+    recorded_inputs_of,
+)
 from visref.cli.judged import judge
 from visref.culler import (
     LEAST_DEPTH_BITS,
@@ -25,8 +30,16 @@ from visref.recordings.visible_sets import Replay, read_visible_sets
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene_arguments(parser)
     add_judging_arguments(parser)
-    parser.add_argument(
-        "--visible", type=Path, required=True, metavar="FILE", help=".jsonl, .csv or .parquet"
+    recorded = parser.add_mutually_exclusive_group(required=True)
+    recorded.add_argument(
+        "--recording",
+        type=Path,
+        metavar="FILE",
+        help="one file with the cameras and what was drawn (.jsonl), instead of --path and "
+        "--visible",
+    )
+    recorded.add_argument(
+        "--visible", type=Path, metavar="FILE", help="what was drawn: .jsonl, .csv or .parquet"
     )
     parser.add_argument(
         "--promise", choices=[p.value for p in Promise], default=Promise.CONSERVATIVE.value
@@ -39,18 +52,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    refuse_inputs(given.out, [given.visible])
-    inputs = inputs_of(given)
-    recorded = read_visible_sets(
-        given.visible,
-        inputs.scene,
-        inputs.frames,
-        inputs.path,
-        max_memory=inputs.max_memory,
-    )
     tolerance = _raster(given.raster) if given.raster is not None else None
+    file: Path = given.visible or given.recording
+    refuse_inputs(given.out, [file])
+    if given.recording is not None:
+        inputs, recorded = recorded_inputs_of(given)
+    else:
+        inputs = inputs_of(given)
+        recorded = read_visible_sets(
+            file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
+        )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-    return judge(given, inputs, [(given.visible.name, replay)])
+    return judge(given, inputs, [(file.name, replay)])
 
 
 def _raster(text: str) -> RasterTolerance:

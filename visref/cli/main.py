@@ -26,6 +26,7 @@ COMMANDS = {
     "report": "make a page from run folders",
     "tables": "measure the papers' tables again, beside the published numbers",
     "path": "make camera paths: the six views of a cube map",
+    "convert": "between a one-file recording and a path with visible sets",
     "explain": "replay a witness from the run folder alone",
     "objects": "list a scene's object ids and names",
     "cullers": "list cullers, their options and promises",

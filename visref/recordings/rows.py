@@ -34,72 +34,114 @@ _HUGE = 1 << 1024
 _BATCH = 1 << 16
 
 
+Entry = int | str
+
+
 @dataclass(frozen=True)
 class Row:
     """What a recording says of one frame, and where. `sets`: by view, or under `ALL_VIEWS` for all
-    views together, the ids and names of what was drawn. `bounds`: by name, the least and greatest
-    corner of the box that was tested, in world space."""
+    views together, what was drawn: ids and names, or where `nodes` the glTF nodes' indices.
+    `bounds`: by name, the least and greatest corner of the box that was tested, in world space."""
 
     place: str
     frame: int
-    sets: dict[str, list[int | str]]
+    sets: dict[str, list[Entry]]
     stats: QueryStats
     bounds: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
+    nodes: bool = False
+
+
+# What `row_of` reads of a line.
+ROW_FIELDS = ("frame", "visible", "visible_nodes", "stats", "bounds")
+
+
+class JsonLines:
+    """The lines of a file that are not empty, parsed one at a time: each fits `budget` alone.
+
+    `cut_off`: where the last line is not whole, as if its writer had died, once all are read. With
+    `whole` that is an error like any other line that is no JSON.
+    """
+
+    def __init__(self, path: Path, budget: Budget, *, whole: bool = True) -> None:
+        self._path, self._budget, self._whole = path, budget, whole
+        self.cut_off = ""
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:
+        with open_file(self._path) as lines:
+            for number in count(1):
+                place = f"line {number}"
+                longest = self._budget.left // 4
+                line = lines.readline(longest)
+                if not line:
+                    return
+                size = json_bytes(np.frombuffer(line, np.uint8))
+                if len(line) == longest:
+                    size = self._budget.left + 1
+                elif not line.strip():
+                    continue
+                # Parsed, and a number for each entry.
+                self._budget.need("the line", size + 40 * line.count(b","), place=place)
+                try:
+                    value = parse_json(line)
+                except InputError as error:
+                    if not self._whole and not line.endswith(b"\n"):
+                        self.cut_off = place
+                        return
+                    raise InputError(
+                        error.problem, place=place, fix="write an object a line"
+                    ) from error
+                yield place, value
+
+
+def row_of(values: Any, place: str) -> Row:
+    """A frame's row from its line. Raises InputError naming `place`."""
+    drawn = []
+    if isinstance(values, dict):
+        drawn = [name for name in ("visible", "visible_nodes") if name in values]
+    if not drawn or "frame" not in values:
+        raise InputError(
+            "a line needs 'frame' and 'visible'",
+            place=place,
+            fix='write {"frame": 0, "visible": [3, "name"]}',
+        )
+    if len(drawn) > 1:
+        raise InputError(
+            "both visible and visible_nodes", place=place, fix="give one of them in a line"
+        )
+    if isinstance(values["frame"], bool) or not isinstance(values["frame"], int):
+        raise InputError(
+            f"frame is {reprlib.repr(values['frame'])}", place=place, fix="give an integer"
+        )
+    nodes = drawn == ["visible_nodes"]
+    return Row(
+        place,
+        values["frame"],
+        _sets(values[drawn[0]], drawn[0], place),
+        _stats(values.get("stats", {}), place),
+        _bounds(values.get("bounds", {}), place),
+        nodes,
+    )
 
 
 def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
-    with open_file(path) as lines:
-        for number in count(1):
-            place = f"line {number}"
-            longest = budget.left // 4
-            line = lines.readline(longest)
-            if not line:
-                return
-            size = json_bytes(np.frombuffer(line, np.uint8))
-            if len(line) == longest:
-                size = budget.left + 1
-            elif not line.strip():
-                continue
-            # Parsed, and an entry's tuple and place in three lists.
-            budget.claim("its lines up to here", size + 160 * line.count(b","), place=place)
-            try:
-                row = parse_json(line)
-            except InputError as error:
-                raise InputError(
-                    error.problem, place=place, fix="write an object a line"
-                ) from error
-            if not isinstance(row, dict) or "frame" not in row or "visible" not in row:
-                raise InputError(
-                    "a line needs 'frame' and 'visible'",
-                    place=place,
-                    fix='write {"frame": 0, "visible": [3, "name"]}',
-                )
-            if isinstance(row["frame"], bool) or not isinstance(row["frame"], int):
-                raise InputError(
-                    f"frame is {reprlib.repr(row['frame'])}", place=place, fix="give an integer"
-                )
-            sets = _sets(row["visible"], place)
-            stats = _stats(row.get("stats", {}), place)
-            yield Row(place, row["frame"], sets, stats, _bounds(row.get("bounds", {}), place))
+    for place, values in JsonLines(path, budget):
+        yield row_of(values, place)
 
 
-def _sets(visible: Any, place: str) -> dict[str, list[int | str]]:
+def _sets(visible: Any, name: str, place: str) -> dict[str, list[Entry]]:
     """One list for all views, or lists by view."""
     by_view = visible if isinstance(visible, dict) else {ALL_VIEWS: visible}
-    sets: dict[str, list[int | str]] = {}
+    nodes = name == "visible_nodes"
+    kinds = {int} if nodes else {int, str}
+    sets: dict[str, list[Entry]] = {}
     for view, entries in by_view.items():
-        if not isinstance(entries, list) or not all(
-            isinstance(entry, (int, str)) and not isinstance(entry, bool) for entry in entries
-        ):
+        if not isinstance(entries, list) or not set(map(type, entries)) <= kinds:
             of_view = "" if by_view is not visible else f" of view {shown_name(view)}"
+            what, fix = ("node indices", "[3, 7]") if nodes else ("ids and names", "[3, 'name']")
             raise InputError(
-                f"visible{of_view} is not a list of ids and names",
-                place=place,
-                fix="write [3, 'name']",
+                f"{name}{of_view} is not a list of {what}", place=place, fix=f"write {fix}"
             )
-        sets[clean_name(view)] = [
-            clean_name(entry) if isinstance(entry, str) else entry for entry in entries
-        ]
+        sets[clean_name(view)] = entries
     return sets
 
 
@@ -160,7 +202,7 @@ def _csv(path: Path, budget: Budget) -> Iterator[Row]:
         columns = reader.fieldnames or []
         column = _object_column(list(columns))
         by_view = "view" in columns
-        frames: dict[int, tuple[str, dict[str, list[int | str]]]] = {}
+        frames: dict[int, tuple[str, dict[str, list[Entry]]]] = {}
         while (row := _csv_row(reader)) is not None:
             place = f"line {reader.line_num}"
             if None in row or None in row.values():
@@ -194,7 +236,7 @@ def _csv_row(reader: csv.DictReader[str]) -> dict[str, str] | None:
 
 def _parquet(path: Path, budget: Budget) -> Iterator[Row]:
     data = map_file(path)
-    frames: dict[int, dict[str, list[int | str]]] = {}
+    frames: dict[int, dict[str, list[Entry]]] = {}
     index = 0
     try:
         with pq.ParquetFile(pa.BufferReader(pa.py_buffer(data))) as file:

@@ -28,12 +28,12 @@ from visref.culler import (
 )
 from visref.errors import InputError
 from visref.memory import Budget
-from visref.recordings.names import Names, shown_name
+from visref.recordings.gathering import Gathering, missing_frames
 from visref.recordings.rows import READERS, Row
 from visref.scene import Float64, Int32, Scene, Units
 
-# So many are listed of what may be many.
-_VIEWS_SHOWN = 6
+# Of every frame that says none: a record per frame would be much.
+_NO_STATS = QueryStats()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,26 @@ class VisibleSets:
     stats: Mapping[int, QueryStats]
     units: Units
     boxes: Mapping[int, Float64] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, gathering: Gathering, frames: Sequence[int], source: str) -> VisibleSets:
+        """What was gathered, of these frames. Raises InputError as `Gathering.finish` does."""
+        sets, stats, units, boxes = gathering.finish(source)
+        return cls(
+            {frame: sets[frame] for frame in frames},
+            {frame: stats.get(frame, _NO_STATS) for frame in frames},
+            units,
+            boxes,
+        )
+
+    def only(self, frames: Sequence[int]) -> VisibleSets:
+        """The same, of these frames alone."""
+        return VisibleSets(
+            {frame: self.sets[frame] for frame in frames},
+            {frame: self.stats[frame] for frame in frames},
+            self.units,
+            self.boxes,
+        )
 
     @property
     def frames(self) -> dict[int, Int32]:
@@ -150,7 +170,9 @@ def read_visible_sets(
             "recorded visible sets are .jsonl, .csv or .parquet", source=source, fix="rename it"
         )
     try:
-        rows = list(reader(Path(file), Budget.of(max_memory)))
+        budget = Budget.of(max_memory)
+        rows = reader(Path(file), budget)
+        return _gather(rows, scene, frames, path, source, budget)
     except InputError as error:
         raise error.at(source=source) from error
     except OSError as error:
@@ -163,13 +185,19 @@ def read_visible_sets(
         ) from error
     except UnicodeDecodeError as error:
         raise InputError("it is not UTF-8 text", source=source, fix="write it anew") from error
-    return _gather(rows, scene, frames, path, source)
 
 
 def _gather(
-    rows: Iterable[Row], scene: Scene, frames: Sequence[int], path: CameraPath, source: str
+    rows: Iterable[Row],
+    scene: Scene,
+    frames: Sequence[int],
+    path: CameraPath,
+    source: str,
+    budget: Budget,
 ) -> VisibleSets:
-    by_frame: dict[int, Row] = {}
+    wanted = set(frames)
+    seen: dict[int, str] = {}
+    gathering = Gathering(scene, budget)
     for row in rows:
         if not path.has(row.frame):
             raise InputError(
@@ -179,113 +207,16 @@ def _gather(
                 place=row.place,
                 fix="record the frames of this path",
             )
-        if row.frame in by_frame:
+        if row.frame in seen:
             raise InputError(
-                f"frame {row.frame} comes twice (first at {by_frame[row.frame].place})",
+                f"frame {row.frame} comes twice (first at {seen[row.frame]})",
                 source=source,
                 place=row.place,
                 fix="keep one",
             )
-        by_frame[row.frame] = row
-    missing = sorted(set(frames) - set(by_frame))
-    if missing:
-        shown = ", ".join(map(str, missing[:5])) + (", …" if len(missing) > 5 else "")
-        raise InputError(
-            f"{len(missing)} of {len(frames)} frames are missing: {shown}",
-            source=source,
-            place="frame",
-            fix='write a line for each frame, "visible": [] where nothing was drawn',
-        )
-    places: dict[str, str] = {}
-    for frame in frames:
-        _check_views(by_frame[frame], [camera.view for camera in path.views(frame)], source)
-        for objects in by_frame[frame].sets.values():
-            for entry in objects:
-                if isinstance(entry, str):
-                    places.setdefault(entry, by_frame[frame].place)
-        for name in by_frame[frame].bounds:
-            places.setdefault(name, by_frame[frame].place)
-    named = Names(scene).resolved(places, source) if places else {}
-
-    def meant(entry: int | str, row: Row) -> tuple[int, ...]:
-        if isinstance(entry, str):
-            return named[entry]
-        return (_object_id(entry, scene, source, row.place),)
-
-    drawn = {
-        frame: {
-            view: [meant(entry, by_frame[frame]) for entry in objects]
-            for view, objects in by_frame[frame].sets.items()
-        }
-        for frame in frames
-    }
-    every = {one for sets in drawn.values() for objects in sets.values() for one in objects}
-    every |= {named[name] for frame in frames for name in by_frame[frame].bounds}
-    units, unit_of = _units(scene, every)
-    boxes = {}
-    for frame in frames:
-        if by_frame[frame].bounds:
-            boxes[frame] = np.tile(np.array([[np.inf], [-np.inf]]), (units.count, 1, 3))
-            for name, box in by_frame[frame].bounds.items():
-                boxes[frame][unit_of[named[name]]] = box
-    sets = {
-        frame: {
-            view: np.unique(np.array([unit_of[one] for one in objects], np.int32))
-            for view, objects in of_frame.items()
-        }
-        for frame, of_frame in drawn.items()
-    }
-    return VisibleSets(sets, {frame: by_frame[frame].stats for frame in frames}, units, boxes)
-
-
-def _check_views(row: Row, views: list[str], source: str) -> None:
-    """Raise InputError unless a frame has one set for all its views, or one for each."""
-    if list(row.sets) == [ALL_VIEWS]:
-        return
-    known = ", ".join(map(shown_name, views[:_VIEWS_SHOWN]))
-    fix = f"write a list for all views, or one for each of {known}"
-    if views == [ALL_VIEWS]:
-        fix = "the frame has one view without a name: write a list"
-    unknown = [view for view in row.sets if view not in views]
-    if unknown:
-        problem = f"the frame has no view {shown_name(unknown[0])}"
-        if unknown[0] == ALL_VIEWS:
-            problem = "it has a set for all views and others by view"
-    elif missing := [view for view in views if view not in row.sets]:
-        problem = f"view {shown_name(missing[0])} is missing"
-    else:
-        return
-    raise InputError(f"frame {row.frame}: {problem}", source=source, place=row.place, fix=fix)
-
-
-def _units(
-    scene: Scene, named: set[tuple[int, ...]]
-) -> tuple[Units, Mapping[tuple[int, ...], int]]:
-    """The units of a recording, and the unit of each object or group that it names."""
-    groups = sorted(objects for objects in named if len(objects) != 1)
-    if not groups:
-        return scene.object_units(), {(i,): i for i in range(scene.object_count)}
-    grouped = {i for objects in groups for i in objects}
-    single = [i for i in range(scene.object_count) if i not in grouped or (i,) in named]
-    every = [*((i,) for i in single), *groups]
-    offsets, triangles = [0], [np.zeros(0, np.int32)]
-    for objects in every:
-        for i in objects:
-            low, high = scene.object_offsets[i : i + 2]
-            triangles.append(np.arange(low, high, dtype=np.int32))
-        offsets.append(
-            offsets[-1] + sum(int(np.diff(scene.object_offsets[i : i + 2])[0]) for i in objects)
-        )
-    units = Units(np.array(offsets, np.int64), np.concatenate(triangles), "object or group")
-    return units, {objects: unit for unit, objects in enumerate(every)}
-
-
-def _object_id(entry: int, scene: Scene, source: str, place: str) -> int:
-    if not 0 <= entry < scene.object_count:
-        raise InputError(
-            f"object id {reprlib.repr(entry)} is not in the scene (0…{scene.object_count - 1})",
-            source=source,
-            place=place,
-            fix="ids are dense, in the scene graph's depth-first order",
-        )
-    return entry
+        seen[row.frame] = row.place
+        if row.frame in wanted:
+            gathering.add(row, [camera.view for camera in path.views(row.frame)])
+    if missing := sorted(wanted - set(seen)):
+        raise missing_frames(missing, len(wanted), source)
+    return VisibleSets.of(gathering, frames, source)

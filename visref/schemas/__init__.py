@@ -5,6 +5,7 @@ verdict, manifest   of a run folder, version 2
 witness             a line of a file in its `witnesses/`
 path                a camera path, version 1
 visible_sets        a line of recorded visible sets, version 1
+recording           a line of a recording, header or frame, version 1
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import json
 from importlib.resources import files
 from typing import Any
 
-NAMES = ("manifest", "path", "verdict", "visible_sets", "witness")
+NAMES = ("manifest", "path", "recording", "verdict", "visible_sets", "witness")
 
 
 def schema(name: str) -> dict[str, Any]:

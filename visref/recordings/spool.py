@@ -1,0 +1,65 @@
+"""What a recording says of its frames, kept aside: in memory while it is little, else in a file of
+its own that goes with the process. So a recording of any length takes a few bytes per frame."""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+
+import numpy as np
+
+from visref.scene import Float64, Int32
+
+# Beyond this a temporary file holds it all.
+_IN_MEMORY = 64 << 20
+_LIST, _BITS = 0, 1
+
+
+class Spool:
+    """Sets of numbers and boxes, put away and got back by where they were put."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY)  # noqa: SIM115
+        # Whoever replays may come back to any frame.
+        weakref.finalize(self, self._file.close)
+        self._end = 0
+
+    def put_set(self, numbers: Int32) -> tuple[int, int]:
+        """Keep a set, (k,) int32 ascending; returns where. A large one takes a bit per number."""
+        if len(numbers) and 4 * len(numbers) > int(numbers[-1]) // 8 + 1:
+            flags = np.zeros(int(numbers[-1]) + 1, np.bool_)
+            flags[numbers] = True
+            return self._put(bytes([_BITS]) + np.packbits(flags).tobytes())
+        return self._put(bytes([_LIST]) + numbers.astype("<i4").tobytes())
+
+    def get_set(self, at: tuple[int, int]) -> Int32:
+        """The set that was put there, (k,) int32 ascending."""
+        data = self._get(at)
+        if data[0] == _BITS:
+            flags = np.unpackbits(np.frombuffer(data, np.uint8, offset=1))
+            return np.flatnonzero(flags).astype(np.int32)
+        return np.frombuffer(data, "<i4", offset=1).astype(np.int32)
+
+    def put_boxes(self, numbers: Int32, boxes: Float64) -> tuple[int, int]:
+        """Keep boxes, (k, 2, 3) float64, and whose they are, (k,) int32; returns where."""
+        return self._put(numbers.astype("<i4").tobytes() + boxes.astype("<f8").tobytes())
+
+    def get_boxes(self, at: tuple[int, int]) -> tuple[Int32, Float64]:
+        """The boxes that were put there, and whose they are."""
+        data = self._get(at)
+        count = len(data) // (4 + 48)
+        numbers = np.frombuffer(data, "<i4", count).astype(np.int32)
+        boxes = np.frombuffer(data, "<f8", 6 * count, 4 * count).astype(np.float64)
+        return numbers, boxes.reshape(count, 2, 3)
+
+    def _put(self, data: bytes) -> tuple[int, int]:
+        at = self._end
+        self._file.seek(at)
+        self._file.write(data)
+        self._end += len(data)
+        return at, len(data)
+
+    def _get(self, at: tuple[int, int]) -> bytes:
+        place, length = at
+        self._file.seek(place)
+        return self._file.read(length)
