@@ -287,3 +287,67 @@ def test_frames_of_a_path_with_gaps_go_by_their_numbers():
         assert not path.has(number)
         with pytest.raises(KeyError):
             path.frame(number)
+
+
+CLIP = replace(eye(""), far=50.0).clip_from_world().tolist()
+OTHERWISE = {
+    "flat": {"world_from_camera": {"column_major": np.eye(4).reshape(-1).tolist()}},
+    "inverse": {"camera_from_world": POSE},
+    "clip matrix": {"clip_from_world": CLIP, "clip_depth": "-1..1"},
+    "eye and target": {"eye": [0, 0, 3], "target": [0, 0, -5]},
+    "quaternion": {"position": [0, 0, 3], "rotation": [0, 0, 0, 1]},
+}
+
+
+@pytest.mark.parametrize("form", OTHERWISE)
+@pytest.mark.parametrize("where", ["top", "frame", "view"])
+def test_a_camera_in_any_form_may_stand_at_the_top_in_a_frame_or_in_a_view(form, where):
+    given = OTHERWISE[form]
+    if where == "top":
+        value = path_json(frames=[{}], **given)
+        if "clip_from_world" in given:
+            # The lens is the matrix's, and stands beside it nowhere.
+            value = {k: v for k, v in value.items() if k not in ("yfov", "near", "far")}
+    elif where == "frame":
+        value = of_frame(given)
+    else:
+        value = of_frame({"views": {"": given}, "world_from_camera": POSE})
+    jsonschema.validate(value, schema("path"))
+    path = CameraPath.from_json(value)
+    assert not path.remarks
+    (camera,) = path.frames[0].cameras
+    place = 0.0 if form in ("flat", "inverse") else 3.0
+    # The clip matrix's eye is solved for: numbers of up to 3, rounded a few times.
+    assert np.abs(camera.eye - (0.0, 0.0, place)).max() <= 32 * 2.0**-53 * 3.0
+    assert camera.yfov == pytest.approx(1.0, rel=32 * 2.0**-53)
+
+
+def test_a_clip_matrix_in_a_frame_overrides_the_lens_at_the_top():
+    given = {"clip_from_world": CLIP, "clip_depth": "-1..1", "near": 0.5}
+    (camera,) = read(given, shift_x_px=2.0, yfov=0.5).cameras
+    assert camera.shift_x_px == 0.0
+    assert camera.yfov == pytest.approx(1.0, rel=32 * 2.0**-53)
+    assert camera.near == 0.5
+    with pytest.raises(InputError, match=r"frames\[0\]\.yfov: yfov is given, and clip_from_world"):
+        read({**given, "yfov": 0.5})
+
+
+def test_a_pose_printed_with_few_digits_is_taken_with_one_remark_for_all_frames():
+    rounded = np.round(look_at((3.0, 1.0, 2.0), (0.0, 0.0, 0.0)), 6)
+    rounded[0, 0] += 1e-6
+    frames = [{"world_from_camera": rounded.tolist()}] * 3 + [{"world_from_camera": POSE}]
+    path = CameraPath.from_json(path_json(frames=frames), source="a.json")
+    ((code, text),) = path.remarks
+    assert code == Code.CAMERA_MADE_RIGID
+    assert text == (
+        "a.json: world_from_camera was made orthonormal: it was off by up to 1e-05 "
+        "(3 times, first at frames[0])"
+    )
+    linear = path.frames[0].cameras[0].world_from_camera[:3, :3]
+    assert np.abs(linear.T @ linear - np.eye(3)).max() <= 16 * 2.0**-53
+
+
+def test_an_object_s_place_may_be_flat_too():
+    flat = {"column_major": np.arange(16.0).tolist()}
+    frame_made = read({"world_from_camera": POSE, "world_from_object": {"lift": flat}})
+    assert frame_made.world_from_object["lift"].tolist() == np.arange(16.0).reshape(4, 4).T.tolist()

@@ -217,6 +217,14 @@ class Code(StrEnum):
         "A path or a recording has a field that is not known",
         "It may be a later version's, or misspelt: it was passed over, and the rest was read.",
     )
+    CAMERA_MADE_RIGID = Rule(
+        "CAMERA_MADE_RIGID",
+        Severity.INFO,
+        "A camera's matrix was not quite rigid, and was made so",
+        "Printing with few digits leaves a rotation's axes not quite at right angles and of unit "
+        "length. Up to 1e-4 the nearest rotation stands in, once, in float64; the samples are "
+        "those of that camera. Print 9 digits of float32 and 17 of float64 to have your own.",
+    )
     RECORDING_CUT_OFF = Rule(
         "RECORDING_CUT_OFF",
         Severity.WARNING,

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from visref.camera import Camera
+from visref.camera_forms import CAMERA_FIELDS, matrix, over, read_camera
+from visref.camera_forms import number as _float
 from visref.errors import InputError
 from visref.findings import Code
 from visref.scene import Float64, clean_name
@@ -27,11 +27,11 @@ SHARED_FIELDS = (
     "shift_y_px",
     "clip_plane",
 )
-_VIEW_FIELDS = (*SHARED_FIELDS, "world_from_camera")
+_VIEW_FIELDS = (*SHARED_FIELDS, *CAMERA_FIELDS)
 _POSE_FIELDS = ("time_s", "animation", "world_from_object", "absent", "levels")
 _FRAME_FIELDS = (*_VIEW_FIELDS, *_POSE_FIELDS, "cut", "views")
 # What a path or a recording says at its top besides what all its frames share.
-TOP_FIELDS = ("format", "version", "fps", "animation", *SHARED_FIELDS)
+TOP_FIELDS = ("format", "version", "fps", "animation", *_VIEW_FIELDS)
 
 Remark = tuple[Code, str]
 
@@ -166,7 +166,7 @@ def frame_of(
     `beside`: the fields that may stand there for others to read. What is passed over or set right
     goes to `remarks`, at `place`. Raises InputError naming the place in the frame.
     """
-    pass_over(own, (*_FRAME_FIELDS, *beside), remarks, place)
+    passover(own, (*_FRAME_FIELDS, *beside), remarks, place)
     cut = own.get("cut", False)
     if not isinstance(cut, bool):
         raise InputError("cut is not true or false", place="cut", fix="write true or false")
@@ -182,7 +182,7 @@ def frame_of(
         time_s,
         clip,
         {
-            clean_name(name): _matrix(value, f"world_from_object.{name}")
+            clean_name(name): matrix(value, f"world_from_object.{name}")
             for name, value in mapping(
                 own.get("world_from_object", {}), "world_from_object"
             ).items()
@@ -196,38 +196,30 @@ def shared_of(
     top: Mapping[str, Any], remarks: Remarks, beside: tuple[str, ...]
 ) -> tuple[dict[str, Any], float | None]:
     """What all frames share, from the top of a path or a recording, and its frames per second."""
-    pass_over(top, (*TOP_FIELDS, *beside), remarks, "the top")
+    passover(top, (*TOP_FIELDS, *beside), remarks, "the top")
     fps = number(top, "fps") if top.get("fps") is not None else None
     if fps is not None and not 0.0 < fps < math.inf:
         raise InputError(f"fps is {fps}", place="fps", fix="give frames a second above 0")
-    return {name: top[name] for name in (*SHARED_FIELDS, "animation") if name in top}, fps
+    return {name: top[name] for name in (*_VIEW_FIELDS, "animation") if name in top}, fps
 
 
 def _views(
     own: Mapping[str, Any], shared: Mapping[str, Any], cut: bool, remarks: Remarks, place: str
 ) -> tuple[Camera, ...]:
-    merged = _over(shared, own)
+    merged = over(shared, own)
     if "views" not in own:
-        return (_camera(merged, "", cut),)
+        return (_camera(merged, "", cut, remarks, place),)
     cameras = []
     for name, values in mapping(own["views"], "views").items():
         inside = f"views.{name}"
         try:
             view = mapping(values, "")
-            pass_over(view, _VIEW_FIELDS, remarks, f"{place}.{inside}")
-            cameras.append(_camera(_over(merged, view), clean_name(name), cut))
+            passover(view, _VIEW_FIELDS, remarks, f"{place}.{inside}")
+            at = f"{place}.{inside}"
+            cameras.append(_camera(over(merged, view), clean_name(name), cut, remarks, at))
         except InputError as error:
             raise error.at(place=inside) from error
     return tuple(cameras)
-
-
-def _over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields over those that they override; one kind of projection overrides the other."""
-    merged = {**under, **own}
-    for name, other in (("ymag", "yfov"), ("yfov", "ymag")):
-        if name in own and other not in own:
-            merged.pop(other, None)
-    return merged
 
 
 def _names(value: Any) -> tuple[str, ...]:
@@ -246,29 +238,46 @@ def _levels(value: Any) -> dict[str, int]:
     return {clean_name(name): level for name, level in levels.items()}
 
 
-def _camera(values: Mapping[str, Any], view: str, cut: bool) -> Camera:
-    if "world_from_camera" not in values:
-        raise InputError("world_from_camera is missing", fix="give a 4 by 4 matrix")
-    for name in ("width", "height", "near"):
+def _camera(
+    values: Mapping[str, Any], view: str, cut: bool, remarks: Remarks, place: str
+) -> Camera:
+    for name in ("width", "height"):
         if name not in values:
             raise InputError(f"{name} is missing", fix="give it at the top or in the frame")
-    far, plane = values.get("far"), values.get("clip_plane")
+    plane = values.get("clip_plane")
     if plane is not None and not isinstance(plane, list):
         raise InputError("clip_plane is no list", place="clip_plane", fix="write [a, b, c, d]")
+    width, height = _integer(values, "width"), _integer(values, "height")
+    given = read_camera(values, width, height)
+    if given.off:
+        # A power of ten, so that the frames of a path are not a remark each.
+        size = 10.0 ** math.ceil(math.log10(given.off))
+        text = f"{given.made}: it was off by up to {size:.0e}"
+        remarks.add(Code.CAMERA_MADE_RIGID, text, place)
     return Camera(
-        world_from_camera=_matrix(values["world_from_camera"], "world_from_camera"),
-        width=_integer(values, "width"),
-        height=_integer(values, "height"),
-        near=number(values, "near"),
-        far=math.inf if far is None else number(values, "far"),
-        yfov=number(values, "yfov") if values.get("yfov") is not None else None,
-        ymag=number(values, "ymag") if values.get("ymag") is not None else None,
-        shift_x_px=number(values, "shift_x_px") if "shift_x_px" in values else 0.0,
-        shift_y_px=number(values, "shift_y_px") if "shift_y_px" in values else 0.0,
+        world_from_camera=given.world_from_camera,
+        width=width,
+        height=height,
+        **(given.lens or _lens(values)),
         cut=cut,
         view=view,
         clip_plane=None if plane is None else tuple(_float(value, "clip_plane") for value in plane),  # type: ignore[arg-type]
     )
+
+
+def _lens(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a camera's lens and its range, where the pose's form does not say them."""
+    if "near" not in values:
+        raise InputError("near is missing", fix="give it at the top or in the frame")
+    far = values.get("far")
+    return {
+        "near": number(values, "near"),
+        "far": math.inf if far is None else number(values, "far"),
+        "yfov": number(values, "yfov") if values.get("yfov") is not None else None,
+        "ymag": number(values, "ymag") if values.get("ymag") is not None else None,
+        "shift_x_px": number(values, "shift_x_px") if "shift_x_px" in values else 0.0,
+        "shift_y_px": number(values, "shift_y_px") if "shift_y_px" in values else 0.0,
+    }
 
 
 def mapping(value: Any, place: str) -> Mapping[str, Any]:
@@ -277,7 +286,7 @@ def mapping(value: Any, place: str) -> Mapping[str, Any]:
     return value
 
 
-def pass_over(
+def passover(
     values: Mapping[str, Any], known: tuple[str, ...], remarks: Remarks, place: str
 ) -> None:
     """Remark on every field that is not known: it may be a later version's, or misspelt."""
@@ -292,31 +301,8 @@ def number(values: Mapping[str, Any], name: str) -> float:
     return _float(values[name], name)
 
 
-def _float(value: Any, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{reprlib.repr(value)} is not a number", place=place, fix="give a number")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise InputError(
-            "the number is too large", place=place, fix="give a float64 number"
-        ) from error
-
-
 def _integer(values: Mapping[str, Any], name: str) -> int:
     value = values[name]
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, fix="give pixels")
     return value
-
-
-def _matrix(value: Any, place: str) -> Float64:
-    rows_ok = isinstance(value, list) and len(value) == 4
-    if not rows_ok or not all(isinstance(row, list) and len(row) == 4 for row in value):
-        raise InputError("not a 4 by 4 matrix", place=place, fix="give four rows of four")
-    return np.array(
-        [
-            [_float(entry, f"{place}[{i}][{j}]") for j, entry in enumerate(row)]
-            for i, row in enumerate(value)
-        ]
-    )
