@@ -16,6 +16,10 @@ import pytest
 
 from visref.schemas import schema
 
+# Each worker of a parallel run has a core: Mesa's own threads would only wait for it.
+if os.environ.get("PYTEST_XDIST_WORKER"):
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+
 Report = pytest.TestReport | pytest.CollectReport
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import importlib
 import sys
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +31,16 @@ DEFAULT_ENGINE = "embree"
 
 def available(group: str) -> dict[str, EntryPoint]:
     """Installed entry points of a group, by name, sorted."""
-    return {point.name: point for point in sorted(entry_points(group=group), key=lambda p: p.name)}
+    return dict(_found(group, entry_points, tuple(sys.path)))
+
+
+# Every package's metadata is a file: 8 ms, several times for each culler that is made. What is on
+# the path may change, and who finds (in tests).
+@cache
+def _found(
+    group: str, find: Callable[..., EntryPoints], path: tuple[str, ...]
+) -> dict[str, EntryPoint]:
+    return {point.name: point for point in sorted(find(group=group), key=lambda p: p.name)}
 
 
 def load_entry(group: str, name: str, *, kind: str) -> object:

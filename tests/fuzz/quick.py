@@ -15,15 +15,13 @@ from functools import cache
 from typing import Any, BinaryIO
 from unittest import mock
 
-from visref.formats import in_a_child, loading
+from visref.formats import in_a_child
 
 # What those readers import; a fork has it already.
 _THEIRS = (
     "collada", "lxml.etree", "networkx", "trimesh", "visref.formats.collada",
     "visref.formats.through_trimesh",
 )  # fmt: skip
-
-_entry_points = cache(loading.entry_points)
 
 
 class Forked:
@@ -65,9 +63,7 @@ def _import_theirs() -> None:
 def quick() -> Iterator[None]:
     """In it, visref reads as it does elsewhere, sooner."""
     _import_theirs()
-    with (
-        mock.patch.object(loading, "entry_points", _entry_points),
-        mock.patch.object(in_a_child, "subprocess", mock.Mock(wraps=in_a_child.subprocess)) as own,
-    ):
+    spied = mock.Mock(wraps=in_a_child.subprocess)
+    with mock.patch.object(in_a_child, "subprocess", spied) as own:
         own.Popen = Forked
         yield

@@ -7,7 +7,10 @@ extension nobody has registered goes through trimesh. Readers are imported when 
 from __future__ import annotations
 
 import inspect
-from importlib.metadata import entry_points
+import sys
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
@@ -151,9 +154,15 @@ def known_extensions() -> list[str]:
     """The extensions that can be read, sorted: those registered, and what trimesh reads."""
     from visref.formats.through_trimesh import extensions
 
-    registered = {point.name for point in entry_points(group=FORMATS)}
+    registered = {point.name for point in _registered(entry_points, tuple(sys.path))}
     archives = {ending[1:] for ending in _ARCHIVES}
     return sorted(registered | {name for name in extensions() if name not in archives})
+
+
+# Every package's metadata is a file: too many to read for each scene.
+@cache
+def _registered(find: Callable[..., EntryPoints], path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    return tuple(find(group=FORMATS))
 
 
 _FAILURES = (InputError, RecursionError, MemoryError)
@@ -180,7 +189,10 @@ def _read(reader: Reader, file: Path, budget: Budget) -> Placed:
 
 def _reader(suffix: str) -> Reader:
     """The reader of files ending in `suffix`, which has its dot."""
-    points = {point.value: point for point in entry_points(group=FORMATS, name=suffix[1:])}
+    named = [
+        point for point in _registered(entry_points, tuple(sys.path)) if point.name == suffix[1:]
+    ]
+    points = {point.value: point for point in named}
     if len(points) > 1:
         raise InputError(
             f"'{suffix}' files have several readers: {', '.join(sorted(points))}",
