@@ -17,8 +17,10 @@ from PIL import Image
 from tests.fuzz import rewrite, spoil
 from tests.fuzz.limits import MEMORY, Folders
 from tests.fuzz.target import Target
+from tests.support import meshopt_encoder
 from tests.support.gltf_everything import everything
 from tests.support.gltf_files import SQUARE, TWO, Gltf, one_triangle
+from tests.support.meshopt_encoder import compressed_accessor
 from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.formats import load_scene
@@ -102,7 +104,41 @@ def glbs() -> dict[str, bytes]:
         "everything": everything().glb(),
         "textured": textured().glb(),
         "triangle": one_triangle().glb(),
+        "packed": packed().glb(),
     }
+
+
+def packed() -> Gltf:
+    """A square, turned and repeated, all its buffer views compressed with meshopt."""
+    gltf = Gltf()
+    rows = SQUARE.view("u1").reshape(4, 12)
+    data = meshopt_encoder.attributes(rows, version=1, modes=(0, 1, 0x12), controls=(0, 1, 2, 3))
+    position = compressed_accessor(gltf, SQUARE, data, "ATTRIBUTES")
+    data = meshopt_encoder.triangles(TWO.tolist())
+    triangles = compressed_accessor(gltf, TWO, data, "TRIANGLES")
+    data = meshopt_encoder.indices([0, 1, 2])
+    fan = compressed_accessor(gltf, TWO[:3], data, "INDICES")
+    turns = np.array([[0, 0, 0, 2047], [2047, 0, 0, 2044]], "<i2")
+    data = meshopt_encoder.attributes(turns.view("u1").reshape(2, 8))
+    turn = compressed_accessor(gltf, turns, data, "ATTRIBUTES", filter="QUATERNION")
+    gltf.json["accessors"][turn]["normalized"] = True
+    places = np.array([[(-1 << 24) + 3] * 3, [0] * 3], "<i4")
+    data = meshopt_encoder.attributes(places.view("u1").reshape(2, 12))
+    place = compressed_accessor(gltf, places.view("f4"), data, "ATTRIBUTES", filter="EXPONENTIAL")
+    attributes = {"attributes": {"POSITION": position}}
+    mesh = gltf.mesh(
+        {**attributes, "indices": triangles}, {**attributes, "indices": fan, "mode": 6}
+    )
+    instances = {"attributes": {"ROTATION": turn, "TRANSLATION": place}}
+    gltf.node(mesh=mesh, name="m", extensions={"EXT_mesh_gpu_instancing": instances})
+    return gltf
+
+
+def packed_beside() -> bytes:
+    """`packed`, its compressed bytes in a file of their own."""
+    gltf = packed()
+    gltf.json["buffers"][0]["uri"] = "scene.bin"
+    return spoil.json_bytes(gltf.json)
 
 
 def leaf() -> bytes:
@@ -319,6 +355,8 @@ TARGETS = (
            companions={"scene.mtl": MTL, "leaf.png": _png()}),
     Target("gltf-bin", "scene.bin", _plain(BIN), spoil.any_bytes, **_beside("scene.gltf"),
            companions={"scene.gltf": gltfs()["triangle"]}, cases=100),
+    Target("meshopt", "scene.bin", _plain(packed().blob), spoil.any_bytes, **_beside("scene.gltf"),
+           companions={"scene.gltf": packed_beside()}, cases=300),
     Target("obj-mtl", "scene.mtl", _plain(MTL), _text, **_beside("scene.obj"),
            rewrite=rewrite.lines(b"#"), companions={"scene.obj": OBJ, "leaf.png": _png()}),
     Target("texture", "leaf.png", _plain(_png()), spoil.any_bytes, **_beside("scene.gltf"),
