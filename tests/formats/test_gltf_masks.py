@@ -170,7 +170,8 @@ def test_a_compressed_texture_without_a_substitute_leaves_the_mask_open_and_says
     gltf = leaf(texture={"extensions": {"KHR_texture_basisu": {"source": 1}}})
     add_image(gltf, b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(80), "image/ktx2")
     gltf.json["extensionsRequired"] = ["KHR_texture_basisu"]
-    gltf.node(mesh=0)
+    gltf.node(mesh=0, name="leaf")
+    gltf.node(mesh=0, name="leaf")
     scene, masks = loaded(gltf, tmp_path)
     assert scene.alpha.tolist() == [Alpha.MASK] * 4
     assert only_material(masks)["unknown"]
