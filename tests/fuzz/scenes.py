@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -254,6 +255,63 @@ DAE = b"""<?xml version="1.0" encoding="utf-8"?>
   </node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>
 """
+USD = b"""#usda 1.0
+(
+    metersPerUnit = 0.5
+    upAxis = "Z"
+    timeCodesPerSecond = 24
+)
+def Xform "a" {
+    double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 24: (1, 2, 3) }
+    float3 xformOp:rotateXYZ = (10, 20, 30)
+    token visibility.timeSamples = { 0: "inherited", 12: "invisible" }
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+    def Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+        uniform token subdivisionScheme = "none"
+        uniform token orientation = "leftHanded"
+        uniform bool doubleSided = 1
+        int[] faceVertexCounts = [4, 3]
+        int[] faceVertexIndices = [0, 1, 2, 3, 0, 1, 2]
+        int[] holeIndices = [1]
+        point3f[] points.timeSamples = {
+            0: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+            24: [(0, 0, 1), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+        }
+        rel material:binding = </look>
+    }
+}
+def PointInstancer "p" {
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (5, 0, 0)]
+    quath[] orientations = [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5)]
+    float3[] scales = [(1, 1, 1), (2, 2, 2)]
+    int64[] invisibleIds = [1]
+    rel prototypes = </p/kept>
+    over "kept" (references = @beside.usda@) {
+        def Cube "cube" {
+            double size = 2
+            uniform token purpose = "render"
+        }
+    }
+}
+def Material "look" {
+    token outputs:surface.connect = </look/s.outputs:surface>
+    def Shader "s" {
+        uniform token info:id = "UsdPreviewSurface"
+        float inputs:opacity = 0.5
+        token outputs:surface
+    }
+}
+"""
+BESIDE = b"""#usda 1.0
+(
+    defaultPrim = "b"
+)
+def Xform "b" {
+    float xformOp:rotateY = 45
+    uniform token[] xformOpOrder = ["xformOp:rotateY"]
+}
+"""
 MODEL = b"""<?xml version="1.0" encoding="utf-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources><object id="1" name="part" type="model"><mesh><vertices>
@@ -368,6 +426,9 @@ TARGETS = (
     _scene("dae", "scene.dae", _plain(DAE), spoil.xml, rewrite=rewrite.xml, cases=40),
     _scene("zae", "scene.zae", lambda: {"seed": spoil.zipped_up([("scene.dae", DAE)])},
            spoil.archive(spoil.xml, ".dae"), cases=25),
+    _scene("usda", "scene.usda", _plain(USD), _text, rewrite=rewrite.lines(b"#", first=1),
+           companions={"beside.usda": BESIDE}, cases=30),
+    _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),
     _scene("3mf", "scene.3mf", lambda: {"seed": three_mf()}, spoil.archive(spoil.xml, ".model"),
            rewrite=rewrite.archive(rewrite.xml, ".model"), cases=30),
     _scene("stl", "scene.stl", stls, spoil.any_bytes, rewrite=rewrite.stl),
@@ -376,6 +437,19 @@ TARGETS = (
     _scene("xyz", "scene.xyz", _plain(XYZ), _text, cases=40),
     _scene("dxf", "scene.dxf", _plain(DXF), _text, cases=40),
 )  # fmt: skip
+
+
+@cache
+def usdc() -> bytes:
+    """`USD` in its binary form, as the library writes it."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(USD.decode())
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.usdc"
+        layer.Export(str(file))
+        return file.read_bytes()
 
 
 def three_mf() -> bytes:
