@@ -312,6 +312,45 @@ def Xform "b" {
     uniform token[] xformOpOrder = ["xformOp:rotateY"]
 }
 """
+IFC = b"""ISO-10303-21;
+HEADER;
+FILE_DESCRIPTION((''),'2;1');
+FILE_NAME('','',(''),(''),'','','');
+FILE_SCHEMA(('IFC4'));
+ENDSEC;
+DATA;
+#1=IFCPROJECT('0YvctVUKr0kugbFTf53O9P',$,'project',$,$,$,$,(#2),#6);
+#2=IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#3,$);
+#3=IFCAXIS2PLACEMENT3D(#4,$,$);
+#4=IFCCARTESIANPOINT((0.,0.,0.));
+#5=IFCDIRECTION((0.,0.,1.));
+#6=IFCUNITASSIGNMENT((#7));
+#7=IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.);
+#8=IFCLOCALPLACEMENT($,#3);
+#9=IFCSITE('0YvctVUKr0kugbFTf53O9S',$,'site',$,$,#8,$,$,$,$,$,$,$,$);
+#10=IFCRELAGGREGATES('0YvctVUKr0kugbFTf53O90',$,$,$,#1,(#9));
+#11=IFCRECTANGLEPROFILEDEF(.AREA.,$,$,2000.,200.);
+#12=IFCEXTRUDEDAREASOLID(#11,#3,#5,3000.);
+#13=IFCSHAPEREPRESENTATION(#2,'Body','SweptSolid',(#12));
+#14=IFCPRODUCTDEFINITIONSHAPE($,$,(#13));
+#15=IFCWALL('0YvctVUKr0kugbFTf53O9W',$,'wall',$,$,#8,#14,$,$);
+#16=IFCRECTANGLEPROFILEDEF(.AREA.,$,$,500.,400.);
+#17=IFCEXTRUDEDAREASOLID(#16,#3,#5,1000.);
+#18=IFCSHAPEREPRESENTATION(#2,'Body','SweptSolid',(#17));
+#19=IFCPRODUCTDEFINITIONSHAPE($,$,(#18));
+#20=IFCOPENINGELEMENT('0YvctVUKr0kugbFTf53O9O',$,'opening',$,$,#8,#19,$,$);
+#21=IFCRELVOIDSELEMENT('0YvctVUKr0kugbFTf53O91',$,$,$,#15,#20);
+#22=IFCREPRESENTATIONMAP(#3,#18);
+#23=IFCCARTESIANTRANSFORMATIONOPERATOR3D($,$,#4,$,$);
+#24=IFCMAPPEDITEM(#22,#23);
+#25=IFCSHAPEREPRESENTATION(#2,'Body','MappedRepresentation',(#24));
+#26=IFCPRODUCTDEFINITIONSHAPE($,$,(#25));
+#27=IFCFURNISHINGELEMENT('0YvctVUKr0kugbFTf53O9C',$,'chair',$,$,#8,#26,$);
+#28=IFCSPACE('0YvctVUKr0kugbFTf53O9R',$,'space',$,$,#8,#19,$,$,$,$);
+#29=IFCRELCONTAINEDINSPATIALSTRUCTURE('0YvctVUKr0kugbFTf53O92',$,$,$,(#15,#27,#28),#9);
+ENDSEC;
+END-ISO-10303-21;
+"""
 MODEL = b"""<?xml version="1.0" encoding="utf-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources><object id="1" name="part" type="model"><mesh><vertices>
@@ -426,6 +465,7 @@ TARGETS = (
     _scene("dae", "scene.dae", _plain(DAE), spoil.xml, rewrite=rewrite.xml, cases=40),
     _scene("zae", "scene.zae", lambda: {"seed": spoil.zipped_up([("scene.dae", DAE)])},
            spoil.archive(spoil.xml, ".dae"), cases=25),
+    _scene("ifc", "scene.ifc", _plain(IFC), _text, rewrite=_words, cases=30),
     _scene("usda", "scene.usda", _plain(USD), _text, rewrite=rewrite.lines(b"#", first=1),
            companions={"beside.usda": BESIDE}, cases=30),
     _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),

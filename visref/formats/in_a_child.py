@@ -62,14 +62,17 @@ _REFUSED = (
 _ARRAYS = {"positions": ("<f4", "<f8"), "triangles": ("<i8",), "one_sided": ("|u1",)}
 
 
-def read_in_a_child(reader: str, path: Path, budget: Budget) -> Placed:
+def read_in_a_child(
+    reader: str, path: Path, budget: Budget, *, seconds_a_mb: float = _SECONDS_A_MB
+) -> Placed:
     """What `reader` (`module:function` of a path and a `Budget`) makes of a file, in a process of
     its own, which may take half of what is left of the budget: for the answer is held twice.
+    `seconds_a_mb`: of processor time, for a megabyte of the file.
 
     Raises InputError where the reader does, and where the process fails or reaches a limit.
     """
     megabytes = path.stat().st_size / 1e6
-    seconds = int(_SECONDS + _SECONDS_A_MB * megabytes)
+    seconds = int(_SECONDS + seconds_a_mb * megabytes)
     memory = budget.left // 2
     asked = json.dumps(
         [sys.path, reader, os.fsdecode(path.absolute()), memory, seconds, budget.left, budget.given]
