@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import tempfile
+import zipfile
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -468,6 +469,7 @@ TARGETS = (
     _scene("ifc", "scene.ifc", _plain(IFC), _text, rewrite=_words, cases=30),
     _scene("usda", "scene.usda", _plain(USD), _text, rewrite=rewrite.lines(b"#", first=1),
            companions={"beside.usda": BESIDE}, cases=30),
+    _scene("usdz", "scene.usdz", lambda: {"seed": usdz()}, spoil.any_bytes, cases=20),
     _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),
     _scene("3mf", "scene.3mf", lambda: {"seed": three_mf()}, spoil.archive(spoil.xml, ".model"),
            rewrite=rewrite.archive(rewrite.xml, ".model"), cases=30),
@@ -490,6 +492,17 @@ def usdc() -> bytes:
         file = Path(folder) / "scene.usdc"
         layer.Export(str(file))
         return file.read_bytes()
+
+
+def usdz() -> bytes:
+    """The same as a package: stored, its file at a multiple of 64 bytes."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
+        entry = zipfile.ZipInfo("scene.usdc")
+        padding = -(30 + len("scene.usdc") + 4) % 64
+        entry.extra = b"\x86\x19" + padding.to_bytes(2, "little") + bytes(padding)
+        archive.writestr(entry, usdc())
+    return out.getvalue()
 
 
 def three_mf() -> bytes:
