@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -287,6 +289,29 @@ def test_the_child_hands_over_the_same_scene(tmp_path, monkeypatch, child):
     assert there.digest == here.digest
     assert there.groups == here.groups
     assert there.notes == here.notes
+
+
+HOUSE = Path("/usr/share/assimp/models/IFC/AC14-FZK-Haus.ifc")
+
+
+@pytest.mark.slow
+def test_a_house_that_an_architect_s_program_wrote_is_read_whole(child):
+    scene = load_scene(HOUSE)
+    text = HOUSE.read_text(encoding="latin-1")
+    walls = re.findall(r"IFCWALLSTANDARDCASE\('([^']*)',[^,]*,'([^']*)'", text)
+    assert len(walls) == 13
+    for identifier, name in walls:
+        number = scene.names.index(name)
+        assert (number,) in [g.objects for g in scene.groups if g.name == identifier]
+        assert scene.object_offsets[number + 1] > scene.object_offsets[number]
+    notes = [text for _, text in scene.notes]
+    assert notes[0] == "from units of 1 metres, +Z up, to metres, +Y up"
+    assert notes[1].startswith(f"{len(re.findall('IFCSPACE[(]', text))} spaces left out")
+    # Glass: its windows' panes alone.
+    glass = scene.object_of_triangle[scene.alpha == Alpha.BLEND]
+    assert {scene.names[i].split("-")[1] for i in set(glass.tolist()) if "-" in scene.names[i]} == {
+        "Fenster"
+    }
 
 
 @pytest.mark.slow

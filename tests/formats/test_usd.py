@@ -343,6 +343,19 @@ def test_another_shader_is_opaque_and_that_is_said(tmp_path):
     assert "without a UsdPreviewSurface count as opaque, first /m" in scene.notes[0][1]
 
 
+@pytest.mark.parametrize(("opacity", "alpha"), [(0.5, Alpha.BLEND), (1, Alpha.OPAQUE)])
+def test_without_a_material_the_displayed_opacity_counts(tmp_path, opacity, alpha):
+    scene = load(tmp_path, usda(mesh("a", f"float[] primvars:displayOpacity = [{opacity}]\n")))
+    assert scene.alpha.tolist() == [alpha]
+
+
+def test_a_skinned_mesh_stands_as_bound_and_that_is_said(tmp_path):
+    more = "int[] primvars:skel:jointIndices = [0, 0, 0]\n"
+    scene = load(tmp_path, usda(mesh("a", more, '(prepend apiSchemas = ["SkelBindingAPI"])')))
+    assert scene.triangle_count == 1
+    assert "1 skinned mesh not posed by a skeleton, first /a" in scene.notes[0][1]
+
+
 # --- instances
 
 
@@ -549,6 +562,24 @@ def test_what_instances_do_in_time_is_played(tmp_path):
     scene = load(tmp_path, usda(instancer(moving)))
     assert codes(scene) == ["ANIMATION_IGNORED"]
     assert "1 animated property stands as at rest, first '/trees.positions'" in scene.notes[0][1]
+
+
+def test_a_prototype_that_moves_stands_and_that_is_said(tmp_path):
+    keys = "double3 xformOp:translate.timeSamples = { 0: (0, 0, 5), 5: (0, 0, 6) }"
+    still = usda(instancer(POINTS))
+    moving = still.replace("double3 xformOp:translate = (0, 0, 5)", keys)
+    assert moving != still
+    scene = load(tmp_path, moving)
+    assert scene.digest == load(tmp_path, still).digest
+    assert codes(load(tmp_path, moving)) == ["ANIMATION_IGNORED"]
+
+
+def test_a_spline_stands_and_that_is_said(tmp_path):
+    order = 'uniform token[] xformOpOrder = ["xformOp:rotateX"]\n'
+    spline = "double xformOp:rotateX.spline = {\n 0: 0,\n 24: 90,\n}\n"
+    scene = load(tmp_path, usda(mesh("a", "double xformOp:rotateX = 0\n" + spline + order)))
+    assert codes(scene) == ["ANIMATION_IGNORED"]
+    assert scene.rig.motion is None
 
 
 def test_changing_topology_stands_and_that_is_said(tmp_path):

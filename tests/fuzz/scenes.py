@@ -469,6 +469,8 @@ TARGETS = (
     _scene("ifc", "scene.ifc", _plain(IFC), _text, rewrite=_words, cases=30),
     _scene("usda", "scene.usda", _plain(USD), _text, rewrite=rewrite.lines(b"#", first=1),
            companions={"beside.usda": BESIDE}, cases=30),
+    Target("usda-motion", "scene.usda", _plain(USD), _text, read_moving,
+           companions={"beside.usda": BESIDE}, cases=20),
     _scene("usdz", "scene.usdz", lambda: {"seed": usdz()}, spoil.any_bytes, cases=20),
     _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),
     _scene("3mf", "scene.3mf", lambda: {"seed": three_mf()}, spoil.archive(spoil.xml, ".model"),

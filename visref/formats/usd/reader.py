@@ -177,15 +177,23 @@ class _Reader:
         total = int(sum(len(part) * int(n) for part, n in zip(parts, sizes, strict=True)))
         self.budget.claim(f"{total:,} objects of its instances", objects=total, place=place)
         first = len(self.placed.names)
-        for number, matrix, present in zip(which.tolist(), matrices, there, strict=True):
-            for part in parts[number]:
-                local = compose(matrix, part.prototype_from_object)
-                here = compose(at.world, local)
-                hidden = part.hidden or not present or not at.shown
-                self.instances[len(self.placed.names)] = local
+        # Of each prototype, and of each of its parts, all instances at once.
+        local = [
+            [compose(matrices[which == number], part.prototype_from_object) for part in listed]
+            for number, listed in enumerate(parts)
+        ]
+        world = [[compose(at.world, places) for places in each] for each in local]
+        done = [0] * len(parts)
+        for number, present in zip(which.tolist(), there, strict=True):
+            row = done[number]
+            done[number] += 1
+            for k, part in enumerate(parts[number]):
+                gone = part.hidden or not present
+                self.instances[len(self.placed.names)] = local[number][k][row]
                 path = below(at.path, part.path)
+                here, hidden = world[number][k][row], gone or not at.shown
                 self.placed.add(part.name, part.mesh, here, path=path, hidden=hidden)
-                self.node_of_object.append(self.gone() if part.hidden or not present else at.node)
+                self.node_of_object.append(self.gone() if gone else at.node)
         if len(self.placed.names) > first:
             members = tuple(range(first, len(self.placed.names)))
             name = str(prim.GetName())
