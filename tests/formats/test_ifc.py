@@ -17,6 +17,7 @@ from visref.cli.main import main
 from visref.errors import InputError
 from visref.formats import load_scene
 from visref.formats.ifc import reader
+from visref.recordings.names import Names
 from visref.scene import Alpha
 
 HEAD = """ISO-10303-21;
@@ -177,6 +178,20 @@ def test_a_product_is_known_by_its_identifier_too(tmp_path):
         (guid(first - 1), (0,)),
         (guid(second - 1), (1,)),
     ]
+    assert Names(scene).meanings(guid(second - 1)) == [(1,)]
+    assert Names(scene).meanings("wall") == [(0,), (1,)]
+
+
+def test_placements_turn(tmp_path):
+    """The local x axis along the world's y: a long wall stands across."""
+    ifc = Ifc()
+    axis = ifc.line("IFCDIRECTION((0.,1.,0.))")
+    axes = ifc.line(f"IFCAXIS2PLACEMENT3D(#12,#37,#{axis})")
+    place = ifc.line(f"IFCLOCALPLACEMENT(#31,#{axes})")
+    shape = ifc.shape(ifc.solid(6, 1, 2))
+    ifc.held.append(ifc.product("IFCWALL", "wall", place, shape, ",$"))
+    scene = load_scene(ifc.write(tmp_path))
+    assert np.allclose(bounds(scene), [[-0.5, 0, -3], [0.5, 2, 3]], atol=1e-6)
 
 
 def test_an_opening_is_cut_out_and_no_object(tmp_path):

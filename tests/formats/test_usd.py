@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import sys
 import zipfile
 
 import numpy as np
@@ -629,6 +628,18 @@ def test_names_that_are_not_beside_the_file_are_refused(tmp_path, name):
         load(tmp_path, usda(f'def "a" (references = @{name}@) {{\n}}\n'))
 
 
+def test_value_clips_are_refused(tmp_path):
+    """A library opens what they name when a value is asked for, be it absolute or a pipe."""
+    clips = """( clips = { dictionary default = {
+        asset[] assetPaths = [@/etc/clip.usda@]
+        double2[] active = [(0, 0)]
+        double2[] times = [(0, 0), (9, 9)]
+        string primPath = "/a"
+    } } )"""
+    with pytest.raises(InputError, match="/a: value clips are not read"):
+        load(tmp_path, usda(mesh("a", api=clips)))
+
+
 def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.usda")
     with pytest.raises(InputError, match=r"file 'pipe\.usda': this is a pipe, a device"):
@@ -660,10 +671,17 @@ def test_what_is_no_usd_is_refused_in_one_line(tmp_path, text):
 
 
 def test_a_missing_extra_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pxr", None)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"needs usd-core; run: pip install 'visref\[usd\]'"):
         load(tmp_path, usda(mesh("a")))
+
+
+def test_without_the_extra_a_command_ends_with_status_2_and_a_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "scene.usda").write_text(usda(mesh("a")))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["objects", str(tmp_path / "scene.usda")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("run: pip install 'visref[usd]'")
 
 
 def test_the_child_hands_over_the_same_scene_and_motion(tmp_path, monkeypatch, child):

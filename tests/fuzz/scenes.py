@@ -17,6 +17,7 @@ import trimesh
 from PIL import Image
 
 from tests.fuzz import rewrite, spoil
+from tests.fuzz.draws import Draws
 from tests.fuzz.limits import MEMORY, Folders
 from tests.fuzz.target import Target
 from tests.support import meshopt_encoder
@@ -443,6 +444,12 @@ _scene: Callable[..., Target] = partial(Target, read=read, command=command, read
 _text = spoil.tokens
 _words = rewrite.lines(None)
 
+
+def _spoilt_usdz(data: bytes, draws: Draws) -> bytes:
+    """The package, or its first file in a package that is whole."""
+    return usdz(_text(USD, draws)) if draws.below(2) else spoil.any_bytes(data, draws)
+
+
 TARGETS = (
     _scene("glb", "scene.glb", glbs, spoil.glb, rewrite=rewrite.glb),
     Target("glb-motion", "scene.glb", lambda: {"moving": moving().glb()}, spoil.glb, read_moving,
@@ -471,7 +478,7 @@ TARGETS = (
            companions={"beside.usda": BESIDE}, cases=30),
     Target("usda-motion", "scene.usda", _plain(USD), _text, read_moving,
            companions={"beside.usda": BESIDE}, cases=20),
-    _scene("usdz", "scene.usdz", lambda: {"seed": usdz()}, spoil.any_bytes, cases=20),
+    _scene("usdz", "scene.usdz", lambda: {"seed": usdz()}, _spoilt_usdz, cases=20),
     _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),
     _scene("3mf", "scene.3mf", lambda: {"seed": three_mf()}, spoil.archive(spoil.xml, ".model"),
            rewrite=rewrite.archive(rewrite.xml, ".model"), cases=30),
@@ -496,14 +503,15 @@ def usdc() -> bytes:
         return file.read_bytes()
 
 
-def usdz() -> bytes:
-    """The same as a package: stored, its file at a multiple of 64 bytes."""
+def usdz(main: bytes = USD) -> bytes:
+    """The same as a package: stored, each file at a multiple of 64 bytes."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
-        entry = zipfile.ZipInfo("scene.usdc")
-        padding = -(30 + len("scene.usdc") + 4) % 64
-        entry.extra = b"\x86\x19" + padding.to_bytes(2, "little") + bytes(padding)
-        archive.writestr(entry, usdc())
+        for name, data in (("scene.usda", main), ("beside.usda", BESIDE)):
+            entry = zipfile.ZipInfo(name)
+            padding = -(out.tell() + 30 + len(name) + 4) % 64
+            entry.extra = b"\x86\x19" + padding.to_bytes(2, "little") + bytes(padding)
+            archive.writestr(entry, data)
     return out.getvalue()
 
 

@@ -119,6 +119,13 @@ class _Reader:
     def enter(self, prim: Any, above: _Above) -> _Above | None:
         """Make a node of a prim; None where nothing of it is drawn."""
         self.claim()
+        if prim.HasAuthoredMetadata("clips"):
+            # Their files are opened when a value is asked for, whatever their names are.
+            raise InputError(
+                "value clips are not read",
+                place=str(prim.GetPath()),
+                fix="export the stage without them",
+            )
         purpose = _purpose(prim, above.purpose)
         drawn = prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer)
         if drawn and purpose not in _DRAWN:
