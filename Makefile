@@ -21,7 +21,7 @@ $(READY): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --constraint constraints.txt --editable '.[dev,open3d,collada]'
+	  --constraint constraints.txt --editable '.[dev,open3d,collada,usd,ifc]'
 	@touch $@
 
 $(SYSTEM_READY): $(READY) tools/apt-install

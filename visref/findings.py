@@ -236,8 +236,8 @@ class Code(StrEnum):
         "ANIMATION_IGNORED",
         Severity.WARNING,
         "Something that the file animates stands as it is written",
-        "Of glTF's animations what moves, deforms, hides and shows objects is played at a frame's "
-        "time. A material's alpha, other properties, and other formats' animations are not.",
+        "What of glTF and USD moves, deforms, hides and shows objects is played at a frame's time. "
+        "A material's alpha, other properties, and other formats' animations are not.",
     )
     NONFINITE_DROPPED = Rule(
         "NONFINITE_DROPPED",
@@ -251,6 +251,13 @@ class Code(StrEnum):
         "Part of the scene file was not read",
         "The file uses an extension, a material or a feature that visref does not know, or a "
         "part of it is missing. The engine that draws it may see another scene than this one.",
+    )
+    UNITS_CONVERTED = Rule(
+        "UNITS_CONVERTED",
+        Severity.INFO,
+        "The scene was converted to metres and +Y up",
+        "The file says other units, or another axis that is up. Camera paths, poses and boxes of a "
+        "recording are in metres with +Y up, as in glTF: convert the engine's alike.",
     )
     NO_TRIANGLES = Rule(
         "NO_TRIANGLES",

@@ -163,6 +163,23 @@ def test_substitute_is_read_where_the_compressed_texture_has_one(tmp_path: Path)
     assert np.array_equal(texels(masks), ALPHA)
 
 
+def test_a_compressed_texture_without_a_substitute_leaves_the_mask_open_and_says_so_once(
+    tmp_path: Path,
+) -> None:
+    """No decoder of Basis Universal is kept well enough; each sample there stays in between."""
+    gltf = leaf(texture={"extensions": {"KHR_texture_basisu": {"source": 1}}})
+    add_image(gltf, b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(80), "image/ktx2")
+    gltf.json["extensionsRequired"] = ["KHR_texture_basisu"]
+    gltf.node(mesh=0, name="leaf")
+    gltf.node(mesh=0, name="leaf")
+    scene, masks = loaded(gltf, tmp_path)
+    assert scene.alpha.tolist() == [Alpha.MASK] * 4
+    assert only_material(masks)["unknown"]
+    ((code, text),) = scene.notes
+    assert code == "PARTLY_READ"
+    assert text == "an alpha mask cannot be looked up, first materials[0]: no decoder for KTX2"
+
+
 def test_webp_is_preferred_to_its_substitute(tmp_path: Path) -> None:
     gltf = leaf(texture={"source": 0, "extensions": {"EXT_texture_webp": {"source": 1}}})
     add_image(gltf, image(255 - ALPHA, "WEBP"), "image/webp")

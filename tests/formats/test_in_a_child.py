@@ -17,6 +17,8 @@ import visref.formats.in_a_child as in_a_child
 from visref.errors import InputError
 from visref.formats import Mesh, Placed
 from visref.formats.in_a_child import _Answer, _NoAnswer, _write, read_in_a_child
+from visref.formats.keyed_motion import KeyedMotion, Node
+from visref.formats.keyed_ops import Keys, Op
 from visref.memory import Budget
 
 MEMORY = 512 << 20
@@ -26,6 +28,22 @@ def good(path=None, budget=None):
     placed = Placed(meshes=[Mesh.plain(np.eye(3, dtype="f4"), np.array([[0, 1, 2]]))])
     placed.add("a", 0, np.tile(np.eye(4), (2, 1, 1)), group=True)
     placed.add("b", -1, np.eye(4))
+    return placed
+
+
+def moving():
+    """`good`, its first object moved and its mesh deformed in time, its last hidden."""
+    placed = good()
+    placed.hidden[2] = True
+    times, places = np.array([0.0, 1.0]), np.array([[0.0, 0, 0], [1, 2, 3]])
+    ops = (Op("translate", places[0], Keys(times, places)), Op("rotateX", np.array([30.0])))
+    shown = Keys(times, np.array([1.0, 0.0]))
+    nodes = [Node(-1, ops), Node(0, (), False, shown), Node(-1, shown_at_rest=False)]
+    points = Keys(times, np.stack([np.eye(3), 2.0 * np.eye(3)]))
+    placed.motion = KeyedMotion(
+        np.eye(4), nodes, np.array([1, 0, 2]), {1: np.diag([2.0, 2, 2, 1])}, {0: points},
+        np.array(placed.mesh_of_object),
+    )  # fmt: skip
     return placed
 
 
@@ -147,6 +165,46 @@ def answer_of(placed, change):
 def test_forged_answers_are_refused(change):
     with pytest.raises((_NoAnswer, InputError)):
         _Answer(answer_of(good(), change), Budget(MEMORY, given=True)).placed()
+
+
+def believed(placed, change=lambda _: None):
+    return _Answer(answer_of(placed, change), Budget(MEMORY, given=True)).placed()
+
+
+def test_a_motion_is_the_one_that_was_handed_over():
+    here, there = moving(), believed(moving())
+    assert there.hidden == [False, False, True]
+    assert there.motion.digest == here.motion.digest
+    for time_s in (-1.0, 0.25, 2.0):
+        a, b = here.motion.at(0, time_s), there.motion.at(0, time_s)
+        assert a.objects.tolist() == b.objects.tolist() == [0, 1]
+        assert np.array_equal(a.worlds, b.worlds)
+        assert np.array_equal(a.positions[0], b.positions[0])
+        assert a.hidden.tolist() == b.hidden.tolist()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m["nodes"][0].__setitem__(0, 0),
+        lambda m: m["nodes"][0].__setitem__(0, -2),
+        lambda m: m["nodes"][1].__setitem__(0, 1),
+        lambda m: m["nodes"].pop(),
+        lambda m: m["nodes"][0][4][0].__setitem__(0, "shear"),
+        lambda m: m["nodes"][0][4][0].__setitem__(2, 10**10),
+        lambda m: m["nodes"][0][4][0].__setitem__(2, -1),
+        lambda m: m["nodes"][0][4][0].__setitem__(2, 3),
+        lambda m: m.update(instances=[7]),
+        lambda m: m.update(instances=[-1]),
+        lambda m: m["points"][0].__setitem__(0, 4),
+        lambda m: m["points"][0].__setitem__(2, 2),
+        lambda m: m["points"].append(3),
+        lambda m: m.pop("points"),
+    ],
+)
+def test_forged_motions_are_refused(change):
+    with pytest.raises((_NoAnswer, InputError)):
+        believed(moving(), lambda header: change(header["motion"]))
 
 
 def test_unchanged_answer_is_believed():

@@ -362,16 +362,6 @@ def test_draco_without_its_decoder_is_refused(tmp_path, monkeypatch):
         load(gltf, tmp_path)
 
 
-def test_meshopt_with_uncompressed_fallback_is_read(tmp_path):
-    gltf = one_triangle()
-    for view in gltf.json["bufferViews"]:
-        view["extensions"] = {"EXT_meshopt_compression": {"buffer": 1, "mode": "ATTRIBUTES"}}
-    gltf.json["extensionsUsed"] = ["EXT_meshopt_compression"]
-    assert load_scene(gltf.write_gltf(tmp_path / "fallback.gltf")).triangle_count == 1
-    with pytest.raises(InputError, match="compressed with meshopt"):
-        load(gltf, tmp_path)
-
-
 def test_skinned_mesh_stands_where_its_joints_are(tmp_path):
     gltf = Gltf()
     primitive = gltf.primitive(TRIANGLE)

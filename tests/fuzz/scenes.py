@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import json
+import tempfile
+import zipfile
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -15,10 +17,13 @@ import trimesh
 from PIL import Image
 
 from tests.fuzz import rewrite, spoil
+from tests.fuzz.draws import Draws
 from tests.fuzz.limits import MEMORY, Folders
 from tests.fuzz.target import Target
+from tests.support import meshopt_encoder
 from tests.support.gltf_everything import everything
 from tests.support.gltf_files import SQUARE, TWO, Gltf, one_triangle
+from tests.support.meshopt_encoder import compressed_accessor
 from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.formats import load_scene
@@ -102,7 +107,41 @@ def glbs() -> dict[str, bytes]:
         "everything": everything().glb(),
         "textured": textured().glb(),
         "triangle": one_triangle().glb(),
+        "packed": packed().glb(),
     }
+
+
+def packed() -> Gltf:
+    """A square, turned and repeated, all its buffer views compressed with meshopt."""
+    gltf = Gltf()
+    rows = SQUARE.view("u1").reshape(4, 12)
+    data = meshopt_encoder.attributes(rows, version=1, modes=(0, 1, 0x12), controls=(0, 1, 2, 3))
+    position = compressed_accessor(gltf, SQUARE, data, "ATTRIBUTES")
+    data = meshopt_encoder.triangles(TWO.tolist())
+    triangles = compressed_accessor(gltf, TWO, data, "TRIANGLES")
+    data = meshopt_encoder.indices([0, 1, 2])
+    fan = compressed_accessor(gltf, TWO[:3], data, "INDICES")
+    turns = np.array([[0, 0, 0, 2047], [2047, 0, 0, 2044]], "<i2")
+    data = meshopt_encoder.attributes(turns.view("u1").reshape(2, 8))
+    turn = compressed_accessor(gltf, turns, data, "ATTRIBUTES", filter="QUATERNION")
+    gltf.json["accessors"][turn]["normalized"] = True
+    places = np.array([[(-1 << 24) + 3] * 3, [0] * 3], "<i4")
+    data = meshopt_encoder.attributes(places.view("u1").reshape(2, 12))
+    place = compressed_accessor(gltf, places.view("f4"), data, "ATTRIBUTES", filter="EXPONENTIAL")
+    attributes = {"attributes": {"POSITION": position}}
+    mesh = gltf.mesh(
+        {**attributes, "indices": triangles}, {**attributes, "indices": fan, "mode": 6}
+    )
+    instances = {"attributes": {"ROTATION": turn, "TRANSLATION": place}}
+    gltf.node(mesh=mesh, name="m", extensions={"EXT_mesh_gpu_instancing": instances})
+    return gltf
+
+
+def packed_beside() -> bytes:
+    """`packed`, its compressed bytes in a file of their own."""
+    gltf = packed()
+    gltf.json["buffers"][0]["uri"] = "scene.bin"
+    return spoil.json_bytes(gltf.json)
 
 
 def leaf() -> bytes:
@@ -218,6 +257,102 @@ DAE = b"""<?xml version="1.0" encoding="utf-8"?>
   </node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>
 """
+USD = b"""#usda 1.0
+(
+    metersPerUnit = 0.5
+    upAxis = "Z"
+    timeCodesPerSecond = 24
+)
+def Xform "a" {
+    double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 24: (1, 2, 3) }
+    float3 xformOp:rotateXYZ = (10, 20, 30)
+    token visibility.timeSamples = { 0: "inherited", 12: "invisible" }
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+    def Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+        uniform token subdivisionScheme = "none"
+        uniform token orientation = "leftHanded"
+        uniform bool doubleSided = 1
+        int[] faceVertexCounts = [4, 3]
+        int[] faceVertexIndices = [0, 1, 2, 3, 0, 1, 2]
+        int[] holeIndices = [1]
+        point3f[] points.timeSamples = {
+            0: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+            24: [(0, 0, 1), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+        }
+        rel material:binding = </look>
+    }
+}
+def PointInstancer "p" {
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (5, 0, 0)]
+    quath[] orientations = [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5)]
+    float3[] scales = [(1, 1, 1), (2, 2, 2)]
+    int64[] invisibleIds = [1]
+    rel prototypes = </p/kept>
+    over "kept" (references = @beside.usda@) {
+        def Cube "cube" {
+            double size = 2
+            uniform token purpose = "render"
+        }
+    }
+}
+def Material "look" {
+    token outputs:surface.connect = </look/s.outputs:surface>
+    def Shader "s" {
+        uniform token info:id = "UsdPreviewSurface"
+        float inputs:opacity = 0.5
+        token outputs:surface
+    }
+}
+"""
+BESIDE = b"""#usda 1.0
+(
+    defaultPrim = "b"
+)
+def Xform "b" {
+    float xformOp:rotateY = 45
+    uniform token[] xformOpOrder = ["xformOp:rotateY"]
+}
+"""
+IFC = b"""ISO-10303-21;
+HEADER;
+FILE_DESCRIPTION((''),'2;1');
+FILE_NAME('','',(''),(''),'','','');
+FILE_SCHEMA(('IFC4'));
+ENDSEC;
+DATA;
+#1=IFCPROJECT('0YvctVUKr0kugbFTf53O9P',$,'project',$,$,$,$,(#2),#6);
+#2=IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#3,$);
+#3=IFCAXIS2PLACEMENT3D(#4,$,$);
+#4=IFCCARTESIANPOINT((0.,0.,0.));
+#5=IFCDIRECTION((0.,0.,1.));
+#6=IFCUNITASSIGNMENT((#7));
+#7=IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.);
+#8=IFCLOCALPLACEMENT($,#3);
+#9=IFCSITE('0YvctVUKr0kugbFTf53O9S',$,'site',$,$,#8,$,$,$,$,$,$,$,$);
+#10=IFCRELAGGREGATES('0YvctVUKr0kugbFTf53O90',$,$,$,#1,(#9));
+#11=IFCRECTANGLEPROFILEDEF(.AREA.,$,$,2000.,200.);
+#12=IFCEXTRUDEDAREASOLID(#11,#3,#5,3000.);
+#13=IFCSHAPEREPRESENTATION(#2,'Body','SweptSolid',(#12));
+#14=IFCPRODUCTDEFINITIONSHAPE($,$,(#13));
+#15=IFCWALL('0YvctVUKr0kugbFTf53O9W',$,'wall',$,$,#8,#14,$,$);
+#16=IFCRECTANGLEPROFILEDEF(.AREA.,$,$,500.,400.);
+#17=IFCEXTRUDEDAREASOLID(#16,#3,#5,1000.);
+#18=IFCSHAPEREPRESENTATION(#2,'Body','SweptSolid',(#17));
+#19=IFCPRODUCTDEFINITIONSHAPE($,$,(#18));
+#20=IFCOPENINGELEMENT('0YvctVUKr0kugbFTf53O9O',$,'opening',$,$,#8,#19,$,$);
+#21=IFCRELVOIDSELEMENT('0YvctVUKr0kugbFTf53O91',$,$,$,#15,#20);
+#22=IFCREPRESENTATIONMAP(#3,#18);
+#23=IFCCARTESIANTRANSFORMATIONOPERATOR3D($,$,#4,$,$);
+#24=IFCMAPPEDITEM(#22,#23);
+#25=IFCSHAPEREPRESENTATION(#2,'Body','MappedRepresentation',(#24));
+#26=IFCPRODUCTDEFINITIONSHAPE($,$,(#25));
+#27=IFCFURNISHINGELEMENT('0YvctVUKr0kugbFTf53O9C',$,'chair',$,$,#8,#26,$);
+#28=IFCSPACE('0YvctVUKr0kugbFTf53O9R',$,'space',$,$,#8,#19,$,$,$,$);
+#29=IFCRELCONTAINEDINSPATIALSTRUCTURE('0YvctVUKr0kugbFTf53O92',$,$,$,(#15,#27,#28),#9);
+ENDSEC;
+END-ISO-10303-21;
+"""
 MODEL = b"""<?xml version="1.0" encoding="utf-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources><object id="1" name="part" type="model"><mesh><vertices>
@@ -309,6 +444,12 @@ _scene: Callable[..., Target] = partial(Target, read=read, command=command, read
 _text = spoil.tokens
 _words = rewrite.lines(None)
 
+
+def _spoilt_usdz(data: bytes, draws: Draws) -> bytes:
+    """The package, or its first file in a package that is whole."""
+    return usdz(_text(USD, draws)) if draws.below(2) else spoil.any_bytes(data, draws)
+
+
 TARGETS = (
     _scene("glb", "scene.glb", glbs, spoil.glb, rewrite=rewrite.glb),
     Target("glb-motion", "scene.glb", lambda: {"moving": moving().glb()}, spoil.glb, read_moving,
@@ -319,6 +460,8 @@ TARGETS = (
            companions={"scene.mtl": MTL, "leaf.png": _png()}),
     Target("gltf-bin", "scene.bin", _plain(BIN), spoil.any_bytes, **_beside("scene.gltf"),
            companions={"scene.gltf": gltfs()["triangle"]}, cases=100),
+    Target("meshopt", "scene.bin", _plain(packed().blob), spoil.any_bytes, **_beside("scene.gltf"),
+           companions={"scene.gltf": packed_beside()}, cases=300),
     Target("obj-mtl", "scene.mtl", _plain(MTL), _text, **_beside("scene.obj"),
            rewrite=rewrite.lines(b"#"), companions={"scene.obj": OBJ, "leaf.png": _png()}),
     Target("texture", "leaf.png", _plain(_png()), spoil.any_bytes, **_beside("scene.gltf"),
@@ -330,6 +473,13 @@ TARGETS = (
     _scene("dae", "scene.dae", _plain(DAE), spoil.xml, rewrite=rewrite.xml, cases=40),
     _scene("zae", "scene.zae", lambda: {"seed": spoil.zipped_up([("scene.dae", DAE)])},
            spoil.archive(spoil.xml, ".dae"), cases=25),
+    _scene("ifc", "scene.ifc", _plain(IFC), _text, rewrite=_words, cases=30),
+    _scene("usda", "scene.usda", _plain(USD), _text, rewrite=rewrite.lines(b"#", first=1),
+           companions={"beside.usda": BESIDE}, cases=30),
+    Target("usda-motion", "scene.usda", _plain(USD), _text, read_moving,
+           companions={"beside.usda": BESIDE}, cases=20),
+    _scene("usdz", "scene.usdz", lambda: {"seed": usdz()}, _spoilt_usdz, cases=20),
+    _scene("usdc", "scene.usdc", lambda: {"seed": usdc()}, spoil.any_bytes, cases=25),
     _scene("3mf", "scene.3mf", lambda: {"seed": three_mf()}, spoil.archive(spoil.xml, ".model"),
            rewrite=rewrite.archive(rewrite.xml, ".model"), cases=30),
     _scene("stl", "scene.stl", stls, spoil.any_bytes, rewrite=rewrite.stl),
@@ -338,6 +488,31 @@ TARGETS = (
     _scene("xyz", "scene.xyz", _plain(XYZ), _text, cases=40),
     _scene("dxf", "scene.dxf", _plain(DXF), _text, cases=40),
 )  # fmt: skip
+
+
+@cache
+def usdc() -> bytes:
+    """`USD` in its binary form, as the library writes it."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(USD.decode())
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.usdc"
+        layer.Export(str(file))
+        return file.read_bytes()
+
+
+def usdz(main: bytes = USD) -> bytes:
+    """The same as a package: stored, each file at a multiple of 64 bytes."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in (("scene.usda", main), ("beside.usda", BESIDE)):
+            entry = zipfile.ZipInfo(name)
+            padding = -(out.tell() + 30 + len(name) + 4) % 64
+            entry.extra = b"\x86\x19" + padding.to_bytes(2, "little") + bytes(padding)
+            archive.writestr(entry, data)
+    return out.getvalue()
 
 
 def three_mf() -> bytes:

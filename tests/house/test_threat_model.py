@@ -16,7 +16,7 @@ NAMED = sorted(set(re.findall(r"`((?:tests|visref|docs)/[\w./-]+)`", TEXT)))
 ROWS = [line.split("|") for line in TEXT.splitlines() if line.startswith("| ")][1:]
 
 # Read as another that has a target is: by the same reader.
-SAME_READER = {"vrm": "glb", "stl_ascii": "stl"}
+SAME_READER = {"vrm": "glb", "stl_ascii": "stl", "usd": "usdc"}
 # Of these nobody here has a good file, nor can make one.
 WITHOUT_TARGET = {"3dxml"}
 

@@ -174,7 +174,8 @@ def _meshopt(gltf: Gltf) -> None:
     for view in gltf.json["bufferViews"]:
         view["buffer"] = 1
         view["byteLength"] = 6
-        view["extensions"] = {"EXT_meshopt_compression": {"buffer": 0, "mode": "ATTRIBUTES"}}
+        extension = {"buffer": 0, "byteLength": 6, "byteStride": 2, "count": 3, "mode": "INDICES"}
+        view["extensions"] = {"EXT_meshopt_compression": extension}
 
 
 def _instances(gltf: Gltf) -> None:
@@ -296,7 +297,7 @@ BAD_SCENES = [
         _set("extensionsRequired", to=["ACME_invisible_ink"]),
         "requires extension ACME_invisible_ink",
     ),
-    BadInput("meshopt", _gltf(_meshopt), "compressed with meshopt"),
+    BadInput("spoilt meshopt", _gltf(_meshopt), "the compressed data starts with 0x"),
     BadInput("spoilt Draco", _gltf(_draco), "the Draco decoder refused the data"),
     BadInput("uneven instances", _gltf(_instances), "differ in count"),
     BadInput("missing buffer", _external("absent.bin"), "buffers[0].uri: file 'absent.bin'"),

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from visref.errors import InputError
 from visref.files import json_bytes, parse_json
 from visref.findings import Code
+from visref.formats import keyed_motion
 from visref.formats.placed import Mesh, Placed
 from visref.memory import Budget, shown_size
 from visref.scene import Alpha, Group, check_indices
@@ -38,6 +39,8 @@ _SECONDS = 20
 _SECONDS_A_MB = 3
 # The parent waits for longer than the child may work: a busy machine gives it less than a core.
 _PATIENCE = 10
+
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "PXR_WORK_THREAD_LIMIT")
 
 _START = """
 import json, sys
@@ -59,20 +62,23 @@ _REFUSED = (
 _ARRAYS = {"positions": ("<f4", "<f8"), "triangles": ("<i8",), "one_sided": ("|u1",)}
 
 
-def read_in_a_child(reader: str, path: Path, budget: Budget) -> Placed:
+def read_in_a_child(
+    reader: str, path: Path, budget: Budget, *, seconds_a_mb: float = _SECONDS_A_MB
+) -> Placed:
     """What `reader` (`module:function` of a path and a `Budget`) makes of a file, in a process of
     its own, which may take half of what is left of the budget: for the answer is held twice.
+    `seconds_a_mb`: of processor time, for a megabyte of the file.
 
     Raises InputError where the reader does, and where the process fails or reaches a limit.
     """
     megabytes = path.stat().st_size / 1e6
-    seconds = int(_SECONDS + _SECONDS_A_MB * megabytes)
+    seconds = int(_SECONDS + seconds_a_mb * megabytes)
     memory = budget.left // 2
     asked = json.dumps(
         [sys.path, reader, os.fsdecode(path.absolute()), memory, seconds, budget.left, budget.given]
     )
     # A thread of a linear algebra library takes memory before it does anything.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    environment = {**os.environ, **dict.fromkeys(_ONE_THREAD, "1")}
     process = subprocess.Popen(
         [sys.executable, "-I", "-c", _START, asked],
         stdin=subprocess.DEVNULL,
@@ -167,6 +173,15 @@ class _Answer:
             raise _NoAnswer
         placed.mesh_of_object = meshes.tolist()
         placed.world_from_object = [self._array("<f8", ("<f8",), (count, 4, 4))]
+        placed.hidden = self._array("|u1", ("|u1",), (count,)).astype(np.bool_).tolist()
+        if header["motion"] is not None:
+            placed.motion = keyed_motion.read(
+                header["motion"],
+                lambda shape: self._array("<f8", ("<f8",), shape),
+                lambda shape: self._array("<i8", ("<i8",), shape),
+                meshes,
+                [len(mesh.positions) for mesh in placed.meshes],
+            )
         for name, path, first, last in header["groups"]:
             if not 0 <= first <= last <= count:
                 raise _NoAnswer
@@ -274,7 +289,12 @@ def _limit(memory: int, seconds: int) -> int:
 def _write(out: BinaryIO, placed: Placed) -> None:
     assert all(mesh.masks is None for mesh in placed.meshes)
     kinds = ["<f4" if mesh.positions.dtype == np.float32 else "<f8" for mesh in placed.meshes]
+    motion: tuple[dict[str, Any] | None, list[Any]] = (None, [])
+    if placed.motion is not None:
+        assert isinstance(placed.motion, keyed_motion.KeyedMotion)
+        motion = placed.motion.written()
     header = {
+        "motion": motion[0],
         "names": placed.names,
         "paths": placed.paths,
         "notes": placed.notes,
@@ -300,6 +320,9 @@ def _write(out: BinaryIO, placed: Placed) -> None:
     out.write(np.array(placed.mesh_of_object, "<i8").tobytes())
     matrices = np.concatenate([np.zeros((0, 4, 4)), *placed.world_from_object])
     out.write(matrices.astype("<f8").tobytes())
+    out.write(np.array(placed.hidden, "|u1").tobytes())
+    for array in motion[1]:
+        out.write(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes())
 
 
 def _write_header(out: BinaryIO, header: dict[str, Any]) -> None:

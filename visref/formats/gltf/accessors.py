@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.files import Bytes
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
+from visref.formats.gltf.values import Json
 
 Float64 = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from visref.formats.gltf.accessors import read_floats
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.nodes import have_length
+from visref.formats.gltf.values import Json
 from visref.scene import Float64, Int64, unique_names
 
 TRANSFORMS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}

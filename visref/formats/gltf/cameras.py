@@ -19,8 +19,9 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.formats.gltf.animation import TRANSFORMS, Animations, Channel
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.nodes import Nodes, read_nodes, trs_matrices
+from visref.formats.gltf.values import Json
 from visref.formats.placed import compose
 from visref.scene import Float64
 

@@ -4,104 +4,22 @@ from __future__ import annotations
 
 import base64
 import binascii
-import math
 import re
-import reprlib
 from pathlib import Path
-from typing import Any, NoReturn
 from urllib.parse import unquote
 
 import numpy as np
 
 from visref.errors import InputError
 from visref.files import Bytes, json_bytes, map_file, named_beside, parse_json
-from visref.formats.gltf.extensions import MESHOPT, is_known
+from visref.formats.gltf.extensions import is_known
+from visref.formats.gltf.meshopt import compression, decoded
+from visref.formats.gltf.values import Json
 from visref.memory import Budget
 
 _GLB_MAGIC = b"glTF"
 _CHUNK_JSON = 0x4E4F534A
 _CHUNK_BIN = 0x004E4942
-
-
-class Json:
-    """A value of the file and its place; a wrong type is an InputError that names the place."""
-
-    __slots__ = ("place", "value")
-
-    def __init__(self, value: Any, place: str) -> None:
-        self.value = value
-        self.place = place
-
-    def fail(self, problem: str, fix: str = "export the file anew") -> NoReturn:
-        raise InputError(problem, place=self.place, fix=fix)
-
-    def get(self, name: str) -> Json | None:
-        """A member of this object, or None where it is absent."""
-        if not isinstance(self.value, dict):
-            self.fail("this is not a JSON object")
-        if name not in self.value:
-            return None
-        return Json(self.value[name], f"{self.place}.{name}" if self.place else name)
-
-    def extension(self, name: str) -> Json | None:
-        """An extension of this object, or None where it has none of that name."""
-        extensions = self.get("extensions")
-        return None if extensions is None else extensions.get(name)
-
-    def __getitem__(self, name: str) -> Json:
-        member = self.get(name)
-        if member is None:
-            self.fail(f"'{name}' is missing")
-        return member
-
-    def names(self) -> list[str]:
-        """The names of this object's members."""
-        if not isinstance(self.value, dict):
-            self.fail("this is not a JSON object")
-        return list(self.value)
-
-    def items(self) -> list[Json]:
-        if not isinstance(self.value, list):
-            self.fail("this is not a list")
-        return [Json(value, f"{self.place}[{i}]") for i, value in enumerate(self.value)]
-
-    def integer(self, low: int = 0, high: int = 2**53) -> int:
-        value = self.value
-        if isinstance(value, float) and value.is_integer():
-            value = int(value)
-        if isinstance(value, bool) or not isinstance(value, int):
-            self.fail(f"{reprlib.repr(value)} is not an integer")
-        if not low <= value <= high:
-            self.fail(f"{value} is outside {low}…{high}")
-        return value
-
-    def number(self) -> float:
-        if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
-            self.fail(f"{reprlib.repr(self.value)} is not a number")
-        try:
-            number = float(self.value)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            self.fail("the number is too large")
-        return number
-
-    def numbers(self, count: int) -> list[float]:
-        if not isinstance(self.value, list) or len(self.value) != count:
-            self.fail(f"this is not a list of {count} numbers")
-        if all(type(v) in (float, int) and abs(v) < 1e300 for v in self.value):
-            return self.value  # The million-node case: no place is made that nobody will read.
-        return [item.number() for item in self.items()]
-
-    def text(self) -> str:
-        if not isinstance(self.value, str):
-            self.fail(f"{reprlib.repr(self.value)} is not a string")
-        return self.value
-
-    def flag(self) -> bool:
-        if not isinstance(self.value, bool):
-            self.fail(f"{reprlib.repr(self.value)} is not true or false")
-        return self.value
 
 
 class Document:
@@ -123,6 +41,7 @@ class Document:
         self.budget.claim("its JSON", json_bytes(text))
         self.root = Json(parse_json(text.tobytes()), "")
         self._buffers: dict[int, Bytes] = {}
+        self._decompressed: dict[int, Bytes] = {}
         self._lists: dict[str, list[Json]] = {}
         self._check_asset()
         self.used_extensions = self._check_extensions()
@@ -144,26 +63,30 @@ class Document:
         return entries[index]
 
     def view(self, reference: Json) -> tuple[Bytes, int | None]:
-        """A buffer view's bytes, (n,) uint8, and its stride if it states one."""
+        """A buffer view's bytes, (n,) uint8, decompressed, and its stride if it states one."""
         view = self.entry("bufferViews", reference)
-        extensions = view.get("extensions")
-        compressed = extensions is not None and any(extensions.get(name) for name in MESHOPT)
-        buffer = self.entry("buffers", view["buffer"])
-        if compressed and buffer.get("uri") is None:
-            # With a uri the buffer is the uncompressed fallback; without one it is empty.
-            view.fail(
-                "its geometry is compressed with meshopt, which visref does not decode",
-                "export it without EXT_meshopt_compression",
-            )
-        data = self._buffer(view["buffer"])
-        offset = _integer(view, "byteOffset", 0)
-        length = view["byteLength"].integer(1)
-        if offset + length > len(data):
-            view.fail(f"it ends at byte {offset + length} of a buffer of {len(data)}")
+        extension = compression(view)
+        data = self._part(view) if extension is None else self._decoded(reference, view, extension)
         stride = view.get("byteStride")
-        if stride is not None:
-            return data[offset : offset + length], stride.integer(1, 65535)
-        return data[offset : offset + length], None
+        return data, None if stride is None else stride.integer(1, 65535)
+
+    def _decoded(self, reference: Json, view: Json, extension: Json) -> Bytes:
+        """Of a compressed view, once. Where the file has the same uncompressed for other readers,
+        that is not looked at."""
+        index = reference.integer(0)
+        if index not in self._decompressed:
+            data = self._part(extension)
+            self._decompressed[index] = decoded(extension, view, data, self.budget)
+        return self._decompressed[index]
+
+    def _part(self, owner: Json) -> Bytes:
+        """The bytes of a buffer that a buffer view, or its compression, names."""
+        data = self._buffer(owner["buffer"])
+        offset = _integer(owner, "byteOffset", 0)
+        length = owner["byteLength"].integer(1)
+        if offset + length > len(data):
+            owner.fail(f"it ends at byte {offset + length} of a buffer of {len(data)}")
+        return data[offset : offset + length]
 
     def image(self, image: Json) -> tuple[bytes, str | None]:
         """The bytes of an entry of `images`, undecoded, and its MIME type if it states one."""

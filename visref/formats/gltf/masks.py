@@ -16,7 +16,8 @@ import numpy as np
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
+from visref.formats.gltf.values import Json
 from visref.masks.instances import MaskTable
 from visref.masks.materials import MaskMaterial, Sampler, TextureTransform, Wrap
 from visref.masks.textures import AlphaImage, UndecodableImage, decode_alpha

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
+from visref.formats.gltf.values import Json
 
 
 def transmission(material: Json) -> tuple[bool, bool]:

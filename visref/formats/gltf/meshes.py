@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from visref.errors import InputError
 from visref.formats.gltf.accessors import MAX_COUNT, UNSIGNED, decode, read_floats, read_raw
 from visref.formats.gltf.deform import Deformer, Influences, Part
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.extensions import MESHOPT
 from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import transmission
+from visref.formats.gltf.values import Json
 from visref.formats.placed import Mesh, used_vertices
 from visref.masks.instances import MeshMasks
 from visref.scene import Alpha, Float64, check_indices

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.errors import InputError
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.levels import read_levels
+from visref.formats.gltf.values import Json
 from visref.formats.placed import compose
 from visref.scene import Float64, Int64
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from visref.findings import Code
 from visref.formats.gltf.accessors import MAX_COUNT, read_floats
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.masks import MaskReader
 from visref.formats.gltf.materials import open_questions
 from visref.formats.gltf.meshes import morphs_masks, read_mesh
 from visref.formats.gltf.motion import Carrier
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.formats.gltf.rigging import Rigging
+from visref.formats.gltf.values import Json
 from visref.formats.placed import NO_MESH, Placed, below, compose
 from visref.memory import Budget
 from visref.scene import Float64, Group, clean_name

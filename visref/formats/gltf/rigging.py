@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from visref.formats.gltf.accessors import read_floats
 from visref.formats.gltf.animation import VISIBLE, Animations, Channel
 from visref.formats.gltf.deform import Deformer
-from visref.formats.gltf.document import Document, Json
+from visref.formats.gltf.document import Document
 from visref.formats.gltf.motion import Carrier, GltfMotion, Reach, Skin
 from visref.formats.gltf.nodes import Nodes
+from visref.formats.gltf.values import Json
 from visref.scene import Float64
 
 
