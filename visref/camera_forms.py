@@ -44,6 +44,9 @@ LENS_FIELDS = ("yfov", "ymag", "shift_x_px", "shift_y_px")
 
 CLIP_YS = ("up", "down")
 
+# Among merged fields, those that a clip matrix makes void: no file's field has this name.
+_VOID = "\0void"
+
 
 @dataclass(frozen=True, eq=False)
 class GivenCamera:
@@ -59,8 +62,10 @@ class GivenCamera:
 
 
 def over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields over those that they override. A form of the pose overrides the others, a clip matrix
-    the lens too, and one kind of projection the other."""
+    """Fields over those that they override. A form of the pose overrides the others, and one kind
+    of projection the other. A clip matrix makes the lens void too, as long as no other form
+    overrides it. A projection of null says nothing."""
+    own = {n: value for n, value in own.items() if value is not None or n not in ("yfov", "ymag")}
     merged = {**under, **own}
     forms = [form for form, names in FORMS.items() if any(name in own for name in names)]
     if forms:
@@ -68,12 +73,16 @@ def over(under: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
             if form not in forms:
                 for name in names:
                     merged.pop(name, None)
-    void = LENS_FIELDS if "clip_from_world" in own else ()
+    if "clip_from_world" in own:
+        void = {n: merged.pop(n) for n in LENS_FIELDS if n in merged and n not in own}
+        merged[_VOID] = {**under.get(_VOID, {}), **void}
+    elif forms:
+        for name, value in merged.pop(_VOID, {}).items():
+            merged.setdefault(name, value)
     if "ymag" in own or "yfov" in own:
-        void = (*void, "yfov", "ymag")
-    for name in void:
-        if name not in own:
-            merged.pop(name, None)
+        for name in ("yfov", "ymag"):
+            if name not in own:
+                merged.pop(name, None)
     return merged
 
 
@@ -190,9 +199,10 @@ def _inverted(given: Float64) -> GivenCamera:
             place=place,
             fix="write row-major rows, translation in the last column, or say column_major",
         )
-    one = _rigid(given, place)
     result = np.eye(4)
-    result[:3, :3] = one.world_from_camera[:3, :3].T
+    result[:3, :3] = given[:3, :3].T
+    one = _rigid(result, place)
+    result = one.world_from_camera.copy()
     if abs(np.linalg.det(given[:3, :3])) > ORTHONORMAL_TOLERANCE:  # else the camera refuses it
         result[:3, 3] = np.linalg.solve(given[:3, :3], -given[:3, 3])
     return GivenCamera(result, off=one.off, made=one.made)

@@ -168,7 +168,8 @@ def _pose(axes: Float64, scales: Float64, given: _Given) -> tuple[Float64, float
     """A pose (4, 4) with the rotation nearest to right, up and back, which are rows of `axes`, its
     eye to come; and by how much they, and the pixels, were off."""
     skew = abs(float(axes[0] @ axes[1]))
-    aspect = float(scales[1] * given.height / (scales[0] * given.width))
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        aspect = float(scales[1] * given.height / (scales[0] * given.width))
     # What is nearly no volume at all has no handedness.
     if np.linalg.det(axes) < -ORTHONORMAL_TOLERANCE:
         raise InputError(

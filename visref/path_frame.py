@@ -174,7 +174,9 @@ def frame_of(
         time_s = number(own, "time_s")
         if not math.isfinite(time_s):
             raise InputError(f"time_s is {time_s}", place="time_s", fix="give seconds")
-    clip = own.get("animation", shared.get("animation"))
+    clip = own.get("animation")
+    if clip is None:
+        clip = shared.get("animation")
     if clip is not None and not isinstance(clip, str):
         raise InputError("animation is not a name", place="animation", fix="name a clip")
     return Frame(
@@ -303,6 +305,8 @@ def number(values: Mapping[str, Any], name: str) -> float:
 
 def _integer(values: Mapping[str, Any], name: str) -> int:
     value = values[name]
+    if isinstance(value, float) and value.is_integer():
+        return int(value)  # written as 640.0, as some languages do
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, fix="give pixels")
     return value

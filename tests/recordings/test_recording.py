@@ -264,3 +264,43 @@ def test_memory_grows_with_frames_and_not_with_the_names_in_them(tmp_path):
         assert len(recording.sets.sets[frames - 1][""]) == 4000
     # A bit per object and frame, and a frame's camera: less than 5 kB.
     assert peaks[1] - peaks[0] < 180 * 5000
+
+
+def test_a_mark_of_a_text_editor_and_empty_lines_are_passed_over(tmp_path):
+    file = write(tmp_path, "", HEADER, "  ", line(0, [1]), "")
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert drawn(read_recording(file, SCENE), 0) == [1]
+
+
+def test_whole_numbers_may_be_written_with_a_point(tmp_path):
+    recording = read(tmp_path, {**HEADER, "width": 8.0}, line(1.0, [2.0, 0]))
+    assert list(recording.path.numbers) == [1]
+    assert drawn(recording, 1) == [0, 2]
+    with pytest.raises(InputError, match="visible is not a list of ids and names"):
+        read(tmp_path, HEADER, line(0, [0.5]))
+
+
+def test_a_name_of_several_objects_is_their_groups_whatever_other_groups_there_are(tmp_path):
+    scene = Scene.from_objects([("crate", TRIANGLE, [[0, 1, 2]])] * 3)
+    header = {**HEADER, "groups": {"crate": [0, 1, 2], "batch": [2]}}
+    recording = read(tmp_path, header, line(0, ["crate"]), line(1, ["batch"]), scene=scene)
+    assert drawn(recording, 0) == [0, 1, 2]
+    assert drawn(recording, 1) == [2]
+    with pytest.raises(InputError, match="ambiguous is 'crate'"):
+        read(tmp_path, HEADER, line(0, ["crate"]), scene=scene)
+
+
+def test_a_views_own_form_brings_back_the_lens_that_its_frames_clip_matrix_made_void(tmp_path):
+    clip = Camera(np.array(POSE), 8, 6, near=0.1, far=50.0, yfov=0.5).clip_from_world().tolist()
+    views = {"a": {"eye": [0, 0, 3], "target": [0, 0, 0]}, "b": {}}
+    frame = {"frame": 0, "clip_from_world": clip, "views": views, "visible": []}
+    path = read(tmp_path, HEADER, frame).path
+    assert path.views(0)[0].yfov == 1.0
+    assert path.views(0)[1].yfov == pytest.approx(0.5)
+
+
+def test_a_view_may_be_without_its_frames_clip_plane(tmp_path):
+    views = {"a": {"clip_plane": None, "world_from_camera": POSE}, "b": {"world_from_camera": POSE}}
+    frame = {"frame": 0, "clip_plane": [0, 1, 0, 0], "views": views, "visible": []}
+    path = read(tmp_path, HEADER, frame).path
+    assert [camera.clip_plane for camera in path.views(0)] == [None, (0.0, 1.0, 0.0, 0.0)]

@@ -2,8 +2,9 @@
 
 An object is named by its own name, by its path from the root (`house/kitchen/chair`), or by the
 name that visref gives it (`chair#2`). A group is named by its name or path, which an object's
-own name goes before; `group:NAME` is always the group. A leading slash makes a name a path, where
-it would be one of several. A name of several objects, or of several groups, is none.
+own name goes before if it is only one's; `group:NAME` is always the group. A leading slash makes a
+name a path, where it would be one of several. A name of several objects and no group, or of
+several groups, is none.
 """
 
 from __future__ import annotations
@@ -31,14 +32,16 @@ class Names:
             for key in {group.name, group.path}:
                 self._groups[key].append(group)
         # A group's own objects do not count as bearers of its name and path.
-        inside = {member: group for group in scene.groups for member in group.objects}
+        inside: set[tuple[int, str, str]] = set()
+        for group in scene.groups:
+            for member in group.objects:
+                inside.update(((member, "name", group.name), (member, "path", group.path)))
         self._by_name: dict[str, list[int]] = defaultdict(list)
         self._by_path: dict[str, list[int]] = defaultdict(list)
         for index, (name, path) in enumerate(zip(scene.given_names, scene.paths, strict=True)):
-            group_of = inside.get(index)
-            if group_of is None or name != group_of.name:
+            if (index, "name", name) not in inside:
                 self._by_name[name].append(index)
-            if group_of is None or path != group_of.path:
+            if (index, "path", path) not in inside:
                 self._by_path[path].append(index)
 
     def meanings(self, name: str) -> list[tuple[int, ...]]:
@@ -55,9 +58,11 @@ class Names:
         known_as = self._scene.id_of_name.get(name)
         if known_as is not None and self._scene.given_names[known_as] != name:
             objects.add(known_as)
-        if objects:
+        bearers = [group.objects for group in self._groups.get(name, ())]
+        # Where several bear it, and a group too, it is the group's.
+        if len(objects) == 1 or (objects and not bearers):
             return [(i,) for i in sorted(objects)]
-        return [group.objects for group in self._groups.get(name, ())]
+        return bearers
 
     def resolved(self, places: Mapping[str, str], source: str) -> dict[str, tuple[int, ...]]:
         """The object ids of each name. `places` says of each where it stands first.

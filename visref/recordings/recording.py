@@ -144,7 +144,7 @@ class RecordingLines:
                     places.setdefault(clean_name(member), f"groups.{name}")
         known = names.resolved(places, str(self.file)) if places else {}
         groups = list(scene.groups)
-        taken = {group.name for group in groups}
+        taken = {name for group in groups for name in (group.name, group.path)}
         for name, members in named.items():
             objects: set[int] = set()
             for member in members:

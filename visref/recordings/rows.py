@@ -30,6 +30,7 @@ from visref.scene import clean_name
 _COUNTERS = {f.name for f in fields(QueryStats)} - {"ms"}
 # Beyond float64; not one of Python's whole numbers without end.
 _HUGE = 1 << 1024
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # Rows at a time: what a batch takes beside the rows kept is small.
 _BATCH = 1 << 16
 
@@ -72,6 +73,8 @@ class JsonLines:
                 place = f"line {number}"
                 longest = self._budget.left // 4
                 line = lines.readline(longest)
+                if number == 1:
+                    line = line.removeprefix(_BYTE_ORDER_MARK)
                 if not line:
                     return
                 size = json_bytes(np.frombuffer(line, np.uint8))
@@ -108,19 +111,23 @@ def row_of(values: Any, place: str) -> Row:
         raise InputError(
             "both visible and visible_nodes", place=place, fix="give one of them in a line"
         )
-    if isinstance(values["frame"], bool) or not isinstance(values["frame"], int):
-        raise InputError(
-            f"frame is {reprlib.repr(values['frame'])}", place=place, fix="give an integer"
-        )
+    frame = _as_whole(values["frame"])
+    if isinstance(frame, bool) or not isinstance(frame, int):
+        raise InputError(f"frame is {reprlib.repr(frame)}", place=place, fix="give an integer")
     nodes = drawn == ["visible_nodes"]
     return Row(
         place,
-        values["frame"],
+        frame,
         _sets(values[drawn[0]], drawn[0], place),
         _stats(values.get("stats", {}), place),
         _bounds(values.get("bounds", {}), place),
         nodes,
     )
+
+
+def _as_whole(value: Any) -> Any:
+    """A whole number that was written as 3.0, as some languages do, as what it is."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
@@ -135,6 +142,8 @@ def _sets(visible: Any, name: str, place: str) -> dict[str, list[Entry]]:
     kinds = {int} if nodes else {int, str}
     sets: dict[str, list[Entry]] = {}
     for view, entries in by_view.items():
+        if isinstance(entries, list) and float in set(map(type, entries)):
+            entries = list(map(_as_whole, entries))
         if not isinstance(entries, list) or not set(map(type, entries)) <= kinds:
             of_view = "" if by_view is not visible else f" of view {shown_name(view)}"
             what, fix = ("node indices", "[3, 7]") if nodes else ("ids and names", "[3, 'name']")
