@@ -132,6 +132,7 @@ WRONG = {
         "a path of 99,999 frames",
     ),
     "cameras of no glTF": (["cameras", "a.obj", "--out", "OUT"], "only glTF files have cameras"),
+    "negative seed": (["walk", "SCENE", "--seed", "-1", "--out", "OUT"], "--seed is -1"),
     "negative frames": (["walk", "SCENE", "--frames", "-1", "--out", "OUT"], "--frames is -1"),
     "steep": (["orbit", "SCENE", "--elevation", "90", "--out", "OUT"], "90 degrees looks along"),
     "unknown": (["orbit", "SCENE", "--around", "tabel", "--out", "OUT"], "did you mean 'table'?"),

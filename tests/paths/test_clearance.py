@@ -133,3 +133,15 @@ def test_cells_hold_the_distance_from_their_centres():
         assert grid[y, z, x] == pytest.approx(min(expected, reach), rel=2.0**-24)
     assert (grid < reach).sum() > 50
     assert (grid == reach).any()
+
+
+def test_what_lies_out_of_all_reach_is_in_no_cell():
+    low, grid = np.zeros(3), np.full((3, 3, 3), 1.0, np.float32)
+    for at in (1e30, -1e30):
+        far = scene_of(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)]) * 1e29 + at)
+        cell_distances(far.vertices, far.triangles, far.present, low, 0.5, 1.0, grid)
+        assert (grid == 1.0).all()
+    # One that goes through the grid from far out to far out.
+    through = scene_of([(-1e30, 0.5, -1e30), (1e30, 0.5, -1e30), (0, 0.5, 1e30)])
+    cell_distances(through.vertices, through.triangles, through.present, low, 0.5, 1.0, grid)
+    assert grid[:, 1, 1].tolist() == [0.5, 0.0, 0.5]

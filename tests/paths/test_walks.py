@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tests.paths.rooms import house
+from tests.paths.rooms import BOXES, box, house
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.paths import free_space
@@ -220,3 +220,14 @@ def test_what_the_grid_says_keeps_the_clearance_does():
             assert distance_to_triangles(scene, start, end)[0] >= 0.25
     # Not all of them, and not none.
     assert 300 < kept < 2700
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_wide_plain_a_walk_keeps_to_the_things_on_it(seed):
+    plain = box((-40, -0.5, -40), (48, -0.25, 46))
+    things = [(name, *box(low, high)) for name, (low, high) in BOXES.items()]
+    points, _ = free_route(Scene.from_objects([("plain", *plain), *things]), seed=seed, places=4)
+    low, high = house().bounds
+    beyond = np.maximum(np.maximum(low - points, points - high), 0.0).max(axis=1)
+    # The plain reaches 40 farther than the house; a place anywhere on it is 25 off, on average.
+    assert beyond.max() < 4.0

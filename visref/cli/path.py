@@ -228,6 +228,8 @@ def _walk(given: argparse.Namespace) -> CameraPath:
         return walk(points, lens, given.frames, times, near=pose_files.DEFAULT_NEAR)
     if given.scene is None:
         raise InputError("there is nothing to walk through", fix="give a SCENE, or --through")
+    if given.seed < 0:
+        raise InputError(f"--seed is {given.seed}", fix="give 0 or more")
     # A place for every twenty frames, so that they are enough for its way.
     points, clearance = free_route(
         _scene(given),

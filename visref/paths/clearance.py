@@ -47,8 +47,8 @@ def cell_distances(vertices, triangles, present, low, size, reach, result):  # t
         for axis in range(3):
             least, most = min(a[axis], b[axis], c[axis]), max(a[axis], b[axis], c[axis])
             # As floats, within the grid: what lies far out is beyond any whole number.
-            start = math.ceil((least - reach - low[axis]) / size)
-            stop = math.floor((most + reach - low[axis]) / size)
+            start = np.ceil((least - reach - low[axis]) / size)
+            stop = np.floor((most + reach - low[axis]) / size)
             first[axis] = min(max(start, 0.0), float(count[axis]))
             last[axis] = max(min(stop, count[axis] - 1.0), -1.0)
             empty = empty or first[axis] > last[axis]
