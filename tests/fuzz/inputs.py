@@ -84,6 +84,32 @@ def _posed() -> dict[str, Any]:
 POSED_TEXT = spoil.json_bytes(_posed())
 
 
+def _formed() -> dict[str, Any]:
+    """A frame for each form in which a camera may be given."""
+    pose = look_at((0.0, 0.0, 1.0), (0.0, 0.0, -5.0))
+    one = Camera(pose, 8, 6, near=0.1, far=10.0, yfov=1.0)
+    inverse = {"column_major": one.camera_from_world.T.reshape(-1).tolist()}
+    clip = {"row_major": one.clip_from_world().reshape(-1).tolist()}
+    return {
+        "format": "visref-path",
+        "version": 1,
+        "width": 8,
+        "height": 6,
+        "eye": [0.0, 0.0, 1.0],
+        "target": [0.0, 0.0, 0.0],
+        "frames": [
+            {"near": 0.1, "yfov": 1.0},
+            {"near": 0.1, "yfov": 1.0, "up": [1.0, 0.0, 0.0]},
+            {"near": 0.1, "yfov": 1.0, "camera_from_world": inverse},
+            {"near": 0.1, "ymag": 1.0, "position": [0, 0, 1], "rotation": [0.0, 0.6, 0.0, 0.8]},
+            {"clip_from_world": clip, "clip_depth": "-1..1", "clip_y": "up"},
+        ],
+    }
+
+
+FORMED_TEXT = spoil.json_bytes(_formed())
+
+
 def _read_path(file: Path, folders: Folders) -> Any:
     del folders
     path = load_path(file, max_memory=MEMORY)
@@ -302,7 +328,8 @@ def _part(scene: Scene, index: int) -> tuple[Any, Any]:
 _SETS = {"read": _read_sets, "command": _check, "companions": BESIDE}
 
 TARGETS = (
-    Target("path", "case.json", lambda: {"path": PATH_TEXT, "posed": POSED_TEXT},
+    Target("path", "case.json",
+           lambda: {"path": PATH_TEXT, "posed": POSED_TEXT, "formed": FORMED_TEXT},
            spoil.json_text, _read_path, rewrite.json_text, _cast, BESIDE),
     Target("path-glb", "case.glb", lambda: {"everything": everything().glb()}, spoil.glb,
            _read_path, rewrite.glb, _cast, BESIDE),

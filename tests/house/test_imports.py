@@ -51,6 +51,8 @@ PLANTS = [
     (LAYERS, "visref.run_folder.explain", "visref.report.words"),
     (LAYERS, "visref.trials.hardcases", "visref.cli.main"),
     (LAYERS, "visref.between.search", "visref.effects.images"),  # side by side
+    (LAYERS, "visref.inputs", "visref.paths.looking"),
+    (LAYERS, "visref.camera_forms", "visref.camera_path"),
     (ACYCLIC, "visref_culling.queries.occlusion_query", "visref_culling.n_buffer.depth_map"),
     (ACYCLIC, "visref_culling.gl.geometry", "visref_culling.boxes.rectangles"),
     (ACYCLIC, "visref_culling.method", "visref_culling.plp.octree"),

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
 from visref.cli.main import main
-from visref.recordings.cube import cube_frame, cube_views
+from visref.paths.cube import cube_frame, cube_views
 
 EYE = np.array([1.0, 2.0, -3.0])
 AXES = {
