@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 from collections.abc import Sequence
 
@@ -248,3 +249,28 @@ def test_in_rust_the_feature_off_makes_every_call_nothing(tmp_path):
         done = subprocess.run([command], capture_output=True, text=True, check=True)
         assert done.stdout.startswith(told)
         assert recording.file.exists() == left
+
+
+# How a call looks in a language's documentation, and where it is defined in its source.
+SPELLED = {
+    "c": (r"\b(visref_\w+)\b(?!\.h)|\b(VISREF_\w+)", r"\b{}\b"),
+    "rust": (r"\br\.(\w+)\(|`(?:Recorder::)?(\w+)(?:\(|`)", r"\b{}\b"),
+    "csharp": (r"\br\.(\w+)\(|`(\w+)\(", r"\b{}\b"),
+    "javascript": (r"\br\.(\w+)\(|`(\w+)\(", r"\b{}\b"),
+    "gdscript": (r"\brecorder\.(\w+)\(|`(\w+)\(", r"func {}\("),
+    "python": (r"\br\.(\w+)\(|`(\w+)\(", r"def {}\("),
+}
+# What else stands there: of the engines.
+OTHERS = {"look_at_rh", "look_at_lh", "to_cols_array", "lookAt", "GlobalTransform", "ColumnMajor"}
+
+
+@pytest.mark.parametrize("folder", sorted(SPELLED))
+def test_calls_that_a_folder_s_documentation_names_exist(folder):
+    call, defined = SPELLED[folder]
+    files = [file for file in (RECORDERS / folder).rglob("*") if file.suffix not in ("", ".md")]
+    source = "\n".join(file.read_text("utf-8") for file in files if file.is_file())
+    readme = (RECORDERS / folder / "README.md").read_text("utf-8")
+    named = {one for found in re.findall(call, readme) for one in found if one}
+    assert len(named) > 4
+    missing = {one for one in named - OTHERS if not re.search(defined.format(one), source)}
+    assert not missing
