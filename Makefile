@@ -7,8 +7,9 @@ SYSTEM_READY := $(VENV)/.system-ready
 
 # EGL and Mesa's software renderer for the GL methods; libusb and libgomp for Open3D.
 SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libgomp1
-# Only the tests: real models that nobody here wrote, and a browser for the pages.
-TEST_PACKAGES := assimp-testmodels chromium
+# Only the tests: real models that nobody here wrote, a browser for the pages, and what compiles and
+# runs the recorders.
+TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 
 .PHONY: demo test test-fast soak fuzz lint bench tables setup clean
 .DELETE_ON_ERROR:

@@ -143,8 +143,8 @@ def test_a_form_overrides_the_forms_above_it():
         **{k: v for k, v in top.items() if k != "yfov"},
         "ymag": 2.0,
     }
-    given = {"yfov": 1.0, "ymag": None}
-    assert over(top, given) == {**top, **given}
+    # A projection of null says nothing.
+    assert over(top, {"yfov": None, "ymag": None}) == top
     assert over({"clip_from_world": 0, "clip_depth": "0..1"}, {"near": 1.0}) == {
         "clip_from_world": 0, "clip_depth": "0..1", "near": 1.0,
     }  # fmt: skip

@@ -13,7 +13,15 @@ import visref
 from tests.cli.test_cli import record, write_scene
 
 ROOT = Path(visref.__file__).parent.parent
-FOLDERS = ("visref", "culling", "datasets_gen", "experiments", "benchmarks", "examples")
+FOLDERS = (
+    "visref",
+    "culling",
+    "datasets_gen",
+    "experiments",
+    "benchmarks",
+    "examples",
+    "recorders",
+)
 SCRIPTS = ("tools/records", "tools/tables-to-docs")
 
 

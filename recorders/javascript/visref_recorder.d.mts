@@ -1,0 +1,1 @@
+export * from "./visref_recorder.js";

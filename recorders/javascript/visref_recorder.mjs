@@ -1,0 +1,3 @@
+import "./visref_recorder.js";
+
+export const { Recorder, RecordingError } = globalThis.visref;

@@ -1,0 +1,183 @@
+"""JavaScript's and Godot's cameras, as their engines have them."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.recorders.calls import strict_lines
+from tests.recorders.conventions import (
+    CLOSE,
+    CLOSE_FLOAT,
+    LENSES,
+    POINTS,
+    POSES,
+    check_lens,
+    from_axes,
+    lens_matrix,
+    look_at_lh,
+    negated,
+    projection,
+    seen,
+    y_down,
+)
+from tests.recorders.languages.base import RECORDERS
+from tests.recorders.languages.godot import godot_project, run_godot
+
+# JavaScript
+
+JS_MAIN = """const { Recorder } = require(%s);
+const r = new Recorder("js.jsonl", 64, 48);
+%s
+r.close();
+"""
+
+
+def javascript(tmp_path: Path, lines: Sequence[str]) -> list[dict]:
+    recorder = json.dumps(str(RECORDERS / "javascript" / "visref_recorder.js"))
+    (tmp_path / "main.cjs").write_text(JS_MAIN % (recorder, "\n".join(lines)))
+    subprocess.run(["node", "main.cjs"], cwd=tmp_path, check=True)
+    return strict_lines((tmp_path / "js.jsonl").read_bytes())[1:]
+
+
+@pytest.mark.needs("node")
+def test_javascript_takes_three_js_cameras_as_they_are(tmp_path):
+    """Its matrices are column by column, with glTF's axes and OpenGL's projections."""
+    lines, views = [], []
+    for number, lens in enumerate(LENSES):
+        pitch, yaw, eye = POSES[number % len(POSES)]
+        view, axes = y_down(eye, pitch, yaw)
+        views.append((eye, axes))
+        world = np.linalg.inv(np.diag([1, -1, -1, 1]) @ view)
+        camera = {
+            "matrixWorld": {"elements": list(world.T.flat)},
+            "projectionMatrix": {"elements": list(lens_matrix(*lens).T.flat)},
+            "near": 0.1,
+            "far": 100,
+        }
+        lines.append(f"r.beginFrame({number}); r.threeCamera({json.dumps(camera)}); r.endFrame();")
+    for line, (eye, axes), lens in zip(javascript(tmp_path, lines), views, LENSES, strict=True):
+        assert np.allclose(seen(line, POINTS), from_axes(POINTS, eye, *axes), **CLOSE)
+        check_lens(line, *lens, tolerance=1e-13)
+        assert (line["near"], line["far"]) == (0.1, 100)
+
+
+@pytest.mark.needs("node")
+def test_javascript_refuses_a_camera_whose_aspect_is_not_the_view_s(tmp_path):
+    camera = {
+        "matrixWorld": {"elements": list(np.eye(4).flat)},
+        "projectionMatrix": {"elements": list(projection(48, 48, 0.9, (0, 0)).T.flat)},
+        "near": 0.1,
+        "far": 100,
+    }
+    lines = [f"r.beginFrame(0); r.threeCamera({json.dumps(camera)}); r.endFrame();"]
+    with pytest.raises(subprocess.CalledProcessError):
+        javascript(tmp_path, lines)
+
+
+@pytest.mark.needs("node")
+@pytest.mark.parametrize("right_handed", [False, True])
+def test_javascript_takes_babylon_js_cameras_as_they_are(right_handed, tmp_path):
+    """Row vectors in rows. A left-handed scene looks along +Z, its projection too, and its glTF
+    loader negates x; maxZ 0 is an endless far plane."""
+    lines, views = [], []
+    for number, lens in enumerate(LENSES[:3]):
+        pitch, yaw, eye = POSES[number]
+        if right_handed:
+            view, axes = y_down(eye, pitch, yaw)
+            memory = list((np.diag([1, -1, -1, 1]) @ view).T.flat)
+        else:
+            view, axes = look_at_lh(eye, pitch, yaw)
+            memory = list(view.flat)
+        clip = lens_matrix(*lens)
+        if not right_handed:
+            clip = clip @ np.diag([1, 1, -1, 1])
+        views.append((eye, axes))
+        made = (
+            f"{{ getScene: () => ({{ useRightHandedSystem: {json.dumps(right_handed)} }}),"
+            f" minZ: 0.1, maxZ: 0,"
+            f" getViewMatrix: () => ({{ m: {json.dumps(memory)} }}),"
+            f" getProjectionMatrix: () => ({{ m: {json.dumps(list(clip.T.flat))} }}) }}"
+        )
+        lines.append(f"r.beginFrame({number}); r.babylonCamera({made}); r.endFrame();")
+    for line, (eye, axes), lens in zip(javascript(tmp_path, lines), views, LENSES[:3], strict=True):
+        world = POINTS if right_handed else negated(POINTS, 0)
+        assert np.allclose(seen(line, POINTS), from_axes(world, eye, *axes), **CLOSE)
+        check_lens(line, *lens, tolerance=1e-13)
+        assert (line["near"], line["far"]) == (0.1, None)
+
+
+# Godot
+
+GODOT_MAIN = """extends SceneTree
+const Recorder = preload("res://visref_recorder.gd")
+
+func _init() -> void:
+	get_root().size = Vector2(64, 48)
+	var r = Recorder.new("godot.jsonl", 64, 48)
+	var camera := Camera3D.new()
+	get_root().add_child(camera)
+	camera.current = true
+%s
+	r.close()
+	quit()
+"""
+
+
+@pytest.mark.needs("godot4|godot3-server")
+def test_gdscript_takes_godot_s_cameras_as_they_are(tmp_path):
+    """Rows of a Transform3D; and a field of view, a size or an offset of either side."""
+    body, expected = [], []
+    lower = 2 * math.atan(math.tan(math.radians(25)) * 48 / 64)
+    moved = {"size": 1.0, "frustum_offset": (0.25, -0.125)}
+    settings = (
+        ("PERSPECTIVE", "KEEP_HEIGHT", {"fov": 50.0}, ("yfov", math.radians(50), (0.0, 0.0))),
+        ("PERSPECTIVE", "KEEP_WIDTH", {"fov": 50.0}, ("yfov", lower, (0.0, 0.0))),
+        ("ORTHOGONAL", "KEEP_HEIGHT", {"size": 6.0}, ("ymag", 3.0, (0.0, 0.0))),
+        ("ORTHOGONAL", "KEEP_WIDTH", {"size": 8.0}, ("ymag", 3.0, (0.0, 0.0))),
+        # At the near plane, half a unit away, the view is one high: 48 pixels to the unit.
+        ("FRUSTUM", "KEEP_HEIGHT", moved, ("yfov", math.pi / 2, (12.0, 6.0))),
+    )  # fmt: skip
+    for number, (kind, keep, values, lens) in enumerate(settings):
+        pitch, yaw, eye = POSES[number % len(POSES)]
+        _, axes = y_down(eye, pitch, yaw)
+        expected.append((eye, axes, lens))
+        right, up, forward = axes
+        vectors = [
+            f"Vector3({x!r}, {y!r}, {z!r})"
+            for x, y, z in (map(float, v) for v in (right, up, -forward, eye))
+        ]
+        body += [
+            f"camera.projection = Camera3D.PROJECTION_{kind}",
+            f"camera.keep_aspect = Camera3D.{keep}",
+        ]
+        body += [
+            f"camera.transform = Transform3D({', '.join(vectors)})",
+            "camera.near = 0.5",
+            "camera.far = 100.0",
+        ]
+        body += [
+            f"camera.{name} = {f'Vector2{v}' if isinstance(v, tuple) else v}"
+            for name, v in values.items()
+        ]
+        body += [
+            f"r.begin_frame({number})",
+            "r.camera_3d(camera)",
+            'r.pose("a", r.VisrefText.rows_of(camera.transform))',
+            "r.end_frame()",
+        ]
+    godot_project(tmp_path, {"program.gd": GODOT_MAIN % "\n".join("\t" + line for line in body)})
+    run_godot(tmp_path)
+    frames = strict_lines((tmp_path / "godot.jsonl").read_bytes())[1:]
+    assert len(frames) == len(settings)
+    for line, (eye, axes, lens) in zip(frames, expected, strict=True):
+        assert np.allclose(seen(line, POINTS), from_axes(POINTS, eye, *axes), **CLOSE_FLOAT)
+        assert np.allclose(line["world_from_object"]["a"], line["world_from_camera"], **CLOSE_FLOAT)
+        check_lens(line, *lens, tolerance=1e-6)
+        assert (line["near"], line["far"]) == (0.5, 100)

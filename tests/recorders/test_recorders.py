@@ -1,0 +1,276 @@
+"""Every recorder writes what the format says, whatever it is given, and hides no failure."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tests.recorders.calls import (
+    EYE,
+    Call,
+    awkward_calls,
+    exactly,
+    expected_lines,
+    strict_lines,
+)
+from tests.recorders.languages import each
+from tests.recorders.languages.base import RECORDERS, Language, Recording
+from tests.recorders.languages.rust import build_rust
+
+CAMERA: Call = ("camera", "world_from_camera", "row_major", list(EYE), None)
+FRAME: tuple[Call, ...] = (("begin_frame", 0), CAMERA, ("visible_ids", [3], None), ("end_frame",))
+
+
+@each()
+def test_awkward_names_and_numbers_are_read_back_exactly(language, tmp_path):
+    """All recorders make the same calls, so their files hold equal values."""
+    calls = awkward_calls(seed=16, frames=25)
+    file = tmp_path / "recording.jsonl"
+    assert language.run([Recording(file, calls)], tmp_path / "program") == ["ok"]
+    lines = strict_lines(file.read_bytes())
+    assert exactly(lines) == exactly(expected_lines(calls, 64, 48))
+    assert len(lines) == 26
+
+
+def test_the_awkward_calls_hold_what_they_are_for():
+    calls = awkward_calls(seed=16, frames=25)
+    text = repr(calls)
+    for one in (
+        "1e-308",
+        "5e-324",
+        "-0.0",
+        "1e+22",
+        "inf",
+        "😀",
+        "\\x01",
+        "__proto__",
+        "column_major",
+    ):
+        assert one in text
+    lines = expected_lines(calls, 64, 48)
+    sets = [line.get("visible", line.get("visible_nodes")) for line in lines[1:]]
+    assert {type(one) for one in sets} == {list, dict}
+    assert any(isinstance(one, dict) and [] in one.values() for one in sets)
+    assert any("visible_nodes" in line for line in lines)
+    assert {call[0] for call in calls} >= {
+        "cut",
+        "time",
+        "absent",
+        "pose",
+        "level",
+        "bounds",
+        "stat_ms",
+    }
+
+
+def test_numbers_that_differ_in_one_bit_are_not_equal():
+    assert exactly([0.1]) != exactly([math.nextafter(0.1, 1)])
+    assert exactly({"a": 0.0}) != exactly({"a": -0.0})
+    assert exactly({"views": {"a": {}, "b": {}}}) != exactly({"views": {"b": {}, "a": {}}})
+
+
+def test_the_parser_of_these_tests_is_strict():
+    for text in (b'{"a":1,"a":2}\n', b'{"a":NaN}\n', b'{"a":1}', b'{"a":"\xff"}\n', b'{"a":1e+}\n'):
+        with pytest.raises((AssertionError, ValueError)):
+            strict_lines(text)
+
+
+def of_camera(*matrix: float) -> Call:
+    return ("camera", "world_from_camera", "row_major", [*matrix, *EYE[len(matrix) :]], None)
+
+
+VIEW = ("camera", "world_from_camera", "row_major", list(EYE), "left")
+# What is done wrong in frame 4, behind a good one, and what is told.
+WRONG: tuple[tuple[str, Sequence[Call], str], ...] = (
+    ("a number that is none", [of_camera(math.nan)], "frame 4: a number is not finite"),
+    ("an endless number", [of_camera(1.0, -math.inf)], "frame 4: a number is not finite"),
+    (
+        "a bound",
+        [CAMERA, ("bounds", "a", [0.0, 0.0, math.nan], [1.0, 1.0, 1.0])],
+        "frame 4: a number is not finite",
+    ),
+    ("no camera", [], "frame 4: no camera"),
+    ("a view without", [VIEW, ("visible_ids", [1], "right")], "frame 4: no camera"),
+    ("two cameras", [CAMERA, CAMERA], "frame 4: a second camera"),
+    (
+        "ids and nodes",
+        [CAMERA, ("visible_ids", [1], None), ("visible_nodes", [1], None)],
+        "frame 4: what is visible",
+    ),
+    (
+        "both kinds of sets",
+        [VIEW, ("visible_ids", [], None), ("visible_ids", [], "left")],
+        "frame 4: what is visible",
+    ),
+    ("a frame in a frame", [CAMERA, ("begin_frame", 5)], "frame 4: it has no end"),
+    ("a group in a frame", [CAMERA, ("group", "a", ["b"])], "frame 4: a call out of place"),
+    (
+        "no higher number",
+        [CAMERA, ("end_frame",), ("begin_frame", 4)],
+        "frame 4: the next must have",
+    ),
+    ("between frames", [CAMERA, ("end_frame",), ("absent", "a")], "frame 4: a call out of place"),
+)
+
+
+@each()
+def test_what_goes_wrong_is_told_at_the_end_and_nothing_is_written_after_it(language, tmp_path):
+    recordings = [
+        Recording(
+            tmp_path / f"{number}.jsonl",
+            [
+                *FRAME,
+                ("begin_frame", 4),
+                *calls,
+                ("end_frame",),
+                ("begin_frame", 9),
+                CAMERA,
+                ("end_frame",),
+            ],
+        )
+        for number, (_, calls, _) in enumerate(WRONG)
+    ]
+    told = language.run(recordings, tmp_path / "program")
+    assert len(told) == len(WRONG)
+    for (what, calls, expected), recording, one in zip(WRONG, recordings, told, strict=True):
+        assert one.startswith(f"problem: {expected}"), what
+        frames = [line["frame"] for line in strict_lines(recording.file.read_bytes())[1:]]
+        assert frames == ([0, 4] if ("end_frame",) in calls else [0]), what
+
+
+@each()
+def test_a_frame_without_an_end_a_frame_s_call_before_all_and_a_missing_folder_are_told(
+    language, tmp_path
+):
+    recordings = [
+        Recording(tmp_path / "a.jsonl", [*FRAME, ("begin_frame", 1), CAMERA]),
+        Recording(tmp_path / "b.jsonl", [("visible_ids", [1], None), *FRAME]),
+        Recording(tmp_path / "nowhere" / "c.jsonl", FRAME),
+        Recording(tmp_path / "d.jsonl", []),
+        Recording(tmp_path / "e.jsonl", [CAMERA, *FRAME]),
+    ]
+    told = language.run(recordings, tmp_path / "program")
+    assert told[:2] == ["problem: frame 1: it has no end", "problem: a call out of place"]
+    assert told[2].startswith("problem: cannot open the file: ")
+    assert told[3:] == ["ok", "problem: a call out of place"]
+    assert [line["frame"] for line in strict_lines((tmp_path / "a.jsonl").read_bytes())[1:]] == [0]
+    assert strict_lines((tmp_path / "d.jsonl").read_bytes()) == expected_lines([], 64, 48)
+
+
+# In a shell that lets no file grow beyond 4 KiB, as a full disk does.
+FULL = ("bash", "-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "bash")
+
+
+@each()
+def test_a_disk_that_is_full_is_told(language, tmp_path):
+    # More than any recorder's buffer.
+    calls: list[Call] = []
+    for frame in range(40):
+        calls += [("begin_frame", frame), CAMERA, ("visible_names", ["a" * 3000], None)]
+        calls += [("end_frame",)]
+    file = tmp_path / "recording.jsonl"
+    small = [Recording(file, calls)]
+    (told,) = run_in_little_space(language, small, tmp_path / "program")
+    assert told.startswith("problem: ")
+    assert "cannot write: " in told
+    assert file.stat().st_size == 4096
+    assert language.run(small, tmp_path / "program") == ["ok"]
+
+
+def run_in_little_space(language: Language, recordings: list[Recording], folder) -> list[str]:
+    """The program is built with room enough."""
+    folder.mkdir()
+    command = language.build(recordings, folder)
+    built = Language(language.name, language.needs, lambda *_: command)
+    return built.run(recordings, folder, prefix=FULL)
+
+
+@each()
+def test_what_was_flushed_outlives_a_crash(language, tmp_path):
+    """And what follows is whole lines, and perhaps a piece of one."""
+    calls: list[Call] = []
+    for frame in range(30):
+        calls += [("begin_frame", frame), CAMERA, ("end_frame",)]
+        calls += [("flush",)] if frame == 9 else []
+    file = tmp_path / "recording.jsonl"
+    assert language.run([Recording(file, [*calls, ("kill",)])], tmp_path / "program") == []
+    text = file.read_bytes()
+    whole = strict_lines(text[: text.rindex(b"\n") + 1])
+    expected = expected_lines(calls, 64, 48)
+    assert len(whole) >= 11
+    assert whole == expected[: len(whole)]
+
+
+@each("c", "c++", "rust", "csharp")
+def test_floats_are_written_with_the_digits_that_a_float_needs(language, tmp_path):
+    rng = np.random.default_rng(5)
+    # Normal ones: a program built with -ffast-math takes all smaller ones for zero.
+    bits = rng.integers(0x00800000, 0x7F800000, (20, 16), dtype=np.uint32)
+    floats = np.where(rng.random((20, 16)) < 0.5, -1, 1).astype(np.float32) * bits.view(np.float32)
+    calls: list[Call] = []
+    for frame, matrix in enumerate(floats):
+        camera = ("camera_f", "world_from_camera", "column_major", [float(x) for x in matrix], None)
+        calls += [("begin_frame", frame), camera, ("end_frame",)]
+    file = tmp_path / "recording.jsonl"
+    assert language.run([Recording(file, calls)], tmp_path / "program") == ["ok"]
+    text = file.read_bytes()
+    read = np.array([line["world_from_camera"] for line in strict_lines(text)[1:]])
+    assert np.array_equal(read.astype(np.float32).reshape(20, 16), floats)
+    # A double of so many floats would take 17 digits each.
+    assert len(text) / (20 * 16) < 20
+
+
+def test_every_source_is_short_and_every_folder_says_how_to_use_it():
+    folders = [folder for folder in RECORDERS.iterdir() if folder.is_dir()]
+    assert len(folders) == 6
+    for folder in folders:
+        sources = [
+            file for file in folder.rglob("*") if file.is_file() and file.name != "README.md"
+        ]
+        for source in sources:
+            assert len(source.read_text("utf-8").splitlines()) < 300, source
+        readme = (folder / "README.md").read_text("utf-8")
+        assert 8 <= len([line for line in readme.splitlines() if line.strip()]) <= 40
+        assert "visref check" in readme
+
+
+@pytest.mark.needs("rustc")
+def test_in_rust_the_feature_off_makes_every_call_nothing(tmp_path):
+    off = ("--cfg", 'feature="off"')
+    calls = [("text", "units", "a"), *FRAME, ("begin_frame", 0), ("absent", "a")]
+    recording = Recording(tmp_path / "recording.jsonl", calls)
+    for flags, told, left in ((off, "ok", False), ((), "problem: frame 0: the next must", True)):
+        (command,) = build_rust([recording], tmp_path, *flags)
+        done = subprocess.run([command], capture_output=True, text=True, check=True)
+        assert done.stdout.startswith(told)
+        assert recording.file.exists() == left
+
+
+# How a call looks in a language's documentation, and where it is defined in its source.
+SPELLED = {
+    "c": (r"\b(visref_\w+)\b(?!\.h)|\b(VISREF_\w+)", r"\b{}\b"),
+    "rust": (r"\br\.(\w+)\(|`(?:Recorder::)?(\w+)(?:\(|`)", r"\b{}\b"),
+    "csharp": (r"\br\.(\w+)\(|`(\w+)\(", r"\b{}\b"),
+    "javascript": (r"\br\.(\w+)\(|`(\w+)\(", r"\b{}\b"),
+    "gdscript": (r"\brecorder\.(\w+)\(|`(\w+)\(", r"func {}\("),
+    "python": (r"\br\.(\w+)\(|`(\w+)\(", r"def {}\("),
+}
+# What else stands there: of the engines.
+OTHERS = {"look_at_rh", "look_at_lh", "to_cols_array", "lookAt", "GlobalTransform", "ColumnMajor"}
+
+
+@pytest.mark.parametrize("folder", sorted(SPELLED))
+def test_calls_that_a_folder_s_documentation_names_exist(folder):
+    call, defined = SPELLED[folder]
+    files = [file for file in (RECORDERS / folder).rglob("*") if file.suffix not in ("", ".md")]
+    source = "\n".join(file.read_text("utf-8") for file in files if file.is_file())
+    readme = (RECORDERS / folder / "README.md").read_text("utf-8")
+    named = {one for found in re.findall(call, readme) for one in found if one}
+    assert len(named) > 4
+    missing = {one for one in named - OTHERS if not re.search(defined.format(one), source)}
+    assert not missing
