@@ -170,7 +170,7 @@ def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
     made = {made.name: made for made in SCENES}.get(name)
     if made is None:
         raise InputError(f"check '{name}' is about the contract and has no scene of its own")
-    built = _built(made, seed)
+    built = built_of(made, seed)
     return built.scene, built.path
 
 
@@ -214,7 +214,8 @@ def _describe(result: CheckResult, seed: int) -> str:
 # Judging on a scene.
 
 
-def _built(made: SceneMaker, seed: int) -> Case:
+def built_of(made: SceneMaker, seed: int) -> Case:
+    """The case that a maker makes with a seed."""
     return made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
 
 
@@ -240,7 +241,7 @@ def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
 @lru_cache(maxsize=128)
 def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
     """A check's scene with its exact truth, cast once for however many cullers."""
-    built = _built(made, seed)
+    built = built_of(made, seed)
     return built, exact_truths(built)
 
 
