@@ -161,7 +161,11 @@ class Cutout:
 def cut_out(built: Case, cutouts: Mapping[str, Cutout]) -> Case:
     """The case with alpha masks, by object name, on objects whose material is MASK."""
     scene = built.scene
-    row, uv, material, materials, images = np.full(scene.triangle_count, -1), [], [], [], []
+    row = np.full(scene.triangle_count, -1)
+    uv: list[NDArray[Any]] = []
+    material: list[int] = []
+    materials: list[MaskMaterial] = []
+    images: list[AlphaImage] = []
     for index, name in enumerate(scene.names):
         if name not in cutouts:
             continue

@@ -1,7 +1,7 @@
 """The suite as files, for engines in any language: of each case a scene, a path and, where it is
 about clusters, which triangles are one.
 
-    manifest.json     the cases: what each is built around, its classes, its files with their digests
+    manifest.json     the cases: what each is built around, its classes, its files' digests
     expected.json     who is visible: for people to look up, and for no engine to read
     CASE/scene.glb    CASE/path.json    CASE/units.csv
 
@@ -281,14 +281,16 @@ def check_manifest(file: Path, seed: int | None) -> int:
             fix=f"give --seed {wrote}, or write the suite anew",
         )
     listed = found.get("cases")
-    theirs = {
-        one.get("name"): one.get("sha256")
+    theirs: dict[str, Any] = {
+        one["name"]: one.get("sha256")
         for one in (listed if isinstance(listed, list) else [])
         if isinstance(one, dict) and isinstance(one.get("name"), str)
     }
     ours = {one["name"]: one["sha256"] for one in manifest_of(written_cases(wrote), wrote)["cases"]}
     if theirs != ours:
-        differ = sorted(name for name in theirs.keys() | ours if theirs.get(name) != ours.get(name))
+        differ = sorted(
+            name for name in theirs.keys() | ours.keys() if theirs.get(name) != ours.get(name)
+        )
         raise InputError(
             f"its case '{differ[0]}' is not the one of visref {version('visref')}",
             source=source,

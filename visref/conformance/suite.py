@@ -29,7 +29,7 @@ import numpy as np
 from visref.camera_path import CameraPath
 from visref.conformance.building import Case, SceneMaker
 from visref.conformance.scenes import SCENES
-from visref.culler import Culler, check_drawn
+from visref.culler import Culler, Promise, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
@@ -56,13 +56,15 @@ class NotForThis(Exception):
 
 class Status(StrEnum):
     """How a check ended. A check is skipped where the culler says that it is not for such scenes
-    (`Culler.moves`). One that failed, or passed unexpectedly, fails `assert_conforms`."""
+    (`Culler.moves`). One that failed, or passed unexpectedly, fails `assert_conforms`. `MEASURED`
+    is no praise: who promises nothing can break nothing (the command line alone says it)."""
 
     PASSED = "passed"
     FAILED = "failed"
     EXPECTED_FAILURE = "expected failure"
     UNEXPECTED_PASS = "unexpected pass"
-    SKIPPED = "skipped"
+    MEASURED = "measured"
+    SKIPPED = "not run"
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class CheckResult:
 
     @property
     def ok(self) -> bool:
-        return self.status in (Status.PASSED, Status.EXPECTED_FAILURE, Status.SKIPPED)
+        return self.status not in (Status.FAILED, Status.UNEXPECTED_PASS)
 
 
 @dataclass(frozen=True)
@@ -133,12 +135,19 @@ def check_culler(
             results.append(CheckResult(check.name, Status.SKIPPED, reason=str(why)))
             continue
         reason = expected.get(check.name, "")
-        if problems:
-            status = Status.EXPECTED_FAILURE if reason else Status.FAILED
-        else:
-            status = Status.UNEXPECTED_PASS if reason else Status.PASSED
+        status = status_of(problems, reason)
         results.append(CheckResult(check.name, status, problems, reason, missed))
     return results
+
+
+def status_of(problems: Sequence[str], reason: str, *, promised: bool = True) -> Status:
+    """How a check ended that found these problems, where `reason` says why it is expected to fail
+    (empty where it is not). `promised`: whether the culler's promise can be broken at all."""
+    if problems:
+        return Status.EXPECTED_FAILURE if reason else Status.FAILED
+    if reason:
+        return Status.UNEXPECTED_PASS
+    return Status.PASSED if promised else Status.MEASURED
 
 
 def assert_conforms(
@@ -252,12 +261,29 @@ def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, 
     return run
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What is wrong, in readable lines; how many objects lose something, over all frames; whether
+    the culler's promise can be broken at all; and what it decides about."""
+
+    problems: tuple[str, ...]
+    missed: int = 0
+    promised: bool = True
+    unit_kind: str = ""
+
+
 def judge_on(
     make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
 ) -> tuple[tuple[str, ...], int]:
     """Judge a culler on a case whose exact truths are known, one per view of each frame: what is
     wrong, in readable lines, and how many objects lose something, over all frames. Raises
     NotForThis where something moves and the culler is for scenes that stand still."""
+    judged = judged_on(make_culler, built, truths)
+    return judged.problems, judged.missed
+
+
+def judged_on(make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]) -> Judged:
+    """As `judge_on`, and raises what it does."""
     culler = make_culler()
     if not culler.moves and Timeline(built.scene, built.path).moves:
         culler.close()
@@ -268,7 +294,7 @@ def judge_on(
         outcome = referee.run(path, range(len(path)), [(culler.name, culler)])
     except InputError as error:
         # The units were refused.
-        return (str(error),), 0
+        return Judged((str(error),))
     record = outcome.cullers[0]
     problems = [
         f"{finding.code}: {finding.message}"
@@ -279,7 +305,8 @@ def judge_on(
     if record.promise.convicts:
         problems += _losses(record, built)
     problems += _hidden(record, built)
-    return tuple(problems), record.totals.confirmed
+    promised = record.promise is not Promise.APPROXIMATE
+    return Judged(tuple(problems), record.totals.confirmed, promised, record.unit_kind)
 
 
 # What is told with its witness instead of the finding's own words.
