@@ -175,7 +175,7 @@ def _judge_culler(given: argparse.Namespace) -> Exit:
 
             yield make
 
-    picked = _picked(given, rows_of_culler(maker, seed))
+    picked = _picked(given, rows_of_culler(given.culler, maker, seed))
     return _run(given, given.culler, seed, picked, declared)
 
 

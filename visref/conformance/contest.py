@@ -106,7 +106,10 @@ _LISTS_OBJECTS = (
 )
 
 
-def rows_of_culler(maker: Callable[[], AbstractContextManager[MakeCuller]], seed: int) -> list[Row]:
+Maker = Callable[[], AbstractContextManager[MakeCuller]]
+
+
+def rows_of_culler(name: str, maker: Maker, seed: int) -> list[Row]:
     """A row per check of the catalogue, for a culler in Python. `maker`: gives what makes the
     culler, and ends what it made when a row is done. A culler says itself which units it decides
     about, so that no case asks for clusters."""
@@ -114,20 +117,19 @@ def rows_of_culler(maker: Callable[[], AbstractContextManager[MakeCuller]], seed
     rows = []
     for check in conformance_checks():
         own = tuple(name for name in classes.get(check.name, ()) if name != "clusters")
-        rows.append(Row(check.name, check.claim, check.trap, own, _running(check, maker, seed)))
+        run = _running(check, name, maker, seed)
+        rows.append(Row(check.name, check.claim, check.trap, own, run))
     return rows
 
 
 _SCENES = frozenset(made.name for made in SCENES)
 
 
-def _running(
-    check: Check, maker: Callable[[], AbstractContextManager[MakeCuller]], seed: int
-) -> Callable[[], Judged]:
+def _running(check: Check, name: str, maker: Maker, seed: int) -> Callable[[], Judged]:
     def run() -> Judged:
         with maker() as make:
             if check.name in _SCENES:
-                return judged_on(make, *built_case(check.name, seed))
+                return judged_on(make, *built_case(check.name, seed), name)
             return Judged(*check.run(make, seed))
 
     return run

@@ -282,12 +282,15 @@ def judge_on(
     return judged.problems, judged.missed
 
 
-def judged_on(make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]) -> Judged:
-    """As `judge_on`, and raises what it does."""
+def judged_on(
+    make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth], name: str = ""
+) -> Judged:
+    """As `judge_on`, and raises what it does. `name`: of the culler, by default its own."""
     culler = make_culler()
     if not culler.moves and Timeline(built.scene, built.path).moves:
         culler.close()
-        raise NotForThis(f"'{culler.name}' has no update(): it is for scenes that stand still")
+        shown = name or culler.name
+        raise NotForThis(f"'{shown}' has no update(): it is for scenes that stand still")
     path = built.path.relative_to(built.scene.origin)
     referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
     try:
