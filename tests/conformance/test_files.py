@@ -24,6 +24,7 @@ from visref.conformance.suite import built_of
 from visref.errors import InputError
 from visref.files import parse_json
 from visref.formats import load_scene
+from visref.recordings.names import Names
 from visref.scene import Alpha, Group
 from visref.timeline import Timeline
 
@@ -40,14 +41,14 @@ def corners(scene, triangles):
     return [[Fraction(x) + o for x, o in zip(row, origin, strict=True)] for row in points.tolist()]
 
 
-@pytest.mark.parametrize("seed", [0, 1, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 5))])
 def test_every_case_is_read_back_as_it_was_built(seed):
     written = files.written_cases(seed)
     assert [one.name for one in written] == [n for n in BY_NAME if n != "empty_scene"]
     for one in written:
         built, found = built_of(one.made, seed), one.scene
         scene = built.scene
-        for what in ("names", "given_names", "paths", "groups"):
+        for what in ("names", "groups"):
             assert getattr(found, what) == getattr(scene, what), (one.name, what)
         for what in ("object_offsets", "one_sided", "alpha"):
             assert np.array_equal(getattr(found, what), getattr(scene, what)), (one.name, what)
@@ -60,6 +61,16 @@ def test_every_case_is_read_back_as_it_was_built(seed):
         if one.units is not None:
             assert np.array_equal(one.units.offsets, built.units.offsets)
             assert np.array_equal(one.units.triangles, built.units.triangles)
+
+
+def test_every_name_in_the_files_means_one_object_or_one_group():
+    for one in CASES.values():
+        names = Names(one.scene)
+        for index, name in enumerate(one.scene.names):
+            inside = [group.objects for group in one.scene.groups if index in group.objects]
+            assert names.meanings(name) in ([(index,)], inside), (one.name, name)
+        for group in one.scene.groups:
+            assert names.meanings(group.name) == [group.objects]
 
 
 def test_every_moment_is_that_of_the_case_as_it_was_built():

@@ -1,9 +1,10 @@
 """A scene as a GLB file that says exactly it: read back, it has the same vertices, triangles, ids,
 names, groups, materials and masks.
 
-Each object is a node at the root, in order, under its given name; what an engine that has its own
-glTF loader needs to draw it is there, and nothing else. Where a file cannot say a scene exactly,
-that is an InputError and no file.
+Each object is a node at the root, in order, under the name that visref gives it (`house#2`), so
+that every engine can tell which it means; a group is one node. What an engine with a glTF loader of
+its own needs to draw it is there, and nothing else. Where a file cannot say a scene exactly, that
+is an InputError and no file.
 
 Source: glTF 2.0, sections 3.6 to 3.11 and 4.4; EXT_mesh_gpu_instancing.
 """
@@ -121,7 +122,7 @@ class _File:
     # Objects.
 
     def _node(self, index: int, mesh_of: int) -> dict[str, Any]:
-        entry: dict[str, Any] = {"name": self.scene.given_names[index]}
+        entry: dict[str, Any] = {"name": self.scene.names[index]}
         if self.scene.paths[index] != self.scene.given_names[index]:
             raise self._cannot("an object is not at the root", self._place(index))
         if self.scene.origin.any():
