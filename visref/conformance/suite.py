@@ -320,10 +320,8 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
     lines = []
     losses = record.losses()
     for _, frame, miss in losses[:LINES_PER_CHECK]:
-        rows = [row for row in record.frames if row.frame == frame]
-        (named,) = {row.view for row in rows if any(m is miss for m in row.verdict.misses)}
-        (view,) = [one for one in built.path.views(frame) if one.view == named]
-        where = f"frame {frame}, view '{named}'" if named else f"frame {frame}"
+        (view,) = [one for one in built.path.views(frame) if one.view == miss.view]
+        where = f"frame {frame}, view '{miss.view}'" if miss.view else f"frame {frame}"
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
             f"MISSED_OBJECT: {where} ({view.width} x {view.height}): "
@@ -341,12 +339,13 @@ def _hidden(record: CullerRecord, built: Case) -> list[str]:
     found = [(row, one) for row in record.frames for one in row.verdict.confirmed_superfluous]
     lines = []
     for row, one in found[:LINES_PER_CHECK]:
-        line = f"DRAWN_HIDDEN: frame {row.frame}: {record.unit_kind} {one.unit} was drawn"
+        where = f"frame {row.frame}, view '{one.view}'" if one.view else f"frame {row.frame}"
+        line = f"DRAWN_HIDDEN: {where}: {record.unit_kind} {one.unit} was drawn"
         if one.sample < 0:
             lines.append(f"{line} and covers no sample")
             continue
         hides = int(built.scene.object_of_triangle[one.occluder]) if one.occluder >= 0 else -1
-        by = f", at pixel ({one.sample % row.width}, {one.sample // row.width})"
+        by = f", at pixel ({one.sample % one.width}, {one.sample // one.width})"
         by += f" by '{built.scene.names[hides]}' (object {hides})" if hides >= 0 else ""
         lines.append(f"{line} and is hidden at all of its {one.samples} samples{by}")
     if len(found) > LINES_PER_CHECK:
