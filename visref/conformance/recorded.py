@@ -3,38 +3,61 @@
 `CASE.jsonl` is a recording, or recorded visible sets; these may as well be `CASE.csv` or
 `CASE.parquet`. Nothing else stands there but the suite's manifest, and the units files that
 recordings name: a misspelt name would pass for a case that was not recorded.
+
+A recording says which cameras it was made with and how things stood. It is judged by the case's own
+path; where what it says is not that, it is of another case.
 """
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from visref.camera import Camera
+from visref.camera_path import CameraPath, Frame
 from visref.conformance.declared import Declared
 from visref.conformance.files import MANIFEST, WrittenCase
 from visref.culler import Culler, CullerError, Promise, RasterTolerance
 from visref.errors import InputError
+from visref.files import open_file
+from visref.findings import Code
+from visref.recordings.recording import RECORDING_FORMAT, read_recording
 from visref.recordings.visible_sets import Replay, VisibleSets, read_visible_sets
 from visref.wording import did_you_mean
 
 _SUFFIXES = (".jsonl", ".csv", ".parquet")
+# How far, relative to its length, a vector of a recorded camera may be from the case's. An engine
+# holds 24 bits, and loses a few of them where it composes matrices; 8 are left for that. It decides
+# which case a recording is of, and no verdict.
+_SAME = 2.0**-16
+# The same for a shift of the lens, in pixels.
+_SAME_PX = 2.0**-8
+# A header that is longer than this is none.
+_HEADER_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
     """The recordings of a folder, read and found to be those of the suite; an `Entrant`. `sets`:
-    by case."""
+    by case; `faults`: by case, why its recording answers not all of it."""
 
     name: str
     sets: Mapping[str, VisibleSets]
     promise: Promise = Promise.CONSERVATIVE
     raster: RasterTolerance | None = None
+    faults: Mapping[str, str] = field(default_factory=dict)
 
     @contextmanager
     def culler(self, case: WrittenCase) -> Iterator[Culler]:
-        """What was recorded of a case. Raises CullerError where nothing was."""
+        """What was recorded of a case. Raises CullerError where that is not all of it."""
+        if case.name in self.faults:
+            raise CullerError(self.faults[case.name])
         if case.name not in self.sets:
             raise CullerError(f"there is no recording of it: {case.name}.jsonl is missing")
         yield Replay(self.sets[case.name], case.case.path, self.promise, self.raster)
@@ -51,21 +74,38 @@ def read_recordings(
 ) -> Recordings:
     """Read the recordings of what the engine is made for. Raises InputError for a file that is no
     recording of its case, for two of one case, and for any file that is of none."""
-    files = _files_of(folder, cases)
-    sets = {}
+    files, others = _files_of(folder, cases)
+    sets: dict[str, VisibleSets] = {}
+    faults: dict[str, str] = {}
+    units = {files[name].parent / named for name in files if (named := _units_of(files[name]))}
+    for other in others:
+        if other not in units:
+            names = [case.name for case in cases]
+            near = did_you_mean(other.stem, names, "take it out: recordings stand there alone")
+            raise InputError("it is of no case of the suite", source=str(other), fix=near)
     for case in cases:
         file = files.get(case.name)
         if file is None or declared.lacks(case.classes):
             continue
-        frames = range(len(case.path))
-        sets[case.name] = read_visible_sets(
-            file, case.scene, frames, case.case.path, max_memory=max_memory
-        )
-    return Recordings(folder.name or str(folder), sets, promise, raster)
+        if _header(file) is None:
+            frames = range(len(case.path))
+            sets[case.name] = read_visible_sets(
+                file, case.scene, frames, case.case.path, max_memory=max_memory
+            )
+            continue
+        found = read_recording(file, case.scene, max_memory=max_memory)
+        try:
+            _check_same(found.path, case.path)
+        except InputError as error:
+            raise error.at(source=str(file)) from error
+        sets[case.name] = found.sets
+        if fault := _incomplete(found.path, case.path):
+            faults[case.name] = fault
+    return Recordings(folder.absolute().name, sets, promise, raster, faults)
 
 
-def _files_of(folder: Path, cases: Sequence[WrittenCase]) -> dict[str, Path]:
-    """The file of each case that has one."""
+def _files_of(folder: Path, cases: Sequence[WrittenCase]) -> tuple[dict[str, Path], list[Path]]:
+    """The file of each case that has one, and whatever else stands there."""
     try:
         entries = sorted(folder.iterdir())
     except OSError as error:
@@ -74,23 +114,122 @@ def _files_of(folder: Path, cases: Sequence[WrittenCase]) -> dict[str, Path]:
             source=str(folder),
             fix="name the folder with the engine's recordings",
         ) from error
-    names = [case.name for case in cases]
+    names = {case.name for case in cases}
     found: dict[str, Path] = {}
+    others = []
     for entry in entries:
         if entry.name == MANIFEST or entry.name.startswith("."):
             continue
         if entry.stem not in names or entry.suffix not in _SUFFIXES:
-            near = did_you_mean(entry.stem, names, "take it out: recordings stand there alone")
-            raise InputError("it is of no case of the suite", source=str(entry), fix=near)
-        if entry.stem in found:
+            others.append(entry)
+        elif entry.stem in found:
             raise InputError(
                 f"there is {found[entry.stem].name} too", source=str(entry), fix="keep one"
             )
-        found[entry.stem] = entry
-    if not found:
+        else:
+            found[entry.stem] = entry
+    if not found and not others:
+        first = next(iter(cases)).name
         raise InputError(
-            "there is no recording in it",
-            source=str(folder),
-            fix=f"write {names[0]}.jsonl and so on",
+            "there is no recording in it", source=str(folder), fix=f"write {first}.jsonl and so on"
         )
-    return found
+    return found, others
+
+
+def _header(file: Path) -> Mapping[str, object] | None:
+    """The header of a one-file recording, None of any other file."""
+    if file.suffix != ".jsonl":
+        return None
+    try:
+        with open_file(file) as opened:
+            line = opened.readline(_HEADER_BYTES)
+    except InputError as error:
+        raise error.at(source=str(file)) from error
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        # Half a header is that of a recording whose engine died at once.
+        return {} if RECORDING_FORMAT.encode() in line else None
+    is_header = isinstance(found, dict) and found.get("format") == RECORDING_FORMAT
+    return found if is_header else None
+
+
+def _units_of(file: Path) -> str | None:
+    named = (_header(file) or {}).get("units")
+    return named if isinstance(named, str) and "\0" not in named else None
+
+
+def _incomplete(recorded: CameraPath, path: CameraPath) -> str:
+    missing = [number for number in path.numbers if not recorded.has(number)]
+    if not missing:
+        return ""
+    said = next((text for code, text in recorded.remarks if code is Code.RECORDING_CUT_OFF), "")
+    if said:
+        return f"{Code.RECORDING_CUT_OFF}: {said}"
+    return f"its recording has {len(recorded)} of {len(path)} frames; {missing[0]} is missing"
+
+
+# Is it of this case?
+
+
+def _check_same(recorded: CameraPath, path: CameraPath) -> None:
+    """Raise InputError unless the recorded cameras, and what is said of objects, are those of the
+    case's path."""
+    for number in recorded.numbers:
+        if not path.has(number):
+            problem = f"the case has {len(path)} frames"
+        else:
+            problem = _differs(recorded.frame(number), path.frame(number))
+        if problem:
+            raise InputError(
+                f"this is no recording of this case: {problem}",
+                place=f"frame {number}",
+                fix="record it along the case's path",
+            )
+
+
+def _differs(recorded: Frame, frame: Frame) -> str:
+    """How a recorded frame is another than the case's, in words; empty where it is not."""
+    views = [camera.view for camera in frame.cameras]
+    found = {camera.view: camera for camera in recorded.cameras}
+    if sorted(found) != sorted(views):
+        return f"its views are {_listed(list(found))}, and the case's {_listed(views)}"
+    for camera in frame.cameras:
+        if difference := _other_camera(found[camera.view], camera):
+            of = f" of view '{camera.view}'" if camera.view else ""
+            return f"{difference} of the camera{of} is another"
+    if recorded.absent and not set(recorded.absent) <= set(frame.absent):
+        return f"'{min(set(recorded.absent) - set(frame.absent))}' is absent"
+    for name, matrix in recorded.world_from_object.items():
+        right = frame.world_from_object.get(name)
+        if right is not None and not _near(matrix, right, max(1.0, float(np.abs(right).max()))):
+            return f"'{name}' stands elsewhere"
+    times = recorded.time_s, frame.time_s
+    if None not in times and not math.isclose(*map(float, times), rel_tol=_SAME, abs_tol=_SAME):  # type: ignore[arg-type]
+        return f"its time is {recorded.time_s:g} s"
+    return ""
+
+
+def _other_camera(recorded: Camera, camera: Camera) -> str:
+    """What of a recorded camera is not the case's."""
+    if (recorded.width, recorded.height) != (camera.width, camera.height):
+        return "the image's size"
+    if recorded.is_perspective != camera.is_perspective:
+        return "the projection"
+    if not _near(recorded.eye, camera.eye, max(1.0, float(np.abs(camera.eye).max()))):
+        return "the position"
+    if not _near(recorded.world_from_camera[:3, :3], camera.world_from_camera[:3, :3], 1.0):
+        return "the direction"
+    step = float(np.linalg.norm(camera.right_step))
+    if not math.isclose(float(np.linalg.norm(recorded.right_step)), step, rel_tol=_SAME):
+        return "the field of view"
+    shifts = (recorded.shift_x_px - camera.shift_x_px, recorded.shift_y_px - camera.shift_y_px)
+    return "the lens shift" if max(map(abs, shifts)) > _SAME_PX else ""
+
+
+def _near(found: np.ndarray, right: np.ndarray, scale: float) -> bool:  # type: ignore[type-arg]
+    return bool(np.abs(found - right).max() <= _SAME * scale)
+
+
+def _listed(views: Sequence[str]) -> str:
+    return ", ".join(f"'{view}'" for view in views)
