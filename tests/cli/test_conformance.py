@@ -203,9 +203,12 @@ def test_lists_of_objects_are_no_answer_to_a_case_about_clusters(suite, tmp_path
     (folder / f"{name}.jsonl").write_text(
         "".join(f'{{"frame": {k}, "visible": [0, 1, 2]}}\n' for k in range(3))
     )
-    status, found = results(tmp_path, "--recordings", folder, "--only", name)
-    assert status == 1
-    assert found[name]["problems"][0].startswith("it lists objects, and the case is about clusters")
+    arguments = ("--recordings", folder, "--only", name)
+    status, found = results(tmp_path, *arguments)
+    assert (status, found[name]["result"]) == (3, "not run")
+    assert found[name]["reason"] == "it lists objects, and the case is about clusters"
+    status, found = results(tmp_path, *arguments, "--can", "clusters")
+    assert (status, found[name]["result"]) == (1, "failed")
 
 
 def test_where_nothing_is_run_nothing_is_judged(right, tmp_path):

@@ -106,6 +106,10 @@ class FirstHalf(All):
         return Units(np.array([0, half, scene.triangle_count]), every, "half")
 
 
+def ended_on(entrant, cases, declared=EVERYTHING):
+    return list(run_rows(rows_of_files(entrant, cases, declared), declared))
+
+
 def some(*names):
     return [case for case in written_cases() if case.name in names]
 
@@ -119,7 +123,7 @@ def test_each_way_to_end_is_counted_by_itself():
         frozenset({"blending", "masks", "clusters"}),
         {"crowd": "no reason any more", CLUSTERS: "it has no clusters yet"},
     )
-    ended = list(run_rows(rows_of_files(Draws(All), cases), declared))
+    ended = ended_on(Draws(All), cases, declared)
     assert {one.row.name: one.result.status for one in ended} == {
         "crowd": Status.UNEXPECTED_PASS,
         "glass": Status.PASSED,
@@ -140,11 +144,28 @@ def test_each_way_to_end_is_counted_by_itself():
 
 
 def test_clusters_are_asked_for_and_half_of_them_is_not_enough():
-    (row,) = rows_of_files(Draws(FirstHalf), some(CLUSTERS))
+    (row,) = rows_of_files(Draws(FirstHalf), some(CLUSTERS), EVERYTHING)
     judged = row.run()
     assert judged.unit_kind == "half"
     assert judged.missed > 0
-    assert "it lists objects" not in judged.problems[0]
+    assert not any("it lists objects" in problem for problem in judged.problems)
+
+
+def test_who_lists_objects_has_not_answered_a_case_about_clusters():
+    (one,) = ended_on(Draws(All), some(CLUSTERS))
+    told = "it lists objects, and the case is about clusters"
+    assert (one.result.status, one.result.reason) == (Status.SKIPPED, told)
+    (one,) = ended_on(Draws(All), some(CLUSTERS), Declared(frozenset({"clusters"})))
+    assert (one.result.status, one.result.problems) == (Status.FAILED, (told,))
+
+    class Nothing(All):
+        def cull(self, camera):
+            return DrawnSet([])
+
+    # What is lost is told whatever was declared.
+    (one,) = ended_on(Draws(Nothing), some(CLUSTERS))
+    assert one.result.status is Status.FAILED
+    assert one.first.startswith("MISSED_OBJECT")
 
 
 def test_engine_that_breaks_down_on_a_case_fails_it_and_goes_on():
@@ -155,7 +176,7 @@ def test_engine_that_breaks_down_on_a_case_fails_it_and_goes_on():
                 raise CullerError("it ended with status 3")
             yield self.made()
 
-    ended = list(run_rows(rows_of_files(Breaks(All), some("crowd", "slivers")), EVERYTHING))
+    ended = ended_on(Breaks(All), some("crowd", "slivers"))
     assert [one.result.status for one in ended] == [Status.FAILED, Status.PASSED]
     assert ended[0].first == "it ended with status 3"
 
@@ -167,7 +188,7 @@ def test_what_promises_nothing_is_measured_and_never_passes():
         def cull(self, camera):
             return DrawnSet([])
 
-    ended = list(run_rows(rows_of_files(Draws(Modest), some("crowd")), EVERYTHING))
+    ended = ended_on(Draws(Modest), some("crowd"))
     assert [one.result.status for one in ended] == [Status.MEASURED]
     assert ended[0].result.missed > 0
     assert exit_of(ended) is Exit.NO_VIOLATION
@@ -180,12 +201,12 @@ def test_where_there_is_no_gl_nothing_is_judged():
 
     expected = Declared(None, {"crowd": "for another reason"})
     with pytest.raises(NothingToJudge, match="no OpenGL context"):
-        list(run_rows(rows_of_files(Draws(NeedsGL), some("crowd")), expected))
+        ended_on(Draws(NeedsGL), some("crowd"), expected)
 
 
 def test_no_row_and_no_row_that_was_run_is_no_pass():
     assert exit_of([]) is Exit.NOTHING_JUDGED
-    ended = list(run_rows(rows_of_files(Draws(All), some("two_eyes")), Declared(frozenset())))
+    ended = ended_on(Draws(All), some("two_eyes"), Declared(frozenset()))
     assert exit_of(ended) is Exit.NOTHING_JUDGED
 
 
@@ -196,8 +217,8 @@ def test_rows_are_run_when_they_are_asked_for():
 
     nothing = Declared(frozenset())
     with pytest.raises(AssertionError):
-        list(run_rows(rows_of_files(Never(All), some("crowd")), nothing))
-    (one,) = run_rows(rows_of_files(Never(All), some("two_eyes")), nothing)
+        ended_on(Never(All), some("crowd"), nothing)
+    (one,) = ended_on(Never(All), some("two_eyes"), nothing)
     assert one.result.status is Status.SKIPPED
 
 
@@ -207,6 +228,5 @@ def test_right_culler_passes_the_cases_as_files(name):
     """What is judged there is the same as what the catalogue builds."""
     culler = make_culler(spec_of(RIGHT[name]))
     cases = [case for case in written_cases() if culler.moves or not case.made.moves]
-    rows = rows_of_files(Draws(RIGHT[name]), [case for case in cases if case.units is None])
-    ended = list(run_rows(rows, EVERYTHING))
+    ended = ended_on(Draws(RIGHT[name]), [case for case in cases if case.units is None])
     assert {one.result.status for one in ended} == {Status.PASSED}

@@ -142,7 +142,7 @@ def _judge_recordings(given: argparse.Namespace) -> Exit:
         promise=promise,
         max_memory=memory_of(given),
     )
-    picked = _picked(given, rows_of_files(entrant, cases))
+    picked = _picked(given, rows_of_files(entrant, cases, declared))
     return _run(given, entrant.name, seed, picked, declared)
 
 

@@ -80,30 +80,29 @@ class Ended:
         return result.reason
 
 
-def rows_of_files(entrant: Entrant, cases: Sequence[WrittenCase]) -> list[Row]:
-    """A row per case, answered from its files."""
-    return [_row_of_files(entrant, case) for case in cases]
+def rows_of_files(entrant: Entrant, cases: Sequence[WrittenCase], declared: Declared) -> list[Row]:
+    """A row per case, answered from its files. Who lists objects where a case is about clusters has
+    not answered it: that fails where clusters are declared, and else the case counts as not run."""
+    return [_row_of_files(entrant, case, declared) for case in cases]
 
 
-def _row_of_files(entrant: Entrant, case: WrittenCase) -> Row:
+def _row_of_files(entrant: Entrant, case: WrittenCase, declared: Declared) -> Row:
     def run() -> Judged:
         try:
             with entrant.culler(case) as culler:
                 judged = judged_on(lambda: culler, case.case, case.truths)
         except CullerError as error:
             return Judged((str(error),))
-        if case.units is not None and judged.unit_kind.startswith(OBJECT):
-            # Who lists objects hides what the case is about.
-            return replace(judged, problems=(_LISTS_OBJECTS, *judged.problems))
-        return judged
+        if case.units is None or not judged.unit_kind.startswith(OBJECT):
+            return judged
+        if declared.can is None and not judged.problems:
+            raise NotForThis(_LISTS_OBJECTS)
+        return replace(judged, problems=(*judged.problems, _LISTS_OBJECTS))
 
     return Row(case.name, case.made.claim, case.made.trap, case.classes, run)
 
 
-_LISTS_OBJECTS = (
-    "it lists objects, and the case is about clusters: record units, or leave 'clusters' out of "
-    "what the engine can"
-)
+_LISTS_OBJECTS = "it lists objects, and the case is about clusters"
 
 
 Maker = Callable[[], AbstractContextManager[MakeCuller]]

@@ -29,6 +29,7 @@ from visref.files import open_file
 from visref.findings import Code
 from visref.recordings.recording import RECORDING_FORMAT, read_recording
 from visref.recordings.visible_sets import Replay, VisibleSets, read_visible_sets
+from visref.scene import Float64
 from visref.wording import did_you_mean
 
 _SUFFIXES = (".jsonl", ".csv", ".parquet")
@@ -227,7 +228,7 @@ def _other_camera(recorded: Camera, camera: Camera) -> str:
     return "the lens shift" if max(map(abs, shifts)) > _SAME_PX else ""
 
 
-def _near(found: np.ndarray, right: np.ndarray, scale: float) -> bool:  # type: ignore[type-arg]
+def _near(found: Float64, right: Float64, scale: float) -> bool:
     return bool(np.abs(found - right).max() <= _SAME * scale)
 
 
