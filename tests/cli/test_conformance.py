@@ -7,11 +7,13 @@ import re
 import shutil
 import xml.etree.ElementTree as ET
 
+import jsonschema
 import pytest
 
 from visref.cli.main import main
 from visref.conformance.classes import CLASSES
 from visref.conformance.files import EXPECTED, MANIFEST, write_suite
+from visref.schemas import schema
 
 # What lists of objects can answer; clusters ask for units.
 OBJECTS = ",".join(name for name in CLASSES if name != "clusters")
@@ -76,6 +78,7 @@ def results(tmp_path, *arguments):
     file = tmp_path / "results.json"
     status = main(["conformance", *map(str, arguments), "--json", str(file)])
     written = json.loads(file.read_text())
+    jsonschema.validate(written, schema("conformance_results"))
     assert written["exit_status"] == status
     return status, {one["name"]: one for one in written["cases"]}
 
@@ -326,7 +329,7 @@ WRONG = {
         lambda d, suite: ("--suite", suite, "--seed", 4),
         r"manifest.json: seed: the suite was written with seed 0, and 4 was asked for",
     ),
-    "no suite": (lambda d, suite: ("--suite", d), r"manifest.json: cannot read it"),
+    "no suite": (lambda d, suite: ("--suite", d), r"manifest.json: cannot read the file"),
     "an unknown case": (lambda d, suite: ("--only", "crwod"), r"--only: .* did you mean 'crowd'"),
     "an unknown class": (lambda d, suite: ("--can", "view"), r"--can view: .*did you mean 'views'"),
     "a culler's option": (lambda d, suite: ("--write", d), "not allowed with argument"),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import struct
 from dataclasses import replace
 from fractions import Fraction
 
+import jsonschema
 import numpy as np
 import pytest
 import trimesh
@@ -26,6 +28,7 @@ from visref.files import parse_json
 from visref.formats import load_scene
 from visref.recordings.names import Names
 from visref.scene import Alpha, Group
+from visref.schemas import schema
 from visref.timeline import Timeline
 
 CASES = {one.name: one for one in files.written_cases()}
@@ -302,6 +305,23 @@ def test_the_folder_is_what_its_manifest_says(suite):
     assert files.check_manifest(suite / files.MANIFEST, None) == 0
 
 
+def test_the_folder_s_files_fit_their_schemas(suite):
+    manifest = json.loads((suite / files.MANIFEST).read_text())
+    jsonschema.validate(manifest, schema("conformance"))
+    for one in manifest["cases"]:
+        jsonschema.validate(json.loads((suite / one["path"]).read_text()), schema("path"))
+    for key in manifest:
+        spoilt = {**manifest, key: None}
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(spoilt, schema("conformance"))
+    first = manifest["cases"][0]
+    for key in first.keys() - {"units", "units_file"}:
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(
+                {**manifest, "cases": [{**first, key: None}]}, schema("conformance")
+            )
+
+
 def test_writing_again_gives_the_same_bytes(suite, tmp_path):
     files.write_suite(tmp_path / "again")
     for file in suite.rglob("*"):
@@ -391,10 +411,14 @@ def test_manifest_that_is_not_of_this_suite_is_refused(suite, tmp_path, name):
 
 def test_manifest_that_is_missing_or_no_json_is_refused(tmp_path):
     file = tmp_path / files.MANIFEST
-    with pytest.raises(InputError, match=r"cannot read it.*write the suite anew"):
+    with pytest.raises(InputError, match=r"manifest.json: cannot read the file: No such file"):
         files.check_manifest(file, None)
     file.write_text("{")
     with pytest.raises(InputError, match="not valid JSON"):
+        files.check_manifest(file, None)
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(InputError, match="this is a pipe"):
         files.check_manifest(file, None)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.recordings.names import shown_name
 from visref.scene import Scene, Units
 from visref.wording import did_you_mean
 
@@ -115,7 +116,9 @@ def checked_classes(names: Iterable[str], source: str) -> frozenset[str]:
     for name in names:
         if name not in CLASSES:
             raise InputError(
-                f"there is no class '{name}'", source=source, fix=did_you_mean(name, CLASSES)
+                f"there is no class {shown_name(name)}",
+                source=source,
+                fix=did_you_mean(name[:200], CLASSES),
             )
         result.append(name)
     return frozenset(result)

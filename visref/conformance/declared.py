@@ -20,7 +20,11 @@ from typing import Any
 from visref.conformance.classes import CLASSES, checked_classes
 from visref.errors import InputError
 from visref.files import map_file
+from visref.recordings.names import shown_name
 from visref.wording import did_you_mean
+
+# So much of a name may be near another.
+_SHOWN = 200
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,8 @@ def _expectation(entry: Mapping[str, Any], cases: Collection[str]) -> tuple[str,
     if not isinstance(case, str):
         raise InputError("it names no case", fix='write case = "glass"')
     if case not in cases:
-        raise InputError(f"there is no case '{case}'", fix=did_you_mean(case, cases))
+        near = did_you_mean(case[:_SHOWN], cases)
+        raise InputError(f"there is no case {shown_name(case)}", fix=near)
     if not isinstance(reason, str) or not reason.strip():
         raise InputError(f"case '{case}' has no reason", fix="say why it fails")
     return case, " ".join(reason.split())
@@ -106,4 +111,5 @@ def _expectation(entry: Mapping[str, Any], cases: Collection[str]) -> tuple[str,
 def _known(table: Mapping[str, Any], names: tuple[str, ...], place: str) -> None:
     for key in table:
         if key not in names:
-            raise InputError(f"unknown key '{key}'", place=place, fix=did_you_mean(key, names))
+            near = did_you_mean(key[:_SHOWN], names)
+            raise InputError(f"unknown key {shown_name(key)}", place=place, fix=near)

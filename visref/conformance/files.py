@@ -16,6 +16,7 @@ import hashlib
 import io
 import json
 import re
+import reprlib
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,8 +36,9 @@ from visref.conformance.moving import Bending
 from visref.conformance.scenes import SCENES
 from visref.conformance.suite import built_of, exact_truths
 from visref.errors import InputError
-from visref.files import FolderKind, parse_json, replacing_folder
+from visref.files import FolderKind, map_file, parse_json, replacing_folder
 from visref.formats import load_scene
+from visref.recordings.names import shown_name
 from visref.scene import Scene, Units
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, objects_seen
@@ -254,22 +256,18 @@ def check_manifest(file: Path, seed: int | None) -> int:
     source = str(file)
     fix = "write the suite anew with `visref conformance --write`"
     try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"cannot read it: {error.strerror or error}", source=source, fix=fix
-        ) from error
-    try:
-        found = parse_json(data)
+        found = parse_json(map_file(file).tobytes())
     except InputError as error:
         raise error.at(source=source) from error
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise InputError(f"this is no manifest of a suite ({FORMAT})", source=source, fix=fix)
     if found.get("version") != VERSION or isinstance(found.get("version"), bool):
         raise InputError(
-            f"version {found.get('version')!r} is not known", source=source, place="version",
+            f"version {reprlib.repr(found.get('version'))} is not known",
+            source=source,
+            place="version",
             fix=f"this visref reads version {VERSION}",
-        )  # fmt: skip
+        )
     wrote = found.get("seed")
     if not isinstance(wrote, int) or isinstance(wrote, bool) or wrote < 0:
         raise InputError("its seed is no whole number", source=source, place="seed", fix=fix)
@@ -292,7 +290,7 @@ def check_manifest(file: Path, seed: int | None) -> int:
             name for name in theirs.keys() | ours.keys() if theirs.get(name) != ours.get(name)
         )
         raise InputError(
-            f"its case '{differ[0]}' is not the one of visref {version('visref')}",
+            f"its case {shown_name(differ[0])} is not the one of visref {version('visref')}",
             source=source,
             place="cases",
             fix=fix,
