@@ -198,7 +198,7 @@ OTHERS = {
             f[1]["views"].update(middle=f[1]["views"].pop("left"))
             or f[1]["visible"].update(middle=f[1]["visible"].pop("left"))
         ),
-        "frame 1: .* its views are 'right', 'middle', and the case's 'left', 'right'",
+        "frame 1: .* its views are 'right', 'middle', and the path's 'left', 'right'",
     ),
     "views exchanged": (
         "two_eyes",
@@ -208,7 +208,7 @@ OTHERS = {
     "a frame more": (
         "crowd",
         lambda f: f.append(copy.deepcopy(f[2]) | {"frame": 3}),
-        "frame 3: .* the case has 3 frames",
+        "frame 3: .* the path has frames 0…2",
     ),
     "another absence": (
         "appearing_and_vanishing",
@@ -245,7 +245,7 @@ def test_recording_of_another_case_is_refused(tmp_path, what):
     write(tmp_path, CASES[name], header, frames)
     with pytest.raises(InputError, match=told) as raised:
         judged(tmp_path, name)
-    assert "this is no recording of this case" in str(raised.value)
+    assert "it was not recorded along the path" in str(raised.value)
     assert str(tmp_path / f"{name}.jsonl") in str(raised.value)
 
 

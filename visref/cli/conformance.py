@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from visref.cli.arguments import add_memory_argument, memory_of
-from visref.cli.terminal import ERRORS, OUT, frame_bar
+from visref.cli.arguments import add_memory_argument, memory_of, parse_raster
+from visref.cli.commands import add_time_limit, saying
+from visref.cli.terminal import OUT, frame_bar
 from visref.conformance.contest import (
     Ended,
     Row,
@@ -23,15 +24,18 @@ from visref.conformance.contest import (
 )
 from visref.conformance.declared import Declared, can_of, read_declared
 from visref.conformance.files import MANIFEST, check_manifest, write_suite, written_cases
+from visref.conformance.programs import Program
 from visref.conformance.recorded import read_recordings
 from visref.conformance.suite import MakeCuller, Status, conformance_checks
-from visref.culler import Culler, Promise
+from visref.culler import Culler, Promise, RasterTolerance
 from visref.errors import InputError
 from visref.files import replacing_file
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
-from visref.plug_ins import DEFAULT_TIME_LIMIT_S, Making, making_cullers
+from visref.plug_ins import Making, making_cullers
+from visref.plug_ins.command import Command
+from visref.plug_ins.making import check_time_limit
 from visref.wording import counted, did_you_mean
 
 
@@ -48,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument(
         "--culler", metavar="NAME[:option=value,…]", help="judge a culler; module:Class is your own"
+    )
+    what.add_argument(
+        "--command",
+        # Each command's function is kept as `command`.
+        dest="program",
+        metavar='"PROGRAM … {scene} {path} {visible}"',
+        help="judge a program that reads a scene and a path and writes what it draws",
     )
     parser.add_argument(
         "--suite",
@@ -70,11 +81,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what it is made for, and the cases that it is known to fail, with reasons",
     )
     promises = [promise.value for promise in Promise if promise is not Promise.APPROXIMATE]
-    parser.add_argument("--promise", choices=promises, help="of recordings (default conservative)")
+    parser.add_argument(
+        "--promise",
+        choices=promises,
+        help="of recordings and programs (default conservative)",
+    )
     parser.add_argument(
         "--raster",
         metavar="snap=PX,depth=BITS",
-        help="of recordings: the engine's rasteriser, as for `check`",
+        help="of recordings and programs: the engine's rasteriser, as for `check`",
     )
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write the results as JUnit XML")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write them for programs")
@@ -83,42 +98,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="run your own culler in visref's process, to debug it: no limits hold there",
     )
-    parser.add_argument(
-        "--time-limit",
-        type=float,
-        default=DEFAULT_TIME_LIMIT_S,
-        metavar="SECONDS",
-        help="for each call of a culler of your own (default %(default)g)",
-    )
+    add_time_limit(parser)
     add_memory_argument(parser)
 
 
-# What an option is for, where it is not for all of them.
+# What is asked for, by its option, and the options that go with some of it alone.
+_ASKED = {"write": "write", "recordings": "recordings", "culler": "culler", "program": "command"}
+_JUDGED = ("recordings", "culler", "command")
 _BELONGS = {
     "suite": ("recordings",),
-    "promise": ("recordings",),
-    "raster": ("recordings",),
-    "only": ("recordings", "culler"),
-    "can": ("recordings", "culler"),
-    "expected": ("recordings", "culler"),
-    "junit": ("recordings", "culler"),
-    "json": ("recordings", "culler"),
+    "promise": ("recordings", "command"),
+    "raster": ("recordings", "command"),
+    **dict.fromkeys(("only", "can", "expected", "junit", "json"), _JUDGED),
 }
 
 
 def run(given: argparse.Namespace) -> Exit:
-    asked = next(n for n in ("write", "recordings", "culler") if getattr(given, n) is not None)
+    asked = next(option for name, option in _ASKED.items() if getattr(given, name) is not None)
     for option, owners in _BELONGS.items():
         if getattr(given, option) is not None and asked not in owners:
             raise InputError(
                 f"--{option} does not go with --{asked}",
-                fix=f"it is for {' and '.join(f'--{owner}' for owner in owners)}",
+                fix=f"it is for {', '.join(f'--{owner}' for owner in owners)}",
             )
     if asked == "write":
         return _write(given.write, given.seed or 0)
     if asked == "recordings":
         return _judge_recordings(given)
-    return _judge_culler(given)
+    return _judge_program(given) if asked == "command" else _judge_culler(given)
 
 
 def _write(folder: Path, seed: int) -> Exit:
@@ -134,12 +141,12 @@ def _judge_recordings(given: argparse.Namespace) -> Exit:
     cases = written_cases(seed)
     names = [case.name for case in cases]
     declared = _declared(given, names)
-    promise = Promise(given.promise or Promise.CONSERVATIVE)
     entrant = read_recordings(
         given.recordings,
         cases,
         declared,
-        promise=promise,
+        promise=_promise(given),
+        raster=_raster(given),
         max_memory=memory_of(given),
     )
     picked = _picked(given, rows_of_files(entrant, cases, declared))
@@ -154,15 +161,38 @@ def _seed_of_suite(given: argparse.Namespace) -> int:
     return int(given.seed or 0)
 
 
+def _judge_program(given: argparse.Namespace) -> Exit:
+    seed = int(given.seed or 0)
+    check_time_limit(given.time_limit)
+    command = Command.parse(given.program, promise=_promise(given), raster=_raster(given))
+    cases = written_cases(seed)
+    declared = _declared(given, [case.name for case in cases])
+    program = Program(command, given.time_limit, _memory_limit(given), saying(command.name))
+    picked = _picked(given, rows_of_files(program, cases, declared))
+    return _run(given, program.name, seed, picked, declared)
+
+
+def _promise(given: argparse.Namespace) -> Promise:
+    return Promise(given.promise or Promise.CONSERVATIVE)
+
+
+def _raster(given: argparse.Namespace) -> RasterTolerance | None:
+    return None if given.raster is None else parse_raster("--raster", given.raster)
+
+
+def _memory_limit(given: argparse.Namespace) -> int:
+    limit = memory_of(given)
+    return default_budget() if limit is None else limit
+
+
 def _judge_culler(given: argparse.Namespace) -> Exit:
     seed = int(given.seed or 0)
     declared = _declared(given, [check.name for check in conformance_checks()])
-    limit = memory_of(given)
     making = Making(
         given.in_process,
         given.time_limit,
-        default_budget() if limit is None else limit,
-        say=lambda spec, line: ERRORS.line(f"{spec}: {line}"),
+        _memory_limit(given),
+        say=lambda spec, line: saying(spec)(line),
     )
 
     @contextmanager

@@ -11,34 +11,24 @@ path; where what it says is not that, it is of another case.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from visref.camera import Camera
-from visref.camera_path import CameraPath, Frame
+from visref.camera_path import CameraPath
 from visref.conformance.declared import Declared
 from visref.conformance.files import MANIFEST, WrittenCase
 from visref.culler import Culler, CullerError, Promise, RasterTolerance
 from visref.errors import InputError
 from visref.files import open_file
 from visref.findings import Code
+from visref.recordings.along import check_along
 from visref.recordings.recording import RECORDING_FORMAT, read_recording
 from visref.recordings.visible_sets import Replay, VisibleSets, read_visible_sets
-from visref.scene import Float64
 from visref.wording import did_you_mean
 
 _SUFFIXES = (".jsonl", ".csv", ".parquet")
-# How far, relative to its length, a vector of a recorded camera may be from the case's. An engine
-# holds 24 bits, and loses a few of them where it composes matrices; 8 are left for that. It decides
-# which case a recording is of, and no verdict.
-_SAME = 2.0**-16
-# The same for a shift of the lens, in pixels.
-_SAME_PX = 2.0**-8
 # A header that is longer than this is none.
 _HEADER_BYTES = 1 << 24
 
@@ -96,7 +86,7 @@ def read_recordings(
             continue
         found = read_recording(file, case.scene, max_memory=max_memory)
         try:
-            _check_same(found.path, case.path)
+            check_along(found.path, case.path)
         except InputError as error:
             raise error.at(source=str(file)) from error
         sets[case.name] = found.sets
@@ -168,69 +158,3 @@ def _incomplete(recorded: CameraPath, path: CameraPath) -> str:
     if said:
         return f"{Code.RECORDING_CUT_OFF}: {said}"
     return f"its recording has {len(recorded)} of {len(path)} frames; {missing[0]} is missing"
-
-
-# Is it of this case?
-
-
-def _check_same(recorded: CameraPath, path: CameraPath) -> None:
-    """Raise InputError unless the recorded cameras, and what is said of objects, are those of the
-    case's path."""
-    for number in recorded.numbers:
-        if not path.has(number):
-            problem = f"the case has {len(path)} frames"
-        else:
-            problem = _differs(recorded.frame(number), path.frame(number))
-        if problem:
-            raise InputError(
-                f"this is no recording of this case: {problem}",
-                place=f"frame {number}",
-                fix="record it along the case's path",
-            )
-
-
-def _differs(recorded: Frame, frame: Frame) -> str:
-    """How a recorded frame is another than the case's, in words; empty where it is not."""
-    views = [camera.view for camera in frame.cameras]
-    found = {camera.view: camera for camera in recorded.cameras}
-    if sorted(found) != sorted(views):
-        return f"its views are {_listed(list(found))}, and the case's {_listed(views)}"
-    for camera in frame.cameras:
-        if difference := _other_camera(found[camera.view], camera):
-            of = f" of view '{camera.view}'" if camera.view else ""
-            return f"{difference} of the camera{of} is another"
-    if recorded.absent and not set(recorded.absent) <= set(frame.absent):
-        return f"'{min(set(recorded.absent) - set(frame.absent))}' is absent"
-    for name, matrix in recorded.world_from_object.items():
-        right = frame.world_from_object.get(name)
-        if right is not None and not _near(matrix, right, max(1.0, float(np.abs(right).max()))):
-            return f"'{name}' stands elsewhere"
-    times = recorded.time_s, frame.time_s
-    if None not in times and not math.isclose(*map(float, times), rel_tol=_SAME, abs_tol=_SAME):  # type: ignore[arg-type]
-        return f"its time is {recorded.time_s:g} s"
-    return ""
-
-
-def _other_camera(recorded: Camera, camera: Camera) -> str:
-    """What of a recorded camera is not the case's."""
-    if (recorded.width, recorded.height) != (camera.width, camera.height):
-        return "the image's size"
-    if recorded.is_perspective != camera.is_perspective:
-        return "the projection"
-    if not _near(recorded.eye, camera.eye, max(1.0, float(np.abs(camera.eye).max()))):
-        return "the position"
-    if not _near(recorded.world_from_camera[:3, :3], camera.world_from_camera[:3, :3], 1.0):
-        return "the direction"
-    step = float(np.linalg.norm(camera.right_step))
-    if not math.isclose(float(np.linalg.norm(recorded.right_step)), step, rel_tol=_SAME):
-        return "the field of view"
-    shifts = (recorded.shift_x_px - camera.shift_x_px, recorded.shift_y_px - camera.shift_y_px)
-    return "the lens shift" if max(map(abs, shifts)) > _SAME_PX else ""
-
-
-def _near(found: Float64, right: Float64, scale: float) -> bool:
-    return bool(np.abs(found - right).max() <= _SAME * scale)
-
-
-def _listed(views: Sequence[str]) -> str:
-    return ", ".join(f"'{view}'" for view in views)
