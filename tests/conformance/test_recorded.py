@@ -86,6 +86,32 @@ def test_cameras_and_matrices_rounded_to_float32_are_those_of_the_case(tmp_path)
     assert {one.result.status for one in ended} == {Status.PASSED}
 
 
+def test_objects_may_be_told_by_their_node_in_the_file(tmp_path):
+    """For engines that rename what they load; an instanced node is all its instances."""
+    names = ("crowd", "two_eyes", "instances_of_one_draw")
+    for name in names:
+        case = CASES[name]
+        header, frames = lines_of(case)
+        of_name = dict(zip(case.scene.names, case.scene.nodes.tolist(), strict=True))
+        for frame in frames:
+            drawn = frame.pop("visible")
+            if isinstance(drawn, dict):
+                nodes = {view: [of_name[one] for one in listed] for view, listed in drawn.items()}
+            else:
+                nodes = sorted({of_name[one] for one in drawn})
+            frame["visible_nodes"] = nodes
+        write(tmp_path, case, header, frames)
+    ended = judged(tmp_path, *names, promise=Promise.CONSERVATIVE)
+    assert {one.result.status for one in ended} == {Status.PASSED}
+    header, frames = lines_of(CASES["crowd"])
+    frames[0].pop("visible")
+    frames[0]["visible_nodes"] = []
+    write(tmp_path, CASES["crowd"], header, frames)
+    ended = judged(tmp_path, *names, promise=Promise.CONSERVATIVE)
+    failed = [one.row.name for one in ended if one.result.status is Status.FAILED]
+    assert failed == ["crowd"]
+
+
 def test_one_cluster_left_out_fails_though_its_object_shows(tmp_path):
     case = CASES[HALVES]
     header, frames = lines_of(case)
@@ -135,6 +161,16 @@ def test_only_units_files_that_are_named_may_stand_there(tmp_path):
     )
     with pytest.raises(InputError, match=rf"{HALVES}.{UNITS}: it is of no case of the suite"):
         judged(tmp_path, HALVES)
+
+
+def test_units_files_may_stand_in_a_folder_of_their_own(tmp_path):
+    case = CASES[HALVES]
+    header, frames = lines_of(case)
+    header["units"] = f"units/{HALVES}.csv"
+    write(tmp_path, case, header, frames)
+    (tmp_path / "units").mkdir()
+    (tmp_path / f"{HALVES}.{UNITS}").rename(tmp_path / "units" / f"{HALVES}.csv")
+    assert one_of(tmp_path, HALVES).status is Status.PASSED
 
 
 def test_recording_that_is_cut_off_fails_and_says_so(tmp_path):

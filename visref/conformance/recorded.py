@@ -68,9 +68,10 @@ def read_recordings(
     files, others = _files_of(folder, cases)
     sets: dict[str, VisibleSets] = {}
     faults: dict[str, str] = {}
-    units = {files[name].parent / named for name in files if (named := _units_of(files[name]))}
+    # A folder of units files is theirs altogether.
+    units = {Path(named).parts[0] for file in files.values() if (named := _units_of(file))}
     for other in others:
-        if other not in units:
+        if other.name not in units:
             names = [case.name for case in cases]
             near = did_you_mean(other.stem, names, "take it out: recordings stand there alone")
             raise InputError("it is of no case of the suite", source=str(other), fix=near)
@@ -147,7 +148,7 @@ def _header(file: Path) -> Mapping[str, object] | None:
 
 def _units_of(file: Path) -> str | None:
     named = (_header(file) or {}).get("units")
-    return named if isinstance(named, str) and "\0" not in named else None
+    return named if isinstance(named, str) and Path(named).parts and "\0" not in named else None
 
 
 def _incomplete(recorded: CameraPath, path: CameraPath) -> str:
