@@ -205,6 +205,13 @@ def open_scene(
     return replace(loaded, source=spec), path, _findings(loaded)
 
 
+def scene_file(spec: str, folder: Path) -> Path:
+    """A file of the scene that a spec names: the file itself, or one in `folder`, to which a
+    generated scene is written. Raises InputError where the generator does."""
+    generator = _generator(spec)
+    return Path(spec) if generator is None else generator.write(folder)[0]
+
+
 def generated_with(spec: str) -> dict[str, OptionValue]:
     """The seed and whatever else a generated scene was made with, defaults included; empty where
     the spec is a file."""

@@ -349,3 +349,40 @@ def test_no_gl_at_prepare_is_no_pass():
 
     (found,) = check_culler(NeedsGL, checks=named("glass"))
     assert found.problems == ("NO_GL: no OpenGL context",)
+
+
+class OneSetForAll(DrawsAll):
+    """Of all but one object; which, `left_out` says."""
+
+    joint = True
+
+    def cull_joint(self, cameras):
+        return DrawnSet(np.delete(self.everything, self.left_out))
+
+
+@pytest.mark.parametrize(("left_out", "view"), [("aside", "left"), ("aside#2", "right")])
+def test_loss_of_a_set_for_all_views_is_told_with_the_view_that_loses(left_out, view):
+    """What one eye alone sees."""
+    scene, _ = conformance.case("two_eyes")
+    culler = type("Leaves", (OneSetForAll,), {"left_out": scene.id_of_name[left_out]})
+    (found,) = check_culler(culler, checks=named("two_eyes"))
+    (problem,) = found.problems
+    told = (
+        rf"MISSED_OBJECT: frame \d, view '{view}' \(64 x 48\): '{left_out}' .*pixel \((\d+), \d+\)"
+    )
+    pixel = re.match(told, problem)
+    assert pixel
+    # The left eye sees past the board's left side, and the right eye past its right.
+    assert (int(pixel[1]) < 32) == (view == "left")
+
+
+def test_hidden_unit_of_a_set_for_all_views_is_told_with_a_view():
+    class Draws(DrawsAll):
+        joint, promise = True, Promise.EXACT
+
+        def cull_joint(self, cameras):
+            return DrawnSet(self.everything)
+
+    (found,) = check_culler(Draws, checks=named("two_eyes"))
+    assert found.status is Status.FAILED
+    assert re.match(r"DRAWN_HIDDEN: frame \d, view '(left|right)': object \d+", found.problems[0])

@@ -27,6 +27,7 @@ from tests.support.hand_made import camera, scene_of_squares
 from tests.support.hand_made import truth as truth_of
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
+from visref.conformance.declared import read_declared
 from visref.formats import load_path
 from visref.recordings import truth_file
 from visref.recordings.truth_file import TruthTable, read_truth
@@ -325,6 +326,22 @@ def _part(scene: Scene, index: int) -> tuple[Any, Any]:
     ).reshape(-1, 3)
 
 
+EXPECTED = b"""can = ["views", "moving"]
+[[expect]]
+case = "glass"
+reason = "windows are drawn apart"
+[[expect]]
+case = "crowd"
+reason = "too many"
+"""
+
+
+def _read_expected(file: Path, folders: Folders) -> Any:
+    del folders
+    declared = read_declared(file, ["glass", "crowd", "slivers"])
+    return declared.can and sorted(declared.can), dict(declared.reasons)
+
+
 _SETS = {"read": _read_sets, "command": _check, "companions": BESIDE}
 
 TARGETS = (
@@ -343,5 +360,6 @@ TARGETS = (
     Target("command-line", "case.json", lambda: {n: spoil.json_bytes(w) for n, w in LINES.items()},
            _spoilt_line, _run_line, companions={**BESIDE, "sets.jsonl": JSONL}, cases=60,
            writes=(".",)),
+    Target("expected", "case.toml", lambda: {"expected": EXPECTED}, spoil.tokens, _read_expected),
     Target("names", "case.json", lambda: NAMES, _spoilt_names, _write_names, cases=12),
 )  # fmt: skip

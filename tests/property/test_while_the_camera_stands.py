@@ -36,11 +36,12 @@ def problems_while_standing(
     make, built: Case, truths: Sequence[FrameTruth] | None = None
 ) -> tuple[str, ...]:
     """What is wrong where each camera of a case stands for three frames."""
-    truths = exact_truths(built) if truths is None else truths
+    of_view = iter(exact_truths(built) if truths is None else truths)
+    by_frame = [[next(of_view) for _ in frame.cameras] for frame in built.path.frames]
     places = [place for place in range(len(built.path)) for _ in range(FRAMES)]
-    standing = CameraPath(tuple(built.path.cameras[place] for place in places))
+    standing = CameraPath(tuple(built.path.frames[place] for place in places))
     held = replace(built, path=standing)
-    return judge_on(make, held, [truths[place] for place in places])[0]
+    return judge_on(make, held, [truth for place in places for truth in by_frame[place]])[0]
 
 
 @cache

@@ -20,6 +20,10 @@ from tests.support import report_runs
 from tests.support.hand_made import still_path
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
+from visref.conformance.contest import Row, results_json, run_rows
+from visref.conformance.declared import Declared
+from visref.conformance.files import manifest_of, written_cases
+from visref.conformance.suite import Judged
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.recordings import read_recording, read_visible_sets
@@ -114,6 +118,12 @@ def valid(run, name: str) -> Any:
         return recorded_header()
     if name == "recording":
         return recorded_frame()
+    if name == "conformance":
+        return manifest_of(written_cases(), 0)
+    if name == "conformance_results":
+        row = Row("glass", "what is right", "what is wrong", ("masks",), lambda: Judged(()))
+        declared = Declared(None, {"glass": "windows are drawn apart"})
+        return results_json("engine", 0, list(run_rows([row], declared)))
     if name == "witness":
         (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
         return json.loads(file.read_text().splitlines()[0])

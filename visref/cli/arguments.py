@@ -6,10 +6,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from visref.culler import (
+    LEAST_DEPTH_BITS,
+    MOST_DEPTH_BITS,
+    MOST_SNAP_PX,
+    RasterTolerance,
+    check_tolerance,
+)
 from visref.errors import InputError
 from visref.inputs import Inputs, open_inputs, open_recorded
 from visref.memory import parse_size
-from visref.numerals import whole_number
+from visref.numerals import decimal_number, whole_number
 from visref.recordings.visible_sets import VisibleSets
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
@@ -101,3 +108,23 @@ def _settings_of(given: argparse.Namespace) -> dict[str, Any]:
         "rest_pose": given.rest_pose,
         "max_memory": memory_of(given),
     }
+
+
+def parse_raster(option: str, text: str) -> RasterTolerance:
+    """The tolerance `snap=PX,depth=BITS` that an option's value declares. Raises InputError."""
+    values = dict(part.partition("=")[::2] for part in text.split(","))
+    fix = (
+        f"write snap=0.004,depth=24 (at most {MOST_SNAP_PX} pixels; {LEAST_DEPTH_BITS} to "
+        f"{MOST_DEPTH_BITS} bits, or float)"
+    )
+    try:
+        if set(values) != {"snap", "depth"} or text.count(",") != 1:
+            raise ValueError
+        bits = None if values["depth"] == "float" else whole_number(values["depth"])
+        declared = RasterTolerance(decimal_number(values["snap"]), bits)
+    except ValueError as error:
+        raise InputError(f"{option} {text} is not understood", fix=fix) from error
+    try:
+        return check_tolerance(declared)
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {error}", fix=fix) from error

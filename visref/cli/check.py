@@ -9,21 +9,13 @@ from visref.cli.arguments import (
     add_judging_arguments,
     add_scene_arguments,
     inputs_of,
+    parse_raster,
     recorded_inputs_of,
 )
 from visref.cli.judged import judge
-from visref.culler import (
-    LEAST_DEPTH_BITS,
-    MOST_DEPTH_BITS,
-    MOST_SNAP_PX,
-    Promise,
-    RasterTolerance,
-    check_tolerance,
-)
-from visref.errors import InputError
+from visref.culler import Promise
 from visref.files import refuse_inputs
 from visref.judging.status import Exit
-from visref.numerals import decimal_number, whole_number
 from visref.recordings.visible_sets import Replay, read_visible_sets
 
 
@@ -52,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
-    tolerance = _raster(given.raster) if given.raster is not None else None
+    tolerance = parse_raster("--raster", given.raster) if given.raster is not None else None
     file: Path = given.visible or given.recording
     refuse_inputs(given.out, [file])
     if given.recording is not None:
@@ -64,22 +56,3 @@ def run(given: argparse.Namespace) -> Exit:
         )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
     return judge(given, inputs, [(file.name, replay)])
-
-
-def _raster(text: str) -> RasterTolerance:
-    values = dict(part.partition("=")[::2] for part in text.split(","))
-    fix = (
-        f"write snap=0.004,depth=24 (at most {MOST_SNAP_PX} pixels; {LEAST_DEPTH_BITS} to "
-        f"{MOST_DEPTH_BITS} bits, or float)"
-    )
-    try:
-        if set(values) != {"snap", "depth"} or text.count(",") != 1:
-            raise ValueError
-        bits = None if values["depth"] == "float" else whole_number(values["depth"])
-        declared = RasterTolerance(decimal_number(values["snap"]), bits)
-    except ValueError as error:
-        raise InputError(f"--raster {text} is not understood", fix=fix) from error
-    try:
-        return check_tolerance(declared)
-    except ValueError as error:
-        raise InputError(f"--raster {text}: {error}", fix=fix) from error

@@ -30,6 +30,7 @@ COMMANDS = {
     "explain": "replay a witness from the run folder alone",
     "objects": "list a scene's objects: ids, bounds, nodes, names, groups",
     "cullers": "list cullers, their options and promises",
+    "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
     "doctor": "say what works on this machine",
 }

@@ -6,7 +6,7 @@ Every scene is made of plain arrays and needs no file.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
-from visref.scene import Alpha, Float64, Scene
+from visref.masks.materials import MaskMaterial, Sampler
+from visref.masks.store import Masks
+from visref.masks.textures import AlphaImage
+from visref.scene import Alpha, Float64, Scene, Units
 
 WIDTH, HEIGHT = 64, 48
 
@@ -25,10 +28,12 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A scene and the path it is seen along."""
+    """A scene and the path it is seen along. `units`: of a scene that is about clusters, what an
+    engine in clusters decides about; None where that is the objects."""
 
     scene: Scene
     path: CameraPath
+    units: Units | None = None
 
 
 @dataclass(frozen=True)
@@ -140,6 +145,49 @@ def case(
     if len(owner):
         scene = replace(scene, alpha=alphas[owner].astype(np.uint8), one_sided=sided[owner])
     return Case(scene, CameraPath(tuple(cameras), "conformance"))
+
+
+@dataclass(frozen=True, eq=False)
+class Cutout:
+    """An object's alpha mask. `uv`: (v, 2) texture coordinates, one per vertex of its mesh, which
+    float32 can hold. `texels`: (h, w) uint8, 255 for solid and 0 for a hole, row 0 where v is 0,
+    repeated beyond. `nearest`: a lookup is one texel."""
+
+    uv: NDArray[Any]
+    texels: NDArray[np.uint8]
+    nearest: bool = True
+
+
+def cut_out(built: Case, cutouts: Mapping[str, Cutout]) -> Case:
+    """The case with alpha masks, by object name, on objects whose material is MASK."""
+    scene = built.scene
+    row = np.full(scene.triangle_count, -1)
+    uv: list[NDArray[Any]] = []
+    material: list[int] = []
+    materials: list[MaskMaterial] = []
+    images: list[AlphaImage] = []
+    for index, name in enumerate(scene.names):
+        if name not in cutouts:
+            continue
+        mask = cutouts[name]
+        part = slice(*scene.object_offsets[index : index + 2])
+        faces = scene.triangles[part] - scene.triangles[part].min()
+        row[part] = len(material) + np.arange(len(faces))
+        uv.append(mask.uv[faces])
+        material += [len(materials)] * len(faces)
+        materials.append(MaskMaterial(len(images), Sampler(nearest=mask.nearest)))
+        images.append(AlphaImage(mask.texels, 255))
+    masks = Masks.build(
+        row, np.array(material), np.concatenate(uv), np.ones((len(material), 3)), materials, images
+    )
+    return replace(built, scene=replace(scene, masks=masks))
+
+
+def clusters(scene: Scene, parts: Sequence[Sequence[int]]) -> Units:
+    """Units of the scene's triangles, a list of triangle ids each."""
+    offsets = np.cumsum([0, *map(len, parts)])
+    triangles = np.concatenate([np.asarray(part, np.int32) for part in parts])
+    return Units(offsets, triangles, "cluster")
 
 
 def city(rng: np.random.Generator, side: int = 6) -> list[tuple[str, Mesh]]:

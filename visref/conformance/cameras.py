@@ -233,8 +233,9 @@ def several_hundred_objects(rng: np.random.Generator) -> Case:
     "world coordinates in float32, or an origin forgotten",
 )
 def about_an_origin_of_its_own(rng: np.random.Generator) -> Case:
-    """Earth-centred: float32 rounds such coordinates to half a unit."""
-    origin = np.array([4_208_411.0, 1_120_733.0, -4_645_519.0])
+    """Earth-centred: float32 rounds such coordinates to half a unit. The origin is the one that a
+    reader finds for such a scene: a multiple of 16, which is the power of two above its size."""
+    origin = np.array([4_208_416.0, 1_120_736.0, -4_645_520.0])
     objects = [("screen", panel((-0.3, 0.3), (-0.2, 0.2), -1.0))]
     near = []
     for number in range(6):
@@ -243,9 +244,13 @@ def about_an_origin_of_its_own(rng: np.random.Generator) -> Case:
         objects.append(("post", box((x, -0.05, eye[2] - 0.2), (x + 0.01, 0.05, eye[2] - 0.15))))
         near.append(camera(eye, near=0.125, far=30.0))
     objects.append(("hidden", panel((-0.1, 0.1), (-0.1, 0.1), -1.1)))
-    for _ in range(4):
+    for number in range(4):
         centre = rng.uniform((-3.0, -2.0, -12.0), (3.0, 2.0, -6.0))
+        if number == 0:
+            centre[2] = -12.0
         objects.append(("box", box(centre - 0.5, centre + 0.5)))
+    # Whole 2^-24ths, so that their sums with the origin are exact in float64.
+    objects = [(name, (np.rint(points * 2.0**24) / 2.0**24, f)) for name, (points, f) in objects]
     built = case(objects, near)
     views = []
     for view in near:

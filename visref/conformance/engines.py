@@ -104,7 +104,8 @@ def _owners_on(name: str) -> Callable[[MakeEngine, int], tuple[str, ...]]:
         arithmetic = ExactScene(built.scene)
         problems: list[str] = []
         try:
-            for frame, (camera, right) in enumerate(zip(built.path, truths, strict=True)):
+            asked = [(k, one) for k, frame in enumerate(built.path.frames) for one in frame.cameras]
+            for (frame, camera), right in zip(asked, truths, strict=True):
                 found = engine.frame(camera)
                 told = _differences(arithmetic, found, right, exact=engine.exact)
                 problems += [f"{name}, frame {frame}: {line}" for line in told]

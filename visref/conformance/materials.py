@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from visref.conformance.building import (
     Case,
+    Cutout,
     SceneMaker,
     box,
     camera,
     case,
+    cut_out,
     panel,
     pixel_panel,
     register_in,
 )
-from visref.masks.materials import MaskMaterial, Sampler
-from visref.masks.store import Masks
-from visref.masks.textures import AlphaImage
 from visref.scene import Alpha
 
 MATERIALS: list[SceneMaker] = []
 
 _scene = register_in(MATERIALS)
+
+# Of a panel: lower left, lower right, upper right, upper left; v points down.
+_CORNER_UV = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+_CHECKERED = ((np.indices((4, 4)).sum(axis=0) % 2 == 0) * np.uint8(255)).astype(np.uint8)
 
 
 @_scene("what lies behind glass is drawn, and the glass too", "transparent occluder")
@@ -43,7 +44,9 @@ def glass(rng: np.random.Generator) -> Case:
         "glass behind the wall": Alpha.BLEND,
         "mesh fence": Alpha.MASK,
     }
-    return case(objects, [camera(), camera((1.0, 0.4, 1.0))], alpha=materials)
+    built = case(objects, [camera(), camera((1.0, 0.4, 1.0))], alpha=materials)
+    # Texels far smaller than pixels: a sample of the fence may be solid, and may be a hole.
+    return cut_out(built, {"mesh fence": Cutout(64.0 * _CORNER_UV, _CHECKERED[:2, :2], False)})
 
 
 @_scene("a one-sided wall seen from behind hides nothing", "back faces as occluders")
@@ -81,19 +84,33 @@ def through_the_holes_of_a_mask(rng: np.random.Generator) -> Case:
             depth = 8.0 + rng.uniform(0.0, 4.0)
             objects.append((name, pixel_panel(view, (x - 2.0, x + 2.0), (y - 1.5, y + 1.5), depth)))
     built = case(objects, [view], alpha={"card": Alpha.MASK})
-    row_of_triangle = np.full(built.scene.triangle_count, -1)
-    row_of_triangle[:2] = [0, 1]
-    corner_uv = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
-    texels = (np.indices((4, 4)).sum(axis=0) % 2 == 0) * np.uint8(255)
-    masks = Masks.build(
-        row_of_triangle,
-        np.zeros(2),
-        corner_uv[card[1]],
-        np.ones((2, 3)),
-        [MaskMaterial(0, Sampler(nearest=True))],
-        [AlphaImage(texels, 255)],
-    )
-    return replace(built, scene=replace(built.scene, masks=masks))
+    return cut_out(built, {"card": Cutout(_CORNER_UV, _CHECKERED)})
+
+
+@_scene(
+    "what shows through two masks, one behind the other, is drawn",
+    "the second mask taken for solid, or for what the first leaves",
+)
+def masks_behind_masks(rng: np.random.Generator) -> Case:
+    """Columns of 16 pixels, each solid in one of two cards, in both, or in neither; a plate behind
+    each column, and one before the second card."""
+    view = camera()
+    columns = np.array([[0, 255, 255, 0], [0, 0, 255, 255]], np.uint8)
+    objects = []
+    for number, name in enumerate(("front card", "rear card")):
+        objects.append((name, pixel_panel(view, (-0.5, 63.5), (3.5, 43.5), 5.0 + 2.0 * number)))
+    for column in range(4):
+        x, y = 16.0 * column + rng.uniform(3.0, 6.0), rng.uniform(6.0, 30.0)
+        plate = pixel_panel(view, (x, x + 6.0), (y, y + 6.0), 9.0)
+        objects.append((f"behind column {column}", plate))
+    objects.append(("between", pixel_panel(view, (3.0, 8.0), (33.5, 40.5), 6.0)))
+    objects.append(("between, hidden", pixel_panel(view, (20.0, 25.0), (33.5, 40.5), 6.0)))
+    built = case(objects, [view], alpha={"front card": Alpha.MASK, "rear card": Alpha.MASK})
+    cards = {
+        name: Cutout(_CORNER_UV, columns[number : number + 1])
+        for number, name in enumerate(("front card", "rear card"))
+    }
+    return cut_out(built, cards)
 
 
 @_scene(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ from visref.conformance.building import (
     register_in,
     together,
 )
-from visref.rig import Moment, Rig
-from visref.scene import Float64, Scene
+from visref.rig import Moment, Motion, Rig
+from visref.scene import Float32, Float64, Scene
 
 MOVING: list[SceneMaker] = []
 
@@ -136,8 +137,10 @@ def bending_reeds(rng: np.random.Generator) -> Case:
     reeds.append(len(objects) - 1)
     ways = [*rng.uniform(-1.0, 1.0, len(reeds) - 1).tolist(), -0.2]
     scene = case(objects, [camera()]).scene
-    positions = [points for _, (points, _) in objects]
-    motion = Bending(tuple(reeds), positions, tuple(ways))
+    # As a file has them: float32, and at each time as much more as it is later.
+    positions = [points.astype(np.float32) for _, (points, _) in objects]
+    grown = {at: bent(positions[at], way) for at, way in zip(reeds, ways, strict=True)}
+    motion = Bending(positions, grown)
     frames = [Frame((camera((0.0, -0.6, 1.0)),), time_s=float(t)) for t in range(6)]
     return Case(rigged(scene, positions, motion), CameraPath(frames, "conformance"))
 
@@ -212,44 +215,46 @@ def reed(x: float) -> Mesh:
     return points, np.array(faces)
 
 
+def bent(points: Float32, way: float) -> Float32:
+    """(v, 3) float32: by how much a thing grows and bends from its lowest point on, its own way,
+    in each second, as a skin does whose joints are along it."""
+    height = (points[:, 1] - points[:, 1].min()).astype(np.float64)
+    result = np.zeros((len(points), 3))
+    result[:, 0] = 0.4 * way * height**2
+    result[:, 1] = 0.25 * height
+    return result.astype(np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """As `visref.rig.Motion`: objects that grow and bend from their lowest point on, each its own
-    way, as a skin does whose joints are along it."""
+    """As `visref.rig.Motion`: objects whose vertices move on evenly, as by a morph target whose
+    weight is the time. `positions`: (v, 3) of every object at time 0; `grown`: by object id,
+    (v, 3) float32, what a second adds to them."""
 
-    objects: tuple[int, ...]
-    positions: list[NDArray[np.float64]]
-    ways: tuple[float, ...]
+    positions: Sequence[NDArray[Any]]
+    grown: Mapping[int, Float32]
     clips: Sequence[str] = ("bending",)
     digest: str = "bending"
     skinned: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
 
     def __post_init__(self) -> None:
-        skinned = np.zeros(len(self.positions), np.bool_)
-        skinned[list(self.objects)] = True
-        object.__setattr__(self, "skinned", skinned)
+        object.__setattr__(self, "skinned", np.zeros(len(self.positions), np.bool_))
 
     def affected(self, clip: int) -> NDArray[np.bool_]:
-        return self.skinned
-
-    def at(self, clip: int, time_s: float) -> Moment:
-        posed: Mapping[int, Float64] = {
-            number: self._bent(self.positions[number], way * time_s, time_s)
-            for number, way in zip(self.objects, self.ways, strict=True)
-        }
-        worlds = np.tile(np.eye(4), (len(self.objects), 1, 1))
-        return Moment(np.array(self.objects), worlds, posed)
-
-    @staticmethod
-    def _bent(points: Float64, aside: float, time_s: float) -> Float64:
-        height = points[:, 1] - points[:, 1].min()
-        result = points.copy()
-        result[:, 0] += 0.4 * aside * height**2
-        result[:, 1] += 0.25 * time_s * height
+        result = np.zeros(len(self.positions), np.bool_)
+        result[list(self.grown)] = True
         return result
 
+    def at(self, clip: int, time_s: float) -> Moment:
+        posed: dict[int, Float64] = {}
+        for number, grown in self.grown.items():
+            posed[number] = self.positions[number].astype(np.float64)
+            posed[number] += np.multiply(grown, time_s, dtype=np.float64)
+        worlds = np.tile(np.eye(4), (len(self.grown), 1, 1))
+        return Moment(np.array(list(self.grown)), worlds, posed)
 
-def rigged(scene: Scene, positions: Sequence[NDArray[np.float64]], motion: Bending) -> Scene:
+
+def rigged(scene: Scene, positions: Sequence[NDArray[Any]], motion: Motion) -> Scene:
     """The scene with what its motion poses it by; each object has its own vertices."""
     starts = np.cumsum([0, *map(len, positions)])
     count = scene.object_count

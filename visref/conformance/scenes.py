@@ -23,14 +23,26 @@ from visref.conformance.building import (
     together,
 )
 from visref.conformance.cameras import CAMERAS
+from visref.conformance.clusters import CLUSTERS
 from visref.conformance.layers import LAYERS
 from visref.conformance.materials import MATERIALS
 from visref.conformance.moving import MOVING
 from visref.conformance.occlusion import OCCLUSION
 from visref.conformance.revealed import REVEALED
 from visref.conformance.shapes import SHAPES
+from visref.conformance.views import VIEWS
 
-SCENES: list[SceneMaker] = [*CAMERAS, *OCCLUSION, *MATERIALS, *SHAPES, *LAYERS, *REVEALED, *MOVING]
+SCENES: list[SceneMaker] = [
+    *CAMERAS,
+    *OCCLUSION,
+    *MATERIALS,
+    *SHAPES,
+    *LAYERS,
+    *CLUSTERS,
+    *REVEALED,
+    *VIEWS,
+    *MOVING,
+]
 
 __all__ = [
     "SCENES",

@@ -29,7 +29,7 @@ import numpy as np
 from visref.camera_path import CameraPath
 from visref.conformance.building import Case, SceneMaker
 from visref.conformance.scenes import SCENES
-from visref.culler import Culler, check_drawn
+from visref.culler import Culler, Promise, check_drawn
 from visref.engines.exact import ExactEngine
 from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
@@ -56,13 +56,15 @@ class NotForThis(Exception):
 
 class Status(StrEnum):
     """How a check ended. A check is skipped where the culler says that it is not for such scenes
-    (`Culler.moves`). One that failed, or passed unexpectedly, fails `assert_conforms`."""
+    (`Culler.moves`). One that failed, or passed unexpectedly, fails `assert_conforms`. `MEASURED`
+    is no praise: who promises nothing can break nothing (the command line alone says it)."""
 
     PASSED = "passed"
     FAILED = "failed"
     EXPECTED_FAILURE = "expected failure"
     UNEXPECTED_PASS = "unexpected pass"
-    SKIPPED = "skipped"
+    MEASURED = "measured"
+    SKIPPED = "not run"
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class CheckResult:
 
     @property
     def ok(self) -> bool:
-        return self.status in (Status.PASSED, Status.EXPECTED_FAILURE, Status.SKIPPED)
+        return self.status not in (Status.FAILED, Status.UNEXPECTED_PASS)
 
 
 @dataclass(frozen=True)
@@ -133,12 +135,19 @@ def check_culler(
             results.append(CheckResult(check.name, Status.SKIPPED, reason=str(why)))
             continue
         reason = expected.get(check.name, "")
-        if problems:
-            status = Status.EXPECTED_FAILURE if reason else Status.FAILED
-        else:
-            status = Status.UNEXPECTED_PASS if reason else Status.PASSED
+        status = status_of(problems, reason)
         results.append(CheckResult(check.name, status, problems, reason, missed))
     return results
+
+
+def status_of(problems: Sequence[str], reason: str, *, promised: bool = True) -> Status:
+    """How a check ended that found these problems, where `reason` says why it is expected to fail
+    (empty where it is not). `promised`: whether the culler's promise can be broken at all."""
+    if problems:
+        return Status.EXPECTED_FAILURE if reason else Status.FAILED
+    if reason:
+        return Status.UNEXPECTED_PASS
+    return Status.PASSED if promised else Status.MEASURED
 
 
 def assert_conforms(
@@ -170,7 +179,7 @@ def case(name: str, *, seed: int = 0) -> tuple[Scene, CameraPath]:
     made = {made.name: made for made in SCENES}.get(name)
     if made is None:
         raise InputError(f"check '{name}' is about the contract and has no scene of its own")
-    built = _built(made, seed)
+    built = built_of(made, seed)
     return built.scene, built.path
 
 
@@ -214,7 +223,8 @@ def _describe(result: CheckResult, seed: int) -> str:
 # Judging on a scene.
 
 
-def _built(made: SceneMaker, seed: int) -> Case:
+def built_of(made: SceneMaker, seed: int) -> Case:
+    """The case that a maker makes with a seed."""
     return made.build(np.random.default_rng([seed, zlib.crc32(made.name.encode())]))
 
 
@@ -240,7 +250,7 @@ def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
 @lru_cache(maxsize=128)
 def _truths(made: SceneMaker, seed: int) -> tuple[Case, tuple[FrameTruth, ...]]:
     """A check's scene with its exact truth, cast once for however many cullers."""
-    built = _built(made, seed)
+    built = built_of(made, seed)
     return built, exact_truths(built)
 
 
@@ -251,23 +261,43 @@ def _judge_on(made: SceneMaker) -> Callable[[MakeCuller, int], tuple[tuple[str, 
     return run
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What is wrong, in readable lines; how many objects lose something, over all frames; whether
+    the culler's promise can be broken at all; and what it decides about."""
+
+    problems: tuple[str, ...]
+    missed: int = 0
+    promised: bool = True
+    unit_kind: str = ""
+
+
 def judge_on(
     make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth]
 ) -> tuple[tuple[str, ...], int]:
     """Judge a culler on a case whose exact truths are known, one per view of each frame: what is
     wrong, in readable lines, and how many objects lose something, over all frames. Raises
     NotForThis where something moves and the culler is for scenes that stand still."""
+    judged = judged_on(make_culler, built, truths)
+    return judged.problems, judged.missed
+
+
+def judged_on(
+    make_culler: MakeCuller, built: Case, truths: Sequence[FrameTruth], name: str = ""
+) -> Judged:
+    """As `judge_on`, and raises what it does. `name`: of the culler, by default its own."""
     culler = make_culler()
     if not culler.moves and Timeline(built.scene, built.path).moves:
         culler.close()
-        raise NotForThis(f"'{culler.name}' has no update(): it is for scenes that stand still")
+        shown = name or culler.name
+        raise NotForThis(f"'{shown}' has no update(): it is for scenes that stand still")
     path = built.path.relative_to(built.scene.origin)
     referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
     try:
         outcome = referee.run(path, range(len(path)), [(culler.name, culler)])
     except InputError as error:
         # The units were refused.
-        return (str(error),), 0
+        return Judged((str(error),))
     record = outcome.cullers[0]
     problems = [
         f"{finding.code}: {finding.message}"
@@ -278,7 +308,8 @@ def judge_on(
     if record.promise.convicts:
         problems += _losses(record, built)
     problems += _hidden(record, built)
-    return tuple(problems), record.totals.confirmed
+    promised = record.promise is not Promise.APPROXIMATE
+    return Judged(tuple(problems), record.totals.confirmed, promised, record.unit_kind)
 
 
 # What is told with its witness instead of the finding's own words.
@@ -289,10 +320,8 @@ def _losses(record: CullerRecord, built: Case) -> list[str]:
     lines = []
     losses = record.losses()
     for _, frame, miss in losses[:LINES_PER_CHECK]:
-        rows = [row for row in record.frames if row.frame == frame]
-        (named,) = {row.view for row in rows if any(m is miss for m in row.verdict.misses)}
-        (view,) = [one for one in built.path.views(frame) if one.view == named]
-        where = f"frame {frame}, view '{named}'" if named else f"frame {frame}"
+        (view,) = [one for one in built.path.views(frame) if one.view == miss.view]
+        where = f"frame {frame}, view '{miss.view}'" if miss.view else f"frame {frame}"
         x, y = miss.sample % view.width, miss.sample // view.width
         lines.append(
             f"MISSED_OBJECT: {where} ({view.width} x {view.height}): "
@@ -310,12 +339,13 @@ def _hidden(record: CullerRecord, built: Case) -> list[str]:
     found = [(row, one) for row in record.frames for one in row.verdict.confirmed_superfluous]
     lines = []
     for row, one in found[:LINES_PER_CHECK]:
-        line = f"DRAWN_HIDDEN: frame {row.frame}: {record.unit_kind} {one.unit} was drawn"
+        where = f"frame {row.frame}, view '{one.view}'" if one.view else f"frame {row.frame}"
+        line = f"DRAWN_HIDDEN: {where}: {record.unit_kind} {one.unit} was drawn"
         if one.sample < 0:
             lines.append(f"{line} and covers no sample")
             continue
         hides = int(built.scene.object_of_triangle[one.occluder]) if one.occluder >= 0 else -1
-        by = f", at pixel ({one.sample % row.width}, {one.sample // row.width})"
+        by = f", at pixel ({one.sample % one.width}, {one.sample // one.width})"
         by += f" by '{built.scene.names[hides]}' (object {hides})" if hides >= 0 else ""
         lines.append(f"{line} and is hidden at all of its {one.samples} samples{by}")
     if len(found) > LINES_PER_CHECK:

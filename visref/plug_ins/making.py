@@ -39,10 +39,15 @@ def making_cullers(specs: Sequence[str], making: Making) -> Iterator[list[tuple[
     Raises InputError for a spec that names nothing and for an option that there is not; what else
     goes wrong is that culler's fault, when it is prepared.
     """
-    if making.time_limit_s is not None and not making.time_limit_s > 0.0:
-        raise InputError(f"--time-limit is {making.time_limit_s:g}", fix="give seconds above 0")
+    check_time_limit(making.time_limit_s)
     with ExitStack() as closing:
         yield [(spec, _make(spec, making, closing)) for spec in specs]
+
+
+def check_time_limit(time_limit_s: float | None) -> None:
+    """Raise InputError for what is no limit (None is none)."""
+    if time_limit_s is not None and not time_limit_s > 0.0:
+        raise InputError(f"--time-limit is {time_limit_s:g}", fix="give seconds above 0")
 
 
 def _make(spec: str, making: Making, closing: ExitStack) -> Culler:

@@ -8,10 +8,8 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
-from collections import deque
-from collections.abc import Callable, Sequence
-from typing import IO, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +18,13 @@ from visref.camera import Camera
 from visref.culler import Culler, CullerError, DrawnSet, Promise, Raster, RasterTolerance
 from visref.errors import InputError
 from visref.plug_ins import answers
+from visref.plug_ins.printed import SECONDS_TO_DIE, Printed, Said, signal_name
 from visref.plug_ins.shared import share
 from visref.plug_ins.wire import BrokenMessage, Deadline, Message, receive, send
 from visref.scene import Int32, Scene, Units
 
 # A culler that is freed need not take as long as one that prepares.
 _SECONDS_TO_CLOSE = 10.0
-# What a dying process may still have to say.
-_SECONDS_TO_DIE = 5.0
-# Lines of a plug-in's own that are passed on, and the characters of each.
-_MAX_LINES, _MAX_LINE = 200, 300
 
 # The judge's own way of finding modules: not the current folder, where a `numpy.py` may lie.
 _START = """import sys
@@ -37,8 +32,6 @@ sys.path[:] = {path!r}
 from visref.plug_ins.worker import main
 main({end}, {limit})
 """
-
-Said = Callable[[str], None]
 
 
 class CullerApart(Culler):
@@ -196,7 +189,7 @@ class _Process:
                 start_new_session=True,
             )
         assert self._process.stdout is not None
-        self.printed = _Printed(self._process.stdout, say)
+        self.printed = Printed(self._process.stdout, say)
 
     @property
     def runs(self) -> bool:
@@ -231,7 +224,7 @@ class _Process:
 
     def _obituary(self, ask: str) -> str:
         try:
-            status = self._process.wait(_SECONDS_TO_DIE)
+            status = self._process.wait(SECONDS_TO_DIE)
         except subprocess.TimeoutExpired:
             self.end()
             return f"its process hung up in {_step(ask)}"
@@ -239,11 +232,7 @@ class _Process:
         last = self.printed.last
         words = f"; its last words: {last}" if last else ""
         if status < 0:
-            try:
-                name = signal.Signals(-status).name
-            except ValueError:
-                name = f"signal {-status}"
-            return f"its process was killed by {name} in {_step(ask)}{words}"
+            return f"its process was killed by {signal_name(-status)} in {_step(ask)}{words}"
         return f"its process ended with status {status} in {_step(ask)}{words}"
 
     def end(self) -> None:
@@ -258,41 +247,6 @@ class _Process:
         self._process.wait()
         self.printed.finish()
         self._end.close()
-
-
-class _Printed:
-    """What a process prints, read as it comes, so that it never waits for a reader."""
-
-    def __init__(self, stream: IO[bytes], say: Said | None) -> None:
-        self._stream, self._say = stream, say
-        self._lines: deque[str] = deque(maxlen=1)
-        self._count = 0
-        self._thread = threading.Thread(target=self._read, daemon=True)
-        self._thread.start()
-
-    @property
-    def last(self) -> str:
-        """The last line that says something."""
-        self._thread.join(_SECONDS_TO_DIE)
-        return self._lines[-1] if self._lines else ""
-
-    def _read(self) -> None:
-        # A line without an end comes in parts.
-        while line := self._stream.readline(_MAX_LINE):
-            text = line.decode(errors="backslashreplace").strip()
-            if not text:
-                continue
-            self._lines.append(text)
-            self._count += 1
-            if self._say is not None and self._count <= _MAX_LINES:
-                self._say(text)
-            elif self._say is not None and self._count == _MAX_LINES + 1:
-                self._say("… and more, which is not shown")
-
-    def finish(self) -> None:
-        self._thread.join(_SECONDS_TO_DIE)
-        if not self._thread.is_alive():
-            self._stream.close()
 
 
 # What is asked, where its name is not the method's.

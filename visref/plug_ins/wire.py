@@ -27,6 +27,8 @@ _LENGTHS = struct.Struct("<QQ")
 _MAX_HEADER = 1 << 24
 _CHUNK = 1 << 20
 _KINDS = "biuf"
+# A poll is told milliseconds, an int of C.
+_MOST_SECONDS = 2e6
 
 
 class BrokenMessage(RuntimeError):
@@ -44,19 +46,25 @@ class Message:
 
 @dataclass(eq=False)
 class Deadline:
-    """A moment after which nobody waits any more. `seconds` from now; None means never."""
+    """A moment after which nobody waits any more. `seconds` from now; None means never, and so
+    does more than a poll can be told."""
 
     seconds: float | None
 
     def __post_init__(self) -> None:
-        self._end = None if self.seconds is None else time.monotonic() + self.seconds
+        bounded = self.seconds is not None and self.seconds < _MOST_SECONDS
+        self._end = time.monotonic() + self.seconds if bounded else None  # type: ignore[operator]
+
+    def comes(self, file: int | socket.socket, *, to_write: bool = False) -> bool:
+        """Wait until `file` can be read, or written, or time is up: whether it can."""
+        left = None if self._end is None else max(self._end - time.monotonic(), 0.0)
+        poll = select.poll()
+        poll.register(file, select.POLLOUT if to_write else select.POLLIN)
+        return bool(poll.poll(None if left is None else math.ceil(left * 1e3)))
 
     def wait(self, end: socket.socket, *, to_write: bool = False) -> None:
         """Wait until `end` can be read, or written. Raises TimeoutError when time is up."""
-        left = None if self._end is None else max(self._end - time.monotonic(), 0.0)
-        poll = select.poll()
-        poll.register(end, select.POLLOUT if to_write else select.POLLIN)
-        if not poll.poll(None if left is None else math.ceil(left * 1e3)):
+        if not self.comes(end, to_write=to_write):
             raise TimeoutError
 
 

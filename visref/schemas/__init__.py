@@ -6,6 +6,8 @@ witness             a line of a file in its `witnesses/`
 path                a camera path, version 1
 visible_sets        a line of recorded visible sets, version 1
 recording           a line of a recording, header or frame, version 1
+conformance         the manifest of a conformance suite, version 1
+conformance_results what `visref conformance --json` writes, version 1
 """
 
 from __future__ import annotations
@@ -14,7 +16,10 @@ import json
 from importlib.resources import files
 from typing import Any
 
-NAMES = ("manifest", "path", "recording", "verdict", "visible_sets", "witness")
+NAMES = (
+    "conformance", "conformance_results", "manifest", "path", "recording", "verdict",
+    "visible_sets", "witness",
+)  # fmt: skip
 
 
 def schema(name: str) -> dict[str, Any]:

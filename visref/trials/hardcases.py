@@ -325,12 +325,18 @@ def _run_engine(case: HardCase, spec: str, make: EngineMaker) -> Cell:
     )
 
 
-def _run_culler(case: HardCase, scene: Scene, truths: Sequence[FrameTruth], spec: str) -> Cell:
+def _run_culler(
+    case: HardCase,
+    scene: Scene,
+    truths: Sequence[FrameTruth],
+    spec: str,
+    make: Callable[[HardCase], Culler],
+) -> Cell:
     """A culler on a case that loads, judged on the case's exact truths."""
     path = case.path.relative_to(scene.origin)
     referee = Referee(scene, lambda: RecalledTruths(scene, path, truths))
     try:
-        outcome = referee.run(path, range(len(path)), [(spec, make_culler(spec))])
+        outcome = referee.run(path, range(len(path)), [(spec, make(case))])
     except NothingToJudge as error:
         return Cell(State.UNAVAILABLE, detail=_line(case, error))
     except InputError as error:
@@ -406,19 +412,23 @@ def run_hard_cases(
     engines: Sequence[str],
     cullers: Sequence[str],
     *,
+    programs: Mapping[str, Callable[[HardCase], Culler]] | None = None,
     only: Sequence[str] | None = None,
     make: EngineMaker = make_engine,
     on_case: Callable[[str], None] = lambda name: None,
 ) -> HardCaseTable:
     """Run engines and cullers (specs) on the hard cases, all or `only` some.
 
-    The exact engine is always among the engines: cullers are judged by its truth. `make`
-    makes an engine from its spec; `on_case` is told of each case that is done. Raises
-    InputError for an unknown case, engine or culler.
+    The exact engine is always among the engines: cullers are judged by its truth. `programs`: by
+    name, what makes a culler for one case, which are judged after `cullers`. `make` makes an
+    engine from its spec; `on_case` is told of each case that is done. Raises InputError for an
+    unknown case, engine or culler.
     """
     engines = tuple(dict.fromkeys([EXACT, *engines]))
-    cullers = tuple(dict.fromkeys(cullers))
-    missing = _unavailable(engines, cullers, make)
+    specs = tuple(dict.fromkeys(cullers))
+    missing = _unavailable(engines, specs, make)
+    makers = {spec: _maker(spec) for spec in specs} | dict(programs or {})
+    cullers = tuple(makers)
     with tempfile.TemporaryDirectory(prefix="visref-hard-") as folder:
         table = HardCaseTable(read_cases(Path(folder), only), engines, cullers)
         for case in table.cases:
@@ -429,10 +439,16 @@ def run_hard_cases(
                 scene = case.load()
                 truths = list(_exact_truths(case, scene, make))
                 for spec in cullers:
-                    cells[spec] = missing.get(spec) or _run_culler(case, scene, truths, spec)
+                    cells[spec] = missing.get(spec) or _run_culler(
+                        case, scene, truths, spec, makers[spec]
+                    )
             table.cells[case.name] = cells
             on_case(case.name)
     return table
+
+
+def _maker(spec: str) -> Callable[[HardCase], Culler]:
+    return lambda case: make_culler(spec)
 
 
 def _exact_truths(case: HardCase, scene: Scene, make: EngineMaker) -> Iterator[FrameTruth]:
