@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from visref.cli.main import main
+from visref.conformance.classes import CLASSES
+from visref.conformance.declared import read_declared
 from visref.conformance.files import WrittenCase, written_cases
 from visref.conformance.suite import Judged, judged_on
 from visref.plug_ins.command import Command, CommandCuller
@@ -90,6 +92,12 @@ def test_a_broken_twin_is_convicted_with_its_witness(switch, tmp_path):
     )
     named = [found[1] for problem in problems if (found := witness.fullmatch(problem))]
     assert any(name.startswith(lost) for name in named)
+
+
+def test_it_declares_all_that_it_is_tried_with_but_clusters():
+    declared = read_declared(SOURCE.parent / "conformance.toml", list(CASES))
+    assert declared.can == set(CLASSES) - {"clusters"}
+    assert not declared.reasons
 
 
 def test_every_switch_of_the_source_is_tried():
