@@ -20,12 +20,18 @@ from hypothesis import strategies as st
 from hypothesis.database import InMemoryExampleDatabase
 
 from tests.fuzz import folders as run_folders
-from tests.fuzz import inputs, poses, scenes
+from tests.fuzz import inputs, poses, recordings, scenes
 from tests.fuzz.draws import Draws
 from tests.fuzz.limits import Fault, Folders
 from tests.fuzz.target import Target
 
-_ALL = (*scenes.TARGETS, *inputs.TARGETS, *poses.TARGETS, *run_folders.TARGETS)
+_ALL = (
+    *scenes.TARGETS,
+    *inputs.TARGETS,
+    *poses.TARGETS,
+    *recordings.TARGETS,
+    *run_folders.TARGETS,
+)
 TARGETS = {target.name: target for target in _ALL}
 # Bytes that a case's choices are read from; a case that needs more is passed over.
 CHOICES = 8192
