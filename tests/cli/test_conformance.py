@@ -97,6 +97,22 @@ def test_write_says_what_to_do_with_it(tmp_path, capsys):
     assert f"visref conformance --recordings DIR --suite {folder}" in said
 
 
+def test_suite_of_another_seed_is_judged_as_what_it_is(tmp_path, capsys):
+    suite = tmp_path / "suite"
+    write_suite(suite, 3)
+    folder = record(suite, tmp_path / "engine", visible, only=["crowd", "slivers"])
+    arguments = ("--recordings", folder, "--only", "crowd", "--only", "slivers")
+    for more in (("--suite", suite), ("--seed", 3)):
+        status, found = results(tmp_path, *arguments, *more)
+        assert (status, ways(found)) == (0, {"passed"})
+    shutil.copy(suite / MANIFEST, folder)
+    status, found = results(tmp_path, *arguments)
+    assert (status, ways(found)) == (0, {"passed"})
+    # Without a word of the seed it would be taken for another's.
+    (folder / MANIFEST).unlink()
+    assert results(tmp_path, *arguments)[0] == 1
+
+
 def test_engine_that_draws_everything_passes_as_conservative(suite, tmp_path):
     folder = record(suite, tmp_path / "engine", all_of)
     status, found = results(tmp_path, "--recordings", folder, "--suite", suite, "--can", OBJECTS)
@@ -293,7 +309,26 @@ def of_another_seed(folder, suite):
     return ()
 
 
+def of_an_edited_file(folder, suite):
+    copied = shutil.copytree(suite, folder.parent / "edited")
+    file = copied / "glass" / "scene.glb"
+    file.write_bytes(file.read_bytes() + b" ")
+    return "--suite", copied
+
+
+def of_a_suite_without_a_file(folder, suite):
+    copied = shutil.copytree(suite, folder.parent / "less")
+    (copied / "glass" / "path.json").unlink()
+    return "--suite", copied
+
+
 WRONG = {
+    "an edited scene": (of_an_edited_file, "glass/scene.glb: the file is not as it was written"),
+    "a path that is gone": (of_a_suite_without_a_file, "glass/path.json: cannot read the file"),
+    "the suite itself": (
+        spoilt(lambda d: (d / EXPECTED).write_text("{}")),
+        "engine: this is the suite itself; give the recordings a folder of their own",
+    ),
     "a misspelt name": (
         spoilt(lambda d: (d / "crowd.jsonl").rename(d / "crwod.jsonl")),
         r"crwod.jsonl: it is of no case of the suite; did you mean 'crowd'\?",

@@ -23,7 +23,13 @@ from visref.conformance.contest import (
     run_rows,
 )
 from visref.conformance.declared import Declared, can_of, read_declared
-from visref.conformance.files import MANIFEST, check_manifest, write_suite, written_cases
+from visref.conformance.files import (
+    MANIFEST,
+    check_manifest,
+    check_suite,
+    write_suite,
+    written_cases,
+)
 from visref.conformance.programs import Program
 from visref.conformance.recorded import read_recordings
 from visref.conformance.suite import MakeCuller, Status, conformance_checks
@@ -154,9 +160,12 @@ def _judge_recordings(given: argparse.Namespace) -> Exit:
 
 
 def _seed_of_suite(given: argparse.Namespace) -> int:
-    """The seed of the suite that was recorded: its manifest's, where there is one."""
-    manifest: Path = (given.suite or given.recordings) / MANIFEST
-    if given.suite is not None or manifest.is_file():
+    """The seed of the suite that was recorded: that of its folder, or of the manifest that stands
+    among the recordings, where there is one."""
+    if given.suite is not None:
+        return check_suite(given.suite, given.seed)
+    manifest: Path = given.recordings / MANIFEST
+    if manifest.is_file():
         return check_manifest(manifest, given.seed)
     return int(given.seed or 0)
 

@@ -296,3 +296,22 @@ def check_manifest(file: Path, seed: int | None) -> int:
             fix=fix,
         )
     return wrote
+
+
+def check_suite(folder: Path, seed: int | None) -> int:
+    """As `check_manifest`, of a whole folder: its files, too, are those that this visref writes."""
+    wrote = check_manifest(folder / MANIFEST, seed)
+    for case in written_cases(wrote):
+        for name, data in case.files.items():
+            file = folder / case.name / name
+            try:
+                same = map_file(file).tobytes() == data
+            except InputError as error:
+                raise error.at(source=str(file)) from error
+            if not same:
+                raise InputError(
+                    "the file is not as it was written",
+                    source=str(file),
+                    fix="write the suite anew, and record it again",
+                )
+    return wrote

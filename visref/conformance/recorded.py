@@ -18,7 +18,7 @@ from pathlib import Path
 
 from visref.camera_path import CameraPath
 from visref.conformance.declared import Declared
-from visref.conformance.files import MANIFEST, WrittenCase
+from visref.conformance.files import EXPECTED, MANIFEST, WrittenCase
 from visref.culler import Culler, CullerError, Promise, RasterTolerance
 from visref.errors import InputError
 from visref.files import open_file
@@ -106,6 +106,12 @@ def _files_of(folder: Path, cases: Sequence[WrittenCase]) -> tuple[dict[str, Pat
             source=str(folder),
             fix="name the folder with the engine's recordings",
         ) from error
+    if any(entry.name == EXPECTED for entry in entries):
+        raise InputError(
+            "this is the suite itself",
+            source=str(folder),
+            fix="give the recordings a folder of their own",
+        )
     names = {case.name for case in cases}
     found: dict[str, Path] = {}
     others = []
