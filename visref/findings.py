@@ -228,9 +228,9 @@ class Code(StrEnum):
     RECORDING_CUT_OFF = Rule(
         "RECORDING_CUT_OFF",
         Severity.WARNING,
-        "The recording ends in the middle of a line",
-        "Whoever wrote it did not come to its end, as when an engine crashes. The frames before "
-        "were judged.",
+        "The recording was cut off",
+        "Whoever wrote it did not come to its end, as when an engine crashes or a recorder gives "
+        "up. The frames before were judged.",
     )
     ANIMATION_IGNORED = Rule(
         "ANIMATION_IGNORED",

@@ -92,7 +92,7 @@ def test_the_command_converts_both_ways_and_says_what_it_lacks(tmp_path, capsys)
     path, visible = tmp_path / "p.json", tmp_path / "v.jsonl"
     apart_ = ["--recording", str(file), "--path-out", str(path), "--visible-out", str(visible)]
     assert main(["convert", *apart_]) == 0
-    assert "line 3 is not whole, and was left out" in capsys.readouterr().out
+    assert "line 3 is not whole; what is whole was taken" in capsys.readouterr().out
     joined = ["--path", str(path), "--visible", str(visible)]
     assert main(["convert", *joined, "--recording-out", str(tmp_path / "r.jsonl")]) == 0
     assert main(["convert", *joined]) == 2

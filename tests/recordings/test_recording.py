@@ -107,6 +107,15 @@ def test_a_line_that_is_cut_off_ends_the_recording_and_is_said(tmp_path, keep):
     assert "line 4 is not whole; the recording is judged up to frame 1" in text
 
 
+def test_a_recorder_that_stopped_is_judged_up_to_there_and_says_why(tmp_path):
+    lines = (HEADER, line(0, [0]), line(1, [1]), {"stopped": "frame 2: a name is NULL\n"})
+    recording = read(tmp_path, *lines)
+    assert list(recording.path.numbers) == [0, 1]
+    ((code, text),) = recording.path.remarks
+    assert code == Code.RECORDING_CUT_OFF
+    assert "the recorder stopped: frame 2: a name is NULL; the recording is judged up to" in text
+
+
 def test_a_cut_in_the_middle_of_a_letter_is_one_too(tmp_path):
     file = write(tmp_path, HEADER, line(0, [0]))
     file.write_bytes(file.read_bytes() + '{"frame": 1, "visible": ["ü'.encode()[:-1])
@@ -182,6 +191,16 @@ BOX = [[0, 0, 0], [1, 1, 1]]
 # Lines after the header, and what is said; a first entry that is a dictionary changes the header.
 WRONG = {
     "no header": ([{"format": None}, line(0)], "line 1: this is no recording"),
+    "nothing in it": ([], "it is empty; record again: the program ended before"),
+    "a path": ([{"format": "visref-path"}, line(0)], "this is a camera path; give it as --path"),
+    "stopped at once": (
+        [{}, {"stopped": "no memory"}],
+        "there is no whole frame in it (line 2: the recorder stopped: no memory)",
+    ),
+    "a frame after the end": (
+        [{}, line(0), {"stopped": "x"}, line(1)],
+        "line 4: the recorder stopped before it",
+    ),
     "another version": ([{"version": 2}, line(0)], "line 1: version: version 2 is not known"),
     "no frame": ([{}], "there is no whole frame in it"),
     "not ascending": ([{}, line(1), line(1)], "line 3: frame 1 comes after frame 1"),
@@ -221,8 +240,9 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_recording_is_one_line_with_its_place(name, tmp_path):
-    (header, *lines), expected = WRONG[name]
-    file = write(tmp_path, {**HEADER, **header}, *lines)
+    given, expected = WRONG[name]
+    lines = [{**HEADER, **given[0]}, *given[1:]] if given else []
+    file = write(tmp_path, *lines)
     with pytest.raises(InputError) as caught:
         read_recording(file, SCENE)
     message = str(caught.value)

@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--visible", type=Path, metavar="FILE", help="what was drawn: .jsonl, .csv or .parquet"
     )
     parser.add_argument(
-        "--promise", choices=[p.value for p in Promise], default=Promise.CONSERVATIVE.value
+        "--promise",
+        choices=[p.value for p in Promise],
+        default=Promise.CONSERVATIVE.value,
+        help="what the engine promises (default %(default)s)",
     )
     parser.add_argument(
         "--raster",

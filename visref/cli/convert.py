@@ -34,7 +34,7 @@ def run(given: argparse.Namespace) -> Exit:
         count, cut_off = pair_of_recording(*apart, max_memory=limit)
         OUT.line(f"{given.path_out}, {given.visible_out}: {counted(count, 'frame')}")
         if cut_off:
-            OUT.line(f"{given.recording}: {cut_off} is not whole, and was left out")
+            OUT.line(f"{given.recording}: {cut_off}; what is whole was taken")
     elif all(joined) and not any(apart):
         count = recording_of_pair(*joined, max_memory=limit)
         OUT.line(f"{given.recording_out}: {counted(count, 'frame')}")

@@ -36,7 +36,7 @@ def pair_of_recording(
     max_memory: int | None = None,
 ) -> tuple[int, str]:
     """Write a recording's camera path and visible sets, JSON and JSON Lines; returns how many
-    frames there are, and which line was cut off, if one was.
+    frames there are, and how it was cut off, if it was.
 
     Frames are numbered anew from 0; after frames that the recording leaves out the path has a cut,
     and where `fps` gave the time, each frame says it. Raises InputError where the recording is

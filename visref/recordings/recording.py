@@ -6,7 +6,8 @@ file beside the recording (`visref.recordings.units`). Each further line is a fr
 with its `"frame"`, a number that ascends and may leave some out, and what was drawn: `"visible"` or
 `"visible_nodes"`, and `"stats"` and `"bounds"` as in recorded visible sets.
 
-A file that ends in the middle of a line is that of an engine that died: the frames before count.
+A file that ends in the middle of a line is that of an engine that died, and one whose last line is
+`{"stopped": "why"}` that of a recorder that gave up: the frames before count.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from visref.camera_path import CameraPath
+from visref.camera_path import PATH_FORMAT, CameraPath
 from visref.errors import InputError
 from visref.findings import Code
 from visref.memory import Budget
@@ -34,6 +35,8 @@ RECORDING_VERSION = 1
 
 # What a header says besides what a path says at its top.
 HEADER_FIELDS = ("groups", "units")
+# So many characters of a recorder's last words are repeated.
+_SHOWN = 300
 # Records hold frame numbers as int32.
 MOST_FRAME = 2**31 - 1
 # A frame in memory: itself, a view's camera with its vectors, a pose, a name.
@@ -56,8 +59,9 @@ class RecordingLines:
     """A recording, read a line at a time.
 
     `header`: the first line. `remarks`: what was passed over or set right in the lines read so far.
-    `cut_off`: the line that is not whole, once all are read; empty where all are. Raises InputError
-    without the file's name, at its line; from the constructor for the header.
+    `cut_off`: how it ends, once all are read, where it does not end well: a line that is not whole,
+    or a recorder that stopped; else empty. Raises InputError without the file's name, at its line;
+    from the constructor for the header.
     """
 
     file: Path
@@ -66,12 +70,19 @@ class RecordingLines:
     remarks: Remarks = field(default_factory=Remarks, init=False)
 
     def __post_init__(self) -> None:
+        self._stopped: tuple[str, str] | None = None
         self._json = JsonLines(self.file, self.budget, whole=False)
         self._lines = iter(self._json)
         place, values = next(self._lines, ("line 1", None))
-        if values is None and self._json.cut_off:
+        if values is None:
             raise InputError(
-                "the header is not whole", place=self._json.cut_off, fix="record again"
+                "the header is not whole" if self._json.cut_off else "it is empty",
+                place=self._json.cut_off,
+                fix="record again: the program ended before the recorder was closed or flushed",
+            )
+        if isinstance(values, dict) and values.get("format") == PATH_FORMAT:
+            raise InputError(
+                "this is a camera path", place=place, fix="give it as --path, with --visible"
             )
         if not isinstance(values, dict) or values.get("format") != RECORDING_FORMAT:
             raise InputError(
@@ -96,11 +107,20 @@ class RecordingLines:
 
     @property
     def cut_off(self) -> str:
-        return self._json.cut_off
+        if self._stopped:
+            return f"{self._stopped[0]}: the recorder stopped: {self._stopped[1][:_SHOWN]}"
+        return f"{self._json.cut_off} is not whole" if self._json.cut_off else ""
 
     def __iter__(self) -> Iterator[Line]:
         last = -1
         for place, values in self._lines:
+            if self._stopped:
+                raise InputError(
+                    "the recorder stopped before it", place=place, fix="keep one recording a file"
+                )
+            if isinstance(values, dict) and isinstance(values.get("stopped"), str):
+                self._stopped = place, " ".join(clean_name(values["stopped"]).split())
+                continue
             row = row_of(values, place)
             if not last < row.frame <= MOST_FRAME:
                 problem = f"frame {reprlib.repr(row.frame)} comes after frame {last}"
@@ -234,7 +254,7 @@ def read_recording(file: Path | str, scene: Scene, *, max_memory: int | None = N
             frames.append(frame)
             numbers.append(line.number)
         if not frames:
-            raise InputError("there is no whole frame in it", fix="record one at least")
+            raise InputError(_no_frame(lines), fix="record one at least")
         remarks = (*lines.remarks.all(source), *_cut_off(lines, source, numbers[-1]))
         plain = numbers == list(range(len(numbers)))
         path = CameraPath(frames, source, None if plain else numbers, remarks)
@@ -247,10 +267,15 @@ def read_recording(file: Path | str, scene: Scene, *, max_memory: int | None = N
         ) from error
 
 
+def _no_frame(lines: RecordingLines) -> str:
+    """What to say of a recording without a frame."""
+    return "there is no whole frame in it" + (f" ({lines.cut_off})" if lines.cut_off else "")
+
+
 def _cut_off(lines: RecordingLines, source: str, last: int) -> tuple[Remark, ...]:
     if not lines.cut_off:
         return ()
-    text = f"{source}: {lines.cut_off} is not whole; the recording is judged up to frame {last}"
+    text = f"{source}: {lines.cut_off}; the recording is judged up to frame {last}"
     return ((Code.RECORDING_CUT_OFF, text),)
 
 
