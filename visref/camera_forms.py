@@ -140,6 +140,17 @@ def number(value: Any, place: str) -> float:
         ) from error
 
 
+def far_of(values: Mapping[str, Any]) -> float:
+    """`far` of a view, float64; infinite where it is null or not there, and not otherwise: a
+    number that came out infinite is an engine's fault. Raises InputError."""
+    if values.get("far") is None:
+        return math.inf
+    far = number(values["far"], "far")
+    if not math.isfinite(far):
+        raise InputError(f"far is {far}", place="far", fix="write null for infinitely far")
+    return far
+
+
 def _numbers(value: Any, count: int, place: str) -> Float64:
     if not isinstance(value, list) or len(value) != count:
         raise InputError(f"not {count} numbers", place=place, fix=f"give a list of {count}")
@@ -270,9 +281,7 @@ def _from_clip(values: Mapping[str, Any], width: int, height: int) -> GivenCamer
                 f"{name} is given, and clip_from_world says it too", place=name, fix="leave one out"
             )
     near = number(values["near"], "near") if "near" in values else None
-    far = number(values["far"], "far") if values.get("far") is not None else None
-    if far is None and "far" in values:
-        far = math.inf
+    far = far_of(values) if "far" in values else None
     try:
         pose, lens, off = decomposed(given, width, height, near, far, depth)
     except InputError as error:

@@ -81,7 +81,8 @@ def is_duration(value: object) -> bool:
     number = isinstance(value, (int, float, np.integer, np.floating))
     if not number or isinstance(value, bool):
         return False
-    return 0.0 <= float(value) <= sys.float_info.max  # type: ignore[arg-type]
+    # Compared as it is: a whole number without end is no float64.
+    return 0 <= value <= sys.float_info.max  # type: ignore[operator]
 
 
 @dataclass(frozen=True, eq=False)

@@ -256,7 +256,8 @@ def picked_frames(text: str | None, path: CameraPath) -> Sequence[int]:
             raise ValueError
     except ValueError as error:
         raise InputError(f"--frames {text} is no slice", fix="write A:B or A:B:STEP") from error
-    there = picked if path.without_gaps else [number for number in picked if path.has(number)]
+    # Numbers may be far apart: those that there are, not those that might be.
+    there = picked if path.without_gaps else [one for one in path.numbers if one in picked]
     if not there or picked.step < 0:
         raise InputError(
             f"--frames {text} picks none of the path's {len(path)} frames",

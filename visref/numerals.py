@@ -8,6 +8,7 @@ a file means one thing here and another, or nothing, in the engine that wrote it
 from __future__ import annotations
 
 import re
+from typing import Any
 
 _WHOLE = re.compile(r"[+-]?[0-9]{1,18}", re.ASCII)
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,9})?", re.ASCII)
@@ -30,3 +31,9 @@ def decimal_number(text: str, *, finite: bool = True) -> float:
     if not known or len(text) > 4096 or (finite and abs(value) == float("inf")):
         raise ValueError(f"{text[:40]!r} is not a number")
     return value
+
+
+def as_whole(value: Any) -> Any:
+    """A whole number that was written as 3.0, as some languages do, as what it is: an int. Any
+    other value as it is."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from visref.camera import Camera
-from visref.camera_forms import CAMERA_FIELDS, matrix, over, read_camera
+from visref.camera_forms import CAMERA_FIELDS, far_of, matrix, over, read_camera
 from visref.camera_forms import number as _float
 from visref.errors import InputError
 from visref.findings import Code
+from visref.numerals import as_whole
 from visref.scene import Float64, clean_name
 from visref.wording import counted, did_you_mean
 
@@ -40,23 +42,27 @@ class Remarks:
     """What a reader noticed and took all the same: each kind once, with count and first place."""
 
     def __init__(self) -> None:
-        self._found: dict[Remark, tuple[int, str]] = {}
+        # By kind: how many, the first one's place, and a hint.
+        self._found: dict[Remark, tuple[int, str, str]] = {}
 
-    def add(self, code: Code, text: str, place: str) -> None:
-        count, first = self._found.get((code, text), (0, place))
-        if count or len(self._found) < _MOST_REMARKS:
-            self._found[code, text] = count + 1, first
+    def add(self, code: Code, text: str, place: str, hint: Callable[[], str] = lambda: "") -> None:
+        """`hint`: what may stand behind the text; asked once, as it may take its time."""
+        if (known := self._found.get((code, text))) is not None:
+            self._found[code, text] = (known[0] + 1, *known[1:])
+        elif sum(one is code for one, _ in self._found) < _MOST_REMARKS:
+            self._found[code, text] = 1, place, hint()
 
     def all(self, source: str) -> tuple[Remark, ...]:
         """One per kind, in the order in which they were met."""
         result = []
-        for (code, text), (count, first) in self._found.items():
+        for (code, text), (count, first, hint) in self._found.items():
             where = f"{counted(count, 'time')}, first at {first}" if count > 1 else f"at {first}"
-            result.append((code, f"{source}: {text} ({where})"))
+            said = f"{text}; {hint}" if hint else text
+            result.append((code, f"{source}: {said} ({where})"))
         return tuple(result)
 
 
-# A file may hold a field of another name in each of its frames.
+# Of one code: a file may hold a field of another name in each of its frames.
 _MOST_REMARKS = 20
 
 
@@ -172,8 +178,9 @@ def frame_of(
         raise InputError("cut is not true or false", place="cut", fix="write true or false")
     if own.get("time_s") is not None:
         time_s = number(own, "time_s")
-        if not math.isfinite(time_s):
-            raise InputError(f"time_s is {time_s}", place="time_s", fix="give seconds")
+    # A frame's number over `fps` may be none either.
+    if time_s is not None and not math.isfinite(time_s):
+        raise InputError(f"time_s is {time_s}", place="time_s", fix="give seconds")
     clip = own.get("animation")
     if clip is None:
         clip = shared.get("animation")
@@ -231,7 +238,7 @@ def _names(value: Any) -> tuple[str, ...]:
 
 
 def _levels(value: Any) -> dict[str, int]:
-    levels = mapping(value, "levels")
+    levels = {name: as_whole(level) for name, level in mapping(value, "levels").items()}
     for name, level in levels.items():
         if isinstance(level, bool) or not isinstance(level, int) or level < 0:
             raise InputError(
@@ -271,10 +278,9 @@ def _lens(values: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a camera's lens and its range, where the pose's form does not say them."""
     if "near" not in values:
         raise InputError("near is missing", fix="give it at the top or in the frame")
-    far = values.get("far")
     return {
         "near": number(values, "near"),
-        "far": math.inf if far is None else number(values, "far"),
+        "far": far_of(values),
         "yfov": number(values, "yfov") if values.get("yfov") is not None else None,
         "ymag": number(values, "ymag") if values.get("ymag") is not None else None,
         "shift_x_px": number(values, "shift_x_px") if "shift_x_px" in values else 0.0,
@@ -294,9 +300,8 @@ def passover(
     """Remark on every field that is not known: it may be a later version's, or misspelt."""
     for key in values:
         if key not in known:
-            meant = did_you_mean(key, known, "")
             text = f"field {reprlib.repr(key)} is not known, and was passed over"
-            remarks.add(Code.FIELD_IGNORED, f"{text}; {meant}" if meant else text, place)
+            remarks.add(Code.FIELD_IGNORED, text, place, partial(did_you_mean, key, known, ""))
 
 
 def number(values: Mapping[str, Any], name: str) -> float:
@@ -304,9 +309,7 @@ def number(values: Mapping[str, Any], name: str) -> float:
 
 
 def _integer(values: Mapping[str, Any], name: str) -> int:
-    value = values[name]
-    if isinstance(value, float) and value.is_integer():
-        return int(value)  # written as 640.0, as some languages do
+    value = as_whole(values[name])
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{reprlib.repr(value)} is not an integer", place=name, fix="give pixels")
     return value

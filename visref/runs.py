@@ -92,6 +92,7 @@ def judge_to_folder(
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
             examine=True,
+            keeps_superfluous=False,  # the folder has them
             timeline=inputs.timeline,
         )
         outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])

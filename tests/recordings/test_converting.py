@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -102,14 +103,42 @@ def test_the_command_converts_both_ways_and_says_what_it_lacks(tmp_path, capsys)
     assert errors.count("\n") == 2
 
 
+def test_a_number_that_is_not_finite_converts_to_one_line(tmp_path):
+    for lines, place in (
+        ((HEADER, line(0), line(1, note=math.nan)), "frame 1: JSON cannot say it"),
+        (({**HEADER, "note": math.inf}, line(0)), "line 1: JSON cannot say it"),
+    ):
+        with pytest.raises(InputError, match=place):
+            apart(tmp_path, *lines)
+        assert not (tmp_path / "path.json").exists()
+
+
+def test_names_are_converted_to_what_every_file_can_hold(tmp_path):
+    _, visible = apart(tmp_path, HEADER, line(0, ["\ud800", "ü"], absent=["\udfff"]))
+    assert json.loads(visible.read_text(encoding="utf-8"))["visible"] == ["\ufffd", "ü"]
+    frames = json.loads((tmp_path / "path.json").read_text(encoding="utf-8"))["frames"]
+    assert frames[0]["absent"] == ["\ufffd"]
+
+
+def test_a_table_that_is_no_text_converts_to_one_line(tmp_path):
+    path, _ = apart(tmp_path, HEADER, line(0))
+    table = tmp_path / "visible.csv"
+    table.write_bytes(b"frame,object\n0,sa\xff\n")
+    with pytest.raises(InputError, match=r"visible\.csv: it is not UTF-8 text"):
+        recording_of_pair(path, table, tmp_path / "back.jsonl")
+    assert not (tmp_path / "back.jsonl").exists()
+
+
 def test_what_the_writer_writes_the_reader_reads(tmp_path):
     file = tmp_path / "run.jsonl"
     shared = {name: value for name, value in HEADER.items() if name not in ("format", "version")}
     with RecordingWriter(file, **shared, groups={"pair": [0, 1]}) as recording:
         recording.frame(2, world_from_camera=np.array(POSE), visible=["pair"], time_s=0.25)
-        recording.frame(5, world_from_camera=POSE, visible=np.array([2]), stats={"queries": 4})
-        recording.frame(6, views=VIEWS, visible={"left": [0], "right": (1,)})
+        recording.frame(np.int64(5), world_from_camera=POSE, visible=np.array([2]),
+                        stats={"queries": 4})  # fmt: skip
         # Each line is whole before the next: an engine may die at any time.
+        assert list(read_recording(file, SCENE).path.numbers) == [2, 5]
+        recording.frame(6, views=VIEWS, visible={"left": [0], "right": (1,)})
     read = read_recording(file, SCENE)
     assert list(read.path.numbers) == [2, 5, 6]
     assert [drawn(read, frame) for frame in (2, 5)] == [[0, 1], [2]]
@@ -126,6 +155,7 @@ def test_what_the_writer_writes_the_reader_reads(tmp_path):
         (5, {"visible": [0.5]}, "visible is not a list"),
         (5, {"visible": [0], "world_from_camera": [1]}, "not a 4 by 4 matrix"),
         (5, {"visible": [0], "abscent": []}, "did you mean 'absent'"),
+        (5, {"visible": [0], "cut": object()}, "cut is not true or false"),
     ],
 )
 def test_the_writer_refuses_what_no_reader_takes(tmp_path, frame, fields, expected):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import time
 import tracemalloc
 from dataclasses import replace
 
@@ -11,13 +13,15 @@ import pytest
 
 from tests.support.gltf_files import TRIANGLE, Gltf
 from tests.support.hand_made import scene_of_squares
+from visref import path_frame
 from visref.camera import Camera, look_at
 from visref.cli.main import main
 from visref.errors import InputError
 from visref.findings import Code
 from visref.formats import load_scene
+from visref.inputs import picked_frames
 from visref.recordings import read_recording
-from visref.scene import Scene
+from visref.scene import Group, Scene
 
 POSE = look_at((0.0, 0.0, 3.0), (0.0, 0.0, -5.0)).tolist()
 HEADER = {
@@ -95,6 +99,25 @@ def files_scene(folder) -> str:
     file = folder / "scene.glb"
     file.write_bytes(gltf.glb())
     return str(file)
+
+
+def test_wherever_a_recording_is_cut_off_its_whole_frames_are_judged_or_it_is_one_line(tmp_path):
+    lines = [{**HEADER, "groups": {"gü": [0, 1]}}, line(0, ["gü"]), line(3, [2])]
+    text = "".join(json.dumps(one, ensure_ascii=False) + "\r\n" for one in lines)
+    whole = [len(part.encode()) for part in text.split("\r\n")]
+    file = tmp_path / "run.jsonl"
+    data = b"\xef\xbb\xbf" + text.encode()
+    first = 3 + whole[0] + 2 + whole[1]
+    for end in range(len(data) + 1):
+        file.write_bytes(data[:end])
+        if end < first:
+            with pytest.raises(InputError, match=r"\A[^\n]+\Z"):
+                read_recording(file, SCENE)
+            continue
+        recording = read_recording(file, SCENE)
+        second = first + 2 + whole[2]
+        assert list(recording.path.numbers) == ([0, 3] if end >= second else [0])
+        assert bool(recording.path.remarks) == (first + 2 < end < second)
 
 
 @pytest.mark.parametrize("keep", [1, 20, -3, -1])
@@ -234,6 +257,17 @@ WRONG = {
     "units of the root": ([{"units": "/etc/passwd"}, line(0)], "units is '/etc/passwd'"),
     "units of Windows": ([{"units": "C:\\u.csv"}, line(0)], "line 1: units: units is 'C:"),
     "units a number": ([{"units": 3}, line(0)], "line 1: units: units is 3"),
+    "units that no file can be": ([{"units": "\ud800.csv"}, line(0)], "name a file in the"),
+    "infinite far": ([{}, line(0, far=math.inf)], "line 2: far: far is inf; write null"),
+    "a time beyond float64": ([{"fps": 5e-324}, line(1)], "line 2: time_s: time_s is inf"),
+    "milliseconds beyond float64": (
+        [{}, line(0, stats={"ms": {"cull": 10**400}})],
+        "line 2: stats",
+    ),
+    "half a group's object": (
+        [{"groups": {"g": [0.5]}}, line(0)],
+        "groups: group 'g' is not a list",
+    ),
     "no units there": ([{"units": "u.csv"}, line(0)], "u.csv: cannot read the file: No such file"),
 }
 
@@ -258,6 +292,69 @@ def test_units_behind_a_link_out_of_the_folder_are_refused(tmp_path):
     file = write(tmp_path / "in", {**HEADER, "units": "u.csv"}, line(0))
     with pytest.raises(InputError, match=r"units is 'u\.csv'"):
         read_recording(file, SCENE)
+
+
+def test_units_that_are_a_link_to_itself_are_refused(tmp_path):
+    (tmp_path / "u.csv").symlink_to("u.csv")
+    file = write(tmp_path, {**HEADER, "units": "u.csv"}, line(0))
+    with pytest.raises(InputError):
+        read_recording(file, SCENE)
+
+
+def test_groups_that_expand_without_end_are_refused_before_they_do(tmp_path):
+    # Some 20 kB of names stand for 1.6 million members.
+    count, everything = 2000, tuple(range(2000))
+    scene = Scene.from_objects([(f"o{i}", TRIANGLE, [[0, 1, 2]]) for i in range(count)])
+    scene = replace(scene, groups=(Group("all", "all", everything),))
+    header = {**HEADER, "groups": {f"g{i}": ["all"] for i in range(800)}}
+    file = write(tmp_path, header, line(0, ["g7"]))
+    tracemalloc.start()
+    with pytest.raises(InputError, match=r"run\.jsonl: groups: its groups up to 'g[0-9]+' would"):
+        read_recording(file, scene, max_memory=20 << 20)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40 << 20
+
+
+def test_boxes_of_names_that_mean_nothing_are_refused_where_they_are_many(tmp_path):
+    frames = (line(k, bounds={f"{k}-{i}": BOX for i in range(100)}) for k in range(100))
+    file = write(tmp_path, HEADER, *frames)
+    with pytest.raises(InputError, match=r"line [0-9]+: .* would need about"):
+        read_recording(file, SCENE, max_memory=2 << 20)
+
+
+def test_a_slice_of_frames_that_are_far_apart_takes_no_time(tmp_path):
+    recording = read(tmp_path, HEADER, line(0), line(5), line(2**31 - 1))
+    started = time.perf_counter()
+    assert picked_frames("1:", recording.path) == [5, 2**31 - 1]
+    # Two billion numbers that might be frames take minutes.
+    assert time.perf_counter() - started < 10.0
+    assert picked_frames("::5", recording.path) == [0, 5]
+    assert picked_frames("-1", recording.path) == [2**31 - 1]
+    with pytest.raises(InputError, match="picks none of the path's 3 frames"):
+        picked_frames("1:5", recording.path)
+
+
+def test_a_field_that_is_not_known_is_compared_with_those_that_are_once(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        path_frame, "did_you_mean", lambda *given: asked.append(given) or "did you mean 'near'?"
+    )
+    recording = read(tmp_path, HEADER, *(line(k, nead=1) for k in range(50)))
+    assert len(asked) == 1
+    ((_, text),) = recording.path.remarks
+    assert text.endswith("passed over; did you mean 'near'? (50 times, first at line 2)")
+
+
+def test_many_fields_that_are_not_known_hide_no_other_remark(tmp_path):
+    rounded = np.round(POSE, 4)
+    rounded[0][0] += 3e-5
+    many = {f"field{k}": 0 for k in range(100)}
+    recording = read(
+        tmp_path, HEADER, line(0, **many), {**line(1), "world_from_camera": rounded.tolist()}
+    )
+    codes = {code for code, _ in recording.path.remarks}
+    assert codes == {Code.FIELD_IGNORED, Code.CAMERA_MADE_RIGID}
 
 
 def test_a_recording_and_a_path_are_one_too_many(tmp_path, capsys):
@@ -298,6 +395,16 @@ def test_whole_numbers_may_be_written_with_a_point(tmp_path):
     assert drawn(recording, 1) == [0, 2]
     with pytest.raises(InputError, match="visible is not a list of ids and names"):
         read(tmp_path, HEADER, line(0, [0.5]))
+    header = {**HEADER, "groups": {"pair": [0.0, 2]}}
+    stats = {"draw_calls": 3.0}
+    recording = read(tmp_path, header, line(0, ["pair"], stats=stats))
+    assert drawn(recording, 0) == [0, 2]
+    assert recording.sets.stats[0].draw_calls == 3
+    with pytest.raises(InputError, match=r"0\.5 is no level"):
+        read(tmp_path, HEADER, line(0, levels={"tree": 0.5}))
+    assert read(tmp_path, HEADER, line(0, levels={"tree": 1.0})).path.frames[0].levels == {
+        "tree": 1
+    }
 
 
 def test_a_name_of_several_objects_is_their_groups_whatever_other_groups_there_are(tmp_path):

@@ -139,6 +139,7 @@ def test_units_are_listed_by_number_and_nothing_else(tmp_path):
     header = {**HEADER, "units": "u.csv"}
     for drawn, expected in (
         (line(0, [2]), r"line 2: unit 2 is none of the units \(0…1\)"),
+        (line(0, ["1"]), "line 2: '1' is a name, and the recording has units"),
         (line(0, ["squid"]), "line 2: 'squid' is a name, and the recording has units"),
         ({"frame": 0, "world_from_camera": POSE, "visible_nodes": [0]}, "visible_nodes, and"),
     ):

@@ -118,7 +118,9 @@ class Referee:
     engine on first use, so that a recorded truth with nothing to dispute never builds one. It
     must be the engine that cast a recorded truth: another may not see what that truth says was
     missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
-    most of the scene; then the engine must cast any camera.
+    most of the scene; then the engine must cast any camera. `keeps_superfluous`: whether the
+    records list the units drawn for nothing once the listeners have seen them; of a long run that
+    is much.
     """
 
     scene: Scene
@@ -127,6 +129,7 @@ class Referee:
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
     examine: bool = False
+    keeps_superfluous: bool = True
     timeline: Timeline | None = None
 
     def __post_init__(self) -> None:
@@ -352,6 +355,9 @@ class Referee:
         judged = JudgedFrame(record, settled, drawn_set, drawn)
         for listener in listeners:
             listener.on_verdict(job, judged)
+        if not self.keeps_superfluous:
+            kept = replace(verdict, superfluous_units=np.zeros(0, np.int32))
+            job.record.frames[-1] = replace(record, verdict=kept)
 
     def _settled(
         self,

@@ -5,8 +5,7 @@ What both can say is carried over as it is written; what only one can say is ref
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,8 @@ from visref.recordings.recording import (
     RECORDING_VERSION,
     RecordingLines,
 )
-from visref.recordings.rows import READERS, ROW_FIELDS, Row
+from visref.recordings.rows import READERS, ROW_FIELDS, Row, reading
+from visref.recordings.writing import json_text
 
 _BESIDE = ("format", "version", *HEADER_FIELDS)
 
@@ -48,7 +48,7 @@ def pair_of_recording(
         refuse_inputs(out, [recording])
     if Path(path_out).resolve() == Path(visible_out).resolve():
         raise InputError("path and visible sets are the same file", fix="name two")
-    try:
+    with reading(source):
         lines = RecordingLines(recording, Budget.of(max_memory))
         for name in HEADER_FIELDS:
             if lines.header.get(name):
@@ -64,21 +64,20 @@ def pair_of_recording(
             visible_file = closing.enter_context(replacing_file(visible_out))
             path_text = closing.enter_context(path_file.open("w", encoding="utf-8"))
             visible_text = closing.enter_context(visible_file.open("w", encoding="utf-8"))
-            path_text.write(_json(head).removesuffix("}") + ', "frames": [')
+            path_text.write(json_text(head, "line 1").removesuffix("}") + ', "frames": [')
             count = 0
-            for count, (frame, visible) in enumerate(_pairs(lines), 1):
-                path_text.write(("\n" if count == 1 else ",\n") + _json(frame))
-                visible_text.write(_json(visible) + "\n")
+            for count, (frame_number, frame, visible) in enumerate(_pairs(lines), 1):
+                place = f"frame {frame_number}"
+                path_text.write(("\n" if count == 1 else ",\n") + json_text(frame, place))
+                visible_text.write(json_text(visible, place) + "\n")
             path_text.write("\n]}\n")
             if not count:
                 raise InputError("there is no whole frame in it", fix="record one at least")
         return count, lines.cut_off
-    except InputError as error:
-        raise error.at(source=source) from error
 
 
-def _pairs(lines: RecordingLines) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """A path's frame and a line of visible sets for each line."""
+def _pairs(lines: RecordingLines) -> Iterator[tuple[int, dict[str, Any], dict[str, Any]]]:
+    """The number, a path's frame and a line of visible sets for each line."""
     before = -1
     for index, line in enumerate(lines):
         frame = {name: value for name, value in line.values.items() if name not in ROW_FIELDS}
@@ -88,7 +87,7 @@ def _pairs(lines: RecordingLines) -> Iterator[tuple[dict[str, Any], dict[str, An
             frame["time_s"] = line.frame.time_s
         before = line.number
         said = {name: line.values[name] for name in ROW_FIELDS if name in line.values}
-        yield frame, {**said, "frame": index}
+        yield line.number, frame, {**said, "frame": index}
 
 
 def recording_of_pair(
@@ -112,7 +111,7 @@ def recording_of_pair(
             "recorded visible sets are .jsonl, .csv or .parquet", source=source, fix="rename it"
         )
     rows: dict[int, dict[str, Any]] = {}
-    try:
+    with reading(source):
         for row in reader(Path(visible), budget):
             if not cameras.has(row.frame) or row.frame in rows:
                 twice = "comes twice" if row.frame in rows else "is not on the path"
@@ -122,15 +121,14 @@ def recording_of_pair(
             size = sum(map(len, row.sets.values())) + 8 * len(row.bounds) + 10
             budget.claim("its frames up to here", 60 * size, place=row.place)
             rows[row.frame] = _row_json(row)
-    except InputError as error:
-        raise error.at(source=source) from error
     if not rows:
         raise InputError("there is no frame in it", source=source, fix="record one at least")
     header = {**written, "format": RECORDING_FORMAT, "version": RECORDING_VERSION}
     with replacing_file(out) as file, file.open("w", encoding="utf-8") as text:
-        text.write(_json({"format": RECORDING_FORMAT, **header}) + "\n")
+        text.write(json_text({"format": RECORDING_FORMAT, **header}, "header") + "\n")
         for number in sorted(rows):
-            text.write(_json({"frame": number, **frames[number], **rows[number]}) + "\n")
+            said = {"frame": number, **frames[number], **rows[number]}
+            text.write(json_text(said, f"frame {number}") + "\n")
     return len(rows)
 
 
@@ -143,7 +141,3 @@ def _row_json(row: Row) -> dict[str, Any]:
     if row.bounds:
         values["bounds"] = {name: [list(one) for one in box] for name, box in row.bounds.items()}
     return values
-
-
-def _json(value: Mapping[str, Any]) -> str:
-    return json.dumps(value, allow_nan=False, ensure_ascii=False)

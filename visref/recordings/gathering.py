@@ -97,7 +97,7 @@ class _Numbers(dict[int | str, int]):
             self._check_id(entry)
             number = entry
         elif self._units is not None:
-            number = self._unit(entry)
+            raise self._no_unit(entry)
         else:
             name = clean_name(entry)
             meanings = self._names.meanings(name)
@@ -133,10 +133,17 @@ class _Numbers(dict[int | str, int]):
                 fix=fix,
             )
 
-    def _unit(self, entry: str) -> int:
-        if entry.isascii() and entry.isdecimal() and len(entry) < 12:
-            return self[int(entry)]
-        raise InputError(
+    def of_name(self, name: str) -> int:
+        """The number of a name, or of a unit whose number is written as a text, as JSON has keys
+        that are texts alone."""
+        if self._units is None:
+            return self[name]
+        if name.isascii() and name.isdecimal() and len(name) < 12:
+            return self[int(name)]
+        raise self._no_unit(name)
+
+    def _no_unit(self, entry: str) -> InputError:
+        return InputError(
             f"{shown_name(entry)} is a name, and the recording has units of its own",
             place=self.place,
             fix="list the units' numbers",
@@ -168,31 +175,29 @@ class Gathering:
             cells = len(row.sets) + bool(row.bounds)
             self._budget.claim("its frames up to here", _CELL_BYTES * cells)
             self._numbers.place = row.place
+            bad = len(self._numbers.bad)
             self._sets[row.frame] = {
-                view: self._spool.put_set(self._numbers_in(entries, row))
+                view: self._spool.put_set(self._numbers_in(entries, row.nodes))
                 for view, entries in row.sets.items()
             }
             if row.bounds:
-                numbers = [self._numbers[name] for name in row.bounds]
+                numbers = [self._numbers.of_name(name) for name in row.bounds]
                 kept = [at for at, number in enumerate(numbers) if number != _BAD]
                 boxes = np.array(list(row.bounds.values()), np.float64)
                 self._boxes[row.frame] = self._spool.put_boxes(
                     np.array(numbers, np.int32)[kept], boxes[kept]
                 )
+            more = len(self._numbers.bad) - bad
+            self._budget.claim("names that mean nothing", _BAD_BYTES * more)
         except InputError as error:
             raise InputError(error.problem, place=row.place, fix=error.fix) from error
         if row.stats != QueryStats():
             self._stats[row.frame] = row.stats
 
-    def _numbers_in(self, entries: Sequence[int | str], row: Row) -> Int32:
-        if row.nodes:
+    def _numbers_in(self, entries: Sequence[int | str], nodes: bool) -> Int32:
+        if nodes:
             return self._of_nodes(entries)
-        known = len(self._numbers.bad)
-        numbers = np.array([self._numbers[entry] for entry in entries], np.int32)
-        if len(self._numbers.bad) > known:
-            more = len(self._numbers.bad) - known
-            self._budget.claim("names that mean nothing", _BAD_BYTES * more, place=row.place)
-        numbers = np.unique(numbers)
+        numbers = np.unique(np.array([self._numbers[entry] for entry in entries], np.int32))
         return numbers[1:] if len(numbers) and numbers[0] == _BAD else numbers
 
     def _of_nodes(self, entries: Sequence[int | str]) -> Int32:

@@ -22,10 +22,11 @@ from visref.camera_path import PATH_FORMAT, CameraPath
 from visref.errors import InputError
 from visref.findings import Code
 from visref.memory import Budget
+from visref.numerals import as_whole
 from visref.path_frame import Frame, Remark, Remarks, frame_of, mapping, shared_of
 from visref.recordings.gathering import Gathering
 from visref.recordings.names import Names, shown_name
-from visref.recordings.rows import ROW_FIELDS, JsonLines, Row, row_of
+from visref.recordings.rows import ROW_FIELDS, JsonLines, Row, reading, row_of
 from visref.recordings.units import read_units
 from visref.recordings.visible_sets import VisibleSets
 from visref.scene import Group, Scene, clean_name
@@ -41,6 +42,8 @@ _SHOWN = 300
 MOST_FRAME = 2**31 - 1
 # A frame in memory: itself, a view's camera with its vectors, a pose, a name.
 _FRAME_BYTES, _VIEW_BYTES, _POSE_BYTES, _NAME_BYTES = 1000, 3000, 500, 200
+# An object in a group: its number, and its names in two tuples of a set, twice over.
+_MEMBER_BYTES = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,21 +150,23 @@ class RecordingLines:
 
     def groups(self, scene: Scene) -> Scene:
         """The scene with the header's groups. Raises InputError where one cannot be."""
-        named = mapping(self.header.get("groups", {}), "groups")
-        if not named:
-            return scene
+        named: dict[str, list[int | str]] = {}
         names = Names(scene)
         places: dict[str, str] = {}
-        for name, members in named.items():
+        for name, given in mapping(self.header.get("groups", {}), "groups").items():
+            members = list(map(as_whole, given)) if isinstance(given, list) else given
             if not isinstance(members, list) or not set(map(type, members)) <= {int, str}:
                 raise InputError(
                     f"group {shown_name(name)} is not a list of ids and names",
                     place="groups",
                     fix="write [3, 'name']",
                 )
+            named[name] = members
             for member in members:
                 if isinstance(member, str):
                     places.setdefault(clean_name(member), f"groups.{name}")
+        if not named:
+            return scene
         known = names.resolved(places, str(self.file)) if places else {}
         groups = list(scene.groups)
         taken = {name for group in groups for name in (group.name, group.path)}
@@ -183,6 +188,11 @@ class RecordingLines:
                 raise InputError(
                     f"group {shown_name(name)} is empty", place="groups", fix="leave it out"
                 )
+            self.budget.claim(
+                f"its groups up to {shown_name(name)}",
+                _MEMBER_BYTES * len(objects),
+                place="groups",
+            )
             name = clean_name(name)
             if name in taken:
                 raise InputError(
@@ -206,7 +216,11 @@ class RecordingLines:
             inside = inside and ".." not in parts
         if inside:
             folder = self.file.absolute().parent.resolve()
-            inside = (folder / named).resolve().is_relative_to(folder)
+            # A name that no file can have, and a link to itself, lead nowhere.
+            try:
+                inside = (folder / named).resolve().is_relative_to(folder)
+            except (OSError, RuntimeError, ValueError):
+                inside = False
         if not inside:
             raise InputError(
                 f"units is {reprlib.repr(named)}",
@@ -237,7 +251,7 @@ def read_recording(file: Path | str, scene: Scene, *, max_memory: int | None = N
     """
     file = Path(file)
     source = str(file)
-    try:
+    with reading(source):
         budget = Budget.of(max_memory)
         lines = RecordingLines(file, budget)
         scene = lines.groups(scene)
@@ -259,12 +273,6 @@ def read_recording(file: Path | str, scene: Scene, *, max_memory: int | None = N
         plain = numbers == list(range(len(numbers)))
         path = CameraPath(frames, source, None if plain else numbers, remarks)
         return Recording(path, VisibleSets.of(gathering, path.numbers, source), scene)
-    except InputError as error:
-        raise error.at(source=source) from error
-    except OSError as error:
-        raise InputError(
-            f"cannot read it: {error.strerror}", source=source, fix="check its name"
-        ) from error
 
 
 def _no_frame(lines: RecordingLines) -> str:

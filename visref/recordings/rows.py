@@ -9,6 +9,7 @@ import csv
 import io
 import reprlib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from itertools import count
 from pathlib import Path
@@ -23,7 +24,7 @@ from visref.culler import QueryStats, is_count, is_duration
 from visref.errors import InputError
 from visref.files import json_bytes, map_file, open_file, parse_json
 from visref.memory import Budget
-from visref.numerals import whole_number
+from visref.numerals import as_whole, whole_number
 from visref.recordings.names import shown_name
 from visref.scene import clean_name
 
@@ -36,6 +37,25 @@ _BATCH = 1 << 16
 
 
 Entry = int | str
+
+
+@contextmanager
+def reading(source: str) -> Iterator[None]:
+    """Whatever goes wrong as a recording is read is one InputError that names the file."""
+    try:
+        yield
+    except InputError as error:
+        raise error.at(source=source) from error
+    except OSError as error:
+        raise InputError(
+            f"cannot read it: {error.strerror}", source=source, fix="check its name"
+        ) from error
+    except MemoryError as error:
+        raise InputError(
+            "it needs more memory than there is", source=source, fix="record fewer frames at once"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError("it is not UTF-8 text", source=source, fix="write it anew") from error
 
 
 @dataclass(frozen=True)
@@ -71,7 +91,8 @@ class JsonLines:
         with open_file(self._path) as lines:
             for number in count(1):
                 place = f"line {number}"
-                longest = self._budget.left // 4
+                # Nothing is left: then a line is refused, and not taken for the end.
+                longest = max(1, self._budget.left // 4)
                 line = lines.readline(longest)
                 if number == 1:
                     line = line.removeprefix(_BYTE_ORDER_MARK)
@@ -111,7 +132,7 @@ def row_of(values: Any, place: str) -> Row:
         raise InputError(
             "both visible and visible_nodes", place=place, fix="give one of them in a line"
         )
-    frame = _as_whole(values["frame"])
+    frame = as_whole(values["frame"])
     if isinstance(frame, bool) or not isinstance(frame, int):
         raise InputError(f"frame is {reprlib.repr(frame)}", place=place, fix="give an integer")
     nodes = drawn == ["visible_nodes"]
@@ -123,11 +144,6 @@ def row_of(values: Any, place: str) -> Row:
         _bounds(values.get("bounds", {}), place),
         nodes,
     )
-
-
-def _as_whole(value: Any) -> Any:
-    """A whole number that was written as 3.0, as some languages do, as what it is."""
-    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _json_lines(path: Path, budget: Budget) -> Iterator[Row]:
@@ -143,7 +159,7 @@ def _sets(visible: Any, name: str, place: str) -> dict[str, list[Entry]]:
     sets: dict[str, list[Entry]] = {}
     for view, entries in by_view.items():
         if isinstance(entries, list) and float in set(map(type, entries)):
-            entries = list(map(_as_whole, entries))
+            entries = list(map(as_whole, entries))
         if not isinstance(entries, list) or not set(map(type, entries)) <= kinds:
             of_view = "" if by_view is not visible else f" of view {shown_name(view)}"
             what, fix = ("node indices", "[3, 7]") if nodes else ("ids and names", "[3, 'name']")
@@ -188,9 +204,9 @@ def _stats(values: Any, place: str) -> QueryStats:
     stats = QueryStats()
     for name, value in values.items():
         if name == "ms" and isinstance(value, dict) and all(map(is_duration, value.values())):
-            stats.ms = {phase: float(ms) for phase, ms in value.items()}
-        elif name in _COUNTERS and is_count(value):
-            setattr(stats, name, value)
+            stats.ms = {clean_name(phase): float(ms) for phase, ms in value.items()}
+        elif name in _COUNTERS and is_count(as_whole(value)):
+            setattr(stats, name, as_whole(value))
         else:
             raise InputError(
                 f"stats has {reprlib.repr(name)}: {reprlib.repr(value)}",

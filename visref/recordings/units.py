@@ -59,7 +59,9 @@ def read_units(file: Path, scene: Scene, *, max_memory: int | None = None) -> Un
 
 def _csv(file: Path, budget: Budget) -> tuple[dict[str, Int64], list[int | str]]:
     data = map_file(file)
-    budget.need("its rows", 5 * len(data) + _ROW_BYTES * int(np.count_nonzero(data == 10)))
+    budget.need(
+        "its rows", 5 * len(data) + _ROW_BYTES * int(np.count_nonzero((data == 10) | (data == 13)))
+    )
     try:
         text = data.tobytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:

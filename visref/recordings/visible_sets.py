@@ -29,7 +29,7 @@ from visref.culler import (
 from visref.errors import InputError
 from visref.memory import Budget
 from visref.recordings.gathering import Gathering, missing_frames
-from visref.recordings.rows import READERS, Row
+from visref.recordings.rows import READERS, Row, reading
 from visref.scene import Float64, Int32, Scene, Units
 
 # Of every frame that says none: a record per frame would be much.
@@ -169,22 +169,10 @@ def read_visible_sets(
         raise InputError(
             "recorded visible sets are .jsonl, .csv or .parquet", source=source, fix="rename it"
         )
-    try:
+    with reading(source):
         budget = Budget.of(max_memory)
         rows = reader(Path(file), budget)
         return _gather(rows, scene, frames, path, source, budget)
-    except InputError as error:
-        raise error.at(source=source) from error
-    except OSError as error:
-        raise InputError(
-            f"cannot read it: {error.strerror}", source=source, fix="check its name"
-        ) from error
-    except MemoryError as error:
-        raise InputError(
-            "it needs more memory than there is", source=source, fix="record fewer frames at once"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise InputError("it is not UTF-8 text", source=source, fix="write it anew") from error
 
 
 def _gather(

@@ -20,6 +20,7 @@ from visref.recordings.recording import (
     RECORDING_VERSION,
 )
 from visref.recordings.rows import ROW_FIELDS, row_of
+from visref.scene import clean_name
 
 
 class RecordingWriter:
@@ -40,8 +41,10 @@ class RecordingWriter:
         _refuse_unknown(remarks)
         self._last = -1
         # Open as long as the engine records.
-        self._text: TextIO = Path(file).open("w", encoding="utf-8")  # noqa: SIM115
-        self._write(header)
+        # Lines are handed over as they are whole: an engine may die at any time.
+        line = json_text(header, "header")
+        self._text: TextIO = Path(file).open("w", 1, encoding="utf-8")  # noqa: SIM115
+        self._text.write(line + "\n")
 
     def frame(
         self,
@@ -54,6 +57,7 @@ class RecordingWriter:
         """Write a frame: its number, above the one before; what was drawn, for all views or by
         view; and its `fields`: the camera's, `views`, `time_s`, `world_from_object`, `absent`,
         `levels`, `cut`, `stats`, `bounds`."""
+        frame = _plain(frame)
         values: dict[str, Any] = {"frame": frame, **_plain(fields)}
         for name, drawn in (("visible", visible), ("visible_nodes", visible_nodes)):
             if drawn is not None:
@@ -70,8 +74,9 @@ class RecordingWriter:
         except InputError as error:
             raise error.at(place=place) from error
         _refuse_unknown(remarks)
+        line = json_text(values, place)
         self._last = frame
-        self._write(values)
+        self._text.write(line + "\n")
 
     def close(self) -> None:
         """Write what is left. What comes after is refused by Python's closed file."""
@@ -88,8 +93,17 @@ class RecordingWriter:
     ) -> None:
         self.close()
 
-    def _write(self, values: Mapping[str, Any]) -> None:
-        self._text.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
+
+def json_text(values: Mapping[str, Any], place: str) -> str:
+    """A line's JSON, in UTF-8 with the names that readers will find in it (`clean_name`). Raises
+    InputError naming `place` for a number that is not finite, and for what is no JSON."""
+    try:
+        text = json.dumps(values, allow_nan=False, ensure_ascii=False)
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"JSON cannot say it: {str(error)[:200]}", place=place, fix="leave it out"
+        ) from error
+    return clean_name(text)
 
 
 def _refuse_unknown(remarks: Remarks) -> None:

@@ -19,6 +19,7 @@ from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.referee import Job, JudgedFrame
 from visref.provenance import machine, versions
+from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
 from visref.run_folder.layout import (
     COUNTERS,
@@ -42,7 +43,7 @@ from visref.run_folder.objects import ObjectsWriter
 from visref.run_folder.pictures import draw_pictures
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.witnesses import write_witnesses
-from visref.scene import Int32, Scene, Units
+from visref.scene import Scene, Units
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -83,8 +84,10 @@ class RunWriter:
         self._objects = ObjectsWriter(folder / OBJECTS, scene, picture_frames)
         self._plan = _PicturePlan(picture_frames)
         self._pictures: list[PictureSet] = []
-        # By culler its units, and by frame and view the units drawn where something was missed.
-        self._drawn: dict[str, tuple[Units, dict[tuple[int, str], Int32]]] = {}
+        # By culler its units, and by frame and view where the units are spooled that were drawn
+        # where something was missed.
+        self._drawn: dict[str, tuple[Units, dict[tuple[int, str], tuple[int, int]]]] = {}
+        self._spool = Spool()
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         self._has_truth = True
@@ -120,8 +123,9 @@ class RunWriter:
         self._objects.add(job, judged)
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
+            put = self._spool.put_set(np.sort(judged.drawn_units))
             for one in judged.settled:
-                drawn[record.frame, one.truth.camera.view] = judged.drawn_units
+                drawn[record.frame, one.truth.camera.view] = put
         if judged.settled and self._plan.wants(job.spec, record.frame, verdict):
             self._pictures += [
                 draw_pictures(
@@ -172,7 +176,9 @@ class RunWriter:
 
     def _drawn_in(self, spec: str) -> Callable[[int, str], NDArray[np.bool_]]:
         units, drawn = self._drawn[spec]
-        return lambda frame, view: units.mask(drawn[frame, view], self._scene.triangle_count)
+        return lambda frame, view: units.mask(
+            self._spool.get_set(drawn[frame, view]), self._scene.triangle_count
+        )
 
     def _verdict(self, outcome: RunOutcome) -> dict[str, Any]:
         return {"version": VERSION, **verdict_json(outcome, self._scene)}
