@@ -177,3 +177,25 @@ def test_the_commands_of_the_documentation_do_what_it_says(scene, tmp_path, monk
         # As many samples as it takes to see that it goes.
         small = [] if "--size" in words or words[1] in ("--check", "stereo") else ["--size", "8x6"]
         assert main([*words, *small]) == 0, text
+
+
+def test_no_input_is_written_over(tmp_path, capsys):
+    scene, path, poses = write_house(tmp_path), tmp_path / "path.json", tmp_path / "poses.csv"
+    poses.write_text("x,y,z,qx,qy,qz,qw\n0,1,2,0,0,0,1\n")
+    eye = ["path", "walk", "--through", "1,1.5,3; 6,1.5,3.5", *SMALL]
+    assert main([*eye, "--out", str(path)]) == 0
+    for given in (
+        ["orbit", scene, "--frames", "2", *SMALL, "--out", scene],
+        ["stereo", "--from", str(path), "--out", str(path)],
+        ["from-poses", str(poses), "--convention", "opengl", "--out", str(poses)],
+    ):
+        before = Path(given[-1]).read_bytes()
+        assert main(["path", *given]) == 2
+        assert "would be lost" in capsys.readouterr().err
+        assert Path(given[-1]).read_bytes() == before
+
+
+def test_times_beyond_float64_are_one_line(tmp_path, capsys):
+    given = ["walk", "--through", "1,1.5,3; 6,1.5,3.5", "--fps", "1e-320", *SMALL]
+    assert main(["path", *given, "--out", str(tmp_path / "path.json")]) == 2
+    assert "a frame's time infinite" in capsys.readouterr().err

@@ -79,6 +79,7 @@ def test_up_and_down_it_looks_on_as_before():
         ([(0, 0, 0), (0, 0, 0)], 9, "same point twice"),
         ([(0, 0, 0), (1, 0, 0), (2, 0, 0)], 2, "--frames is 2; give 3 to"),
         ([(0, 0, 0), (math.inf, 0, 0)], 9, "same point twice"),
+        ([(-1e200, 0, 0), (1e200, 0, 0)], 9, "too far apart"),
     ],
 )
 def test_what_is_no_walk_is_refused(points, frames, expected):

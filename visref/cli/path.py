@@ -15,7 +15,7 @@ from visref.cli.arguments import add_memory_argument, memory_of
 from visref.cli.path_check import add_check_arguments, check
 from visref.cli.terminal import OUT
 from visref.errors import InputError
-from visref.files import replacing_file
+from visref.files import refuse_inputs, replacing_file
 from visref.formats import GLTF, load_path
 from visref.inputs import open_scene
 from visref.judging.status import Exit
@@ -124,6 +124,8 @@ def run(given: argparse.Namespace) -> Exit:
         if given.check is None:
             raise InputError("there is nothing to do", fix="give a KIND (see --help), or --check")
         return check(given.check, given.scene, given)
+    names = ("scene", "from_path", "file")
+    refuse_inputs(given.out, (getattr(given, name, None) for name in names))
     path = given.make(given)
     with replacing_file(given.out) as file:
         file.write_text(json.dumps(path.to_json(), allow_nan=False) + "\n", encoding="utf-8")
@@ -185,7 +187,10 @@ def _times(given: argparse.Namespace) -> Sequence[float | None]:
         return [None] * given.frames
     if not given.fps > 0.0:
         raise InputError(f"--fps is {given.fps:g}", fix="give frames a second above 0")
-    return [k / given.fps for k in range(given.frames)]
+    times = [k / given.fps for k in range(given.frames)]
+    if not math.isfinite(times[-1]):
+        raise InputError(f"--fps is {given.fps:g}, and a frame's time infinite", fix="give more")
+    return times
 
 
 def _check_frames(given: argparse.Namespace, moved: int = 0) -> None:

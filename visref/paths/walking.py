@@ -55,7 +55,8 @@ class _Leg:
 
     @property
     def length(self) -> float:
-        return float(np.linalg.norm(self.end - self.start))
+        with np.errstate(over="ignore"):  # then it is infinite, and refused
+            return float(np.linalg.norm(self.end - self.start))
 
 
 def _legs(points: Float64) -> list[_Leg]:
@@ -75,6 +76,9 @@ def _legs(points: Float64) -> list[_Leg]:
         pitch = max(-STEEPEST, min(STEEPEST, pitch))
         turn = max(abs(yaw - before[0]), abs(pitch - before[1])) if legs else 0.0
         legs.append(_Leg(start, end, (yaw, pitch), turn))
+    # Beyond float64 there are no shares of it.
+    if not math.isfinite(sum(leg.length for leg in legs)):
+        raise InputError("the points are too far apart", fix="give nearer ones")
     return legs
 
 
