@@ -435,3 +435,10 @@ def test_what_has_a_box_of_its_own_is_a_unit_beside_its_group(tmp_path):
         [0, 1],
     ]
     assert sets.boxes[0][0].tolist() == BOX
+
+
+@pytest.mark.parametrize("name", ["crates", "yard/crates"])
+def test_a_groups_name_is_neither_the_name_nor_the_path_of_one_that_the_scene_has(tmp_path, name):
+    scene = replace(SCENE, groups=(Group("crates", "yard/crates", (0, 1)),))
+    with pytest.raises(InputError, match=r"the scene has a group '.*' of its own"):
+        read(tmp_path, {**HEADER, "groups": {name: [2]}}, line(0), scene=scene)
