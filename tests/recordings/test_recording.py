@@ -431,3 +431,34 @@ def test_a_view_may_be_without_its_frames_clip_plane(tmp_path):
     frame = {"frame": 0, "clip_plane": [0, 1, 0, 0], "views": views, "visible": []}
     path = read(tmp_path, HEADER, frame).path
     assert [camera.clip_plane for camera in path.views(0)] == [None, (0.0, 1.0, 0.0, 0.0)]
+
+
+def test_units_do_not_hang_on_which_group_was_named_first(tmp_path):
+    header = {**HEADER, "groups": {"far": [1, 2], "near": [0, 1]}}
+    units = [
+        read(tmp_path, header, *(line(k, [name]) for k, name in enumerate(order))).sets.units
+        for order in (("far", "near"), ("near", "far"))
+    ]
+    assert units[0].triangles.tolist() == units[1].triangles.tolist()
+    assert SCENE.object_of_triangle[units[0].triangles[::2]].tolist() == [0, 1, 1, 2]
+
+
+def test_what_has_a_box_of_its_own_is_a_unit_beside_its_group(tmp_path):
+    header = {**HEADER, "groups": {"pair": [0, 1]}}
+    boxed = line(0, ["pair"], bounds={"square1": BOX})
+    sets = read(tmp_path, header, boxed).sets
+    # The square and the one that is in no group, and then the pair.
+    units = [sets.units.gather(np.int32([unit])) for unit in range(sets.units.count)]
+    assert [np.unique(SCENE.object_of_triangle[unit]).tolist() for unit in units] == [
+        [1],
+        [2],
+        [0, 1],
+    ]
+    assert sets.boxes[0][0].tolist() == BOX
+
+
+@pytest.mark.parametrize("name", ["crates", "yard/crates"])
+def test_a_groups_name_is_neither_the_name_nor_the_path_of_one_that_the_scene_has(tmp_path, name):
+    scene = replace(SCENE, groups=(Group("crates", "yard/crates", (0, 1)),))
+    with pytest.raises(InputError, match=r"the scene has a group '.*' of its own"):
+        read(tmp_path, {**HEADER, "groups": {name: [2]}}, line(0), scene=scene)

@@ -55,7 +55,8 @@ class _Leg:
 
     @property
     def length(self) -> float:
-        return float(np.linalg.norm(self.end - self.start))
+        with np.errstate(over="ignore"):  # then it is infinite, and refused
+            return float(np.linalg.norm(self.end - self.start))
 
 
 def _legs(points: Float64) -> list[_Leg]:
