@@ -241,6 +241,7 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
         "misses": [row for row in rows if row.counts.losing or row.counts.undecided],
         "ages": words.ages_table(rows),
         "motion": words.motion_line(run),
+        "policy": words.policy_line(run.manifest.policy),
         "accepted": any(row.counts.small + row.counts.late + row.counts.waived for row in rows),
         "causes": [row for row in rows if row.causes],
         "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
