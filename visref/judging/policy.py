@@ -3,28 +3,24 @@
 A pure pass: the kind of a miss hangs on the miss, its frame, its culler and the policy alone, never
 on the clock, on other misses or on what came before; and a record that has been through it may go
 through it again, with the same policy or another. Whether a waiver is stale hangs on the whole run
-besides, and on a date.
+besides, and on a date: `visref.judging.stale`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date
 from fnmatch import fnmatchcase, translate
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from visref.findings import Code, Finding, Severity
 from visref.judging.judge import FrameVerdict, Miss, MissKind, violations
 from visref.judging.status import MAX_UNDECIDED
 from visref.promise import Promise
 from visref.scene import Scene
-from visref.wording import counted
-
-if TYPE_CHECKING:
-    from visref.judging.outcome import CullerRecord
 
 # What a policy decides: these are one kind before it, a confirmed miss.
 _OPEN = frozenset({MissKind.CONFIRMED, MissKind.SMALL, MissKind.LATE, MissKind.WAIVED})
@@ -144,7 +140,7 @@ class Accepting:
             return MissKind.SMALL
         if miss.age is not None and miss.age < self.policy.latency_frames:
             return MissKind.LATE
-        if next(self._waiving(miss.object, frame, culler), None) is not None:
+        if next(self.waiving(miss.object, frame, culler), None) is not None:
             return MissKind.WAIVED
         return MissKind.CONFIRMED
 
@@ -169,46 +165,7 @@ class Accepting:
         )
         return replace(verdict, misses=misses, counts=counts)
 
-    def findings(self, records: Sequence[CullerRecord], frames: Sequence[int]) -> list[Finding]:
-        """What the whole run says of the policy: its stale waivers. `frames`: the path's."""
-        found = list(self.policy.remarks)
-        used = self._used(records)
-        for place, waiver in enumerate(self.policy.waivers):
-            if why := self._stale(waiver, place in used, records, frames):
-                text = f"waive[{place}] (object '{waiver.object}'): {why}"
-                found.append(Finding(Code.STALE_WAIVER, text))
-        return found
-
-    def _stale(
-        self, waiver: Waiver, used: bool, records: Sequence[CullerRecord], frames: Sequence[int]
-    ) -> str:
-        """Why a waiver is stale, empty if it is not."""
-        today = self.policy.today
-        if waiver.expires is not None and today is not None and today > waiver.expires:
-            return f"it expired on {waiver.expires.isoformat()}"
-        its = [record for record in records if waiver.is_for(record.spec)]
-        covered = {frame for frame in frames if waiver.covers(frame)}
-        # What was not judged, or not by all that it is for, may yet have what it names.
-        if used or not its or not all(record.judged_whole(covered) for record in its):
-            return ""
-        if not covered:
-            return "the path has none of the frames that it covers"
-        judged = counted(len(covered), "frame")
-        return f"every frame that it covers was judged ({judged}), and it names no miss"
-
-    def _used(self, records: Sequence[CullerRecord]) -> set[int]:
-        """The waivers, by place, that name a miss, of whatever kind."""
-        if not self.policy.waivers:
-            return set()
-        return {
-            place
-            for record in records
-            for row in record.frames
-            for miss in row.verdict.misses
-            for place in self._waiving(miss.object, row.frame, record.spec)
-        }
-
-    def _waiving(self, index: int, frame: int, culler: str) -> Iterator[int]:
+    def waiving(self, index: int, frame: int, culler: str) -> Iterator[int]:
         """The waivers, by place, that name an object's miss in a frame."""
         if index not in self._naming:
             texts = {self._scene.names[index], self._scene.paths[index]}

@@ -46,6 +46,7 @@ from visref.judging.rasters import looser, raster_of
 from visref.judging.restored import settings_restored
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
+from visref.judging.stale import policy_findings
 from visref.judging.winding import inside_out
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
@@ -445,7 +446,7 @@ class Referee:
         return self._exact
 
     def _summarise(self, outcome: RunOutcome, path: CameraPath) -> None:
-        outcome.findings.extend(self._accepting.findings(outcome.cullers, path.numbers))
+        outcome.findings.extend(policy_findings(self._accepting, outcome.cullers, path.numbers))
         for record in outcome.cullers:
             outcome.findings.extend(culler_findings(record, self.scene))
         engine = self._engine
