@@ -91,10 +91,8 @@ def test_what_is_wrong_is_one_line_that_names_its_place(text, place, tmp_path):
 
 
 def test_a_misspelt_field_is_passed_over_and_named(tmp_path):
-    text = f'latency_frame = 1\n{WAIVER}expired = 2020-01-01\n'
+    text = f"latency_frame = 1\n{WAIVER}expired = 2020-01-01\n"
     text += '[severities]\nIMAGE_DIFFER = "error"\n'
-        f'latency_frame = 1\n{WAIVER}expired = 2020-01-01\n[severities]\nIMAGE_DIFFER = "error"\n'
-    )
     policy = read(tmp_path, text)
     assert (policy.latency_frames, policy.waivers[0].expires) == (0, None)
     assert not policy.severities
