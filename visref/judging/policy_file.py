@@ -71,8 +71,10 @@ def _parsed(data: bytes) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}", fix="mend the syntax there") from error
 
 
-def policy_of(value: Mapping[str, Any]) -> Policy:
-    """The policy from parsed TOML. Raises InputError naming the place."""
+def policy_of(value: object) -> Policy:
+    """The policy from parsed TOML, or JSON. Raises InputError naming the place."""
+    if not isinstance(value, dict):
+        raise InputError("this is no table", fix=FIX)
     remarks = [*_unknown(value, _KNOWN, "")]
     waivers = value.get("waive", [])
     if not isinstance(waivers, list) or not all(isinstance(one, dict) for one in waivers):

@@ -6,7 +6,7 @@ import base64
 import re
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -483,6 +483,9 @@ def _findings(run: RunFolder) -> list[FindingGroup]:
     for finding in run.verdict.findings:
         by_code.setdefault(finding.code, []).append(finding)
     rules = [rule_of(code, found[0].severity) for code, found in by_code.items() if found]
+    # The catalogue's severity, unless the user's policy says another.
+    said = run.manifest.policy.severities if run.manifest.policy is not None else {}
+    rules = [replace(rule, severity=Severity(said.get(rule.code, rule.severity))) for rule in rules]
     gravity = {severity: rank for rank, severity in enumerate(Severity)}
     return [
         FindingGroup(rule, found[: (shown := _shown(rule.code))], max(0, len(found) - shown))
