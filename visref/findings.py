@@ -330,8 +330,10 @@ _OF_A_CULLER = frozenset({Code.MISSED_OBJECT, Code.DRAWN_HIDDEN, Code.CULLER_FAI
 
 
 def fails_run(code: str, severity: str) -> bool:
-    """Whether a finding of this severity makes a run a violation, whatever its cullers are."""
-    return severity == Severity.ERROR and code not in _OF_A_CULLER
+    """Whether a finding of this severity makes a run a violation, whatever its cullers are. Of a
+    code that this version does not know, its run's status says enough."""
+    known = code in Code.__members__
+    return known and severity == Severity.ERROR and code not in _OF_A_CULLER
 
 
 def rule_of(code: str, severity: str) -> Rule:

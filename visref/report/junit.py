@@ -57,6 +57,7 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
             ("scene.sha256", run.manifest.scene.sha256),
             ("path.sha256", run.manifest.path.sha256),
             ("frames", str(len(run.frame_numbers))),
+            *([("policy.sha256", policy.sha256)] if (policy := run.manifest.policy) else []),
         ):
             ET.SubElement(properties, "property", name=name, value=shown(value))
         for row in rows:
