@@ -78,6 +78,43 @@ class Code(StrEnum):
         "transform error that the rasteriser declares, and the rasteriser's own unculled "
         "picture lacks the object too. The culler is not to blame.",
     )
+    MISSED_SMALL = Rule(
+        "MISSED_SMALL",
+        Severity.INFO,
+        "A visible object lost fewer samples than the policy asks for",
+        "It loses less than `min_samples` decided samples in that frame and drawn set. The user's "
+        "policy accepts such a miss; it is counted as small.",
+    )
+    MISSED_LATE = Rule(
+        "MISSED_LATE",
+        Severity.INFO,
+        "A visible object was missed no longer than the policy allows",
+        "It had come into view less than `latency_frames` frames before, as where an answer comes "
+        "a frame late. The user's policy accepts such a miss; it is counted as late.",
+    )
+    MISSED_WAIVED = Rule(
+        "MISSED_WAIVED",
+        Severity.INFO,
+        "A visible object was missed, and the policy waives it",
+        "A `[[waive]]` entry of the user's policy names this object in this frame; manifest.json "
+        "has its reason.",
+    )
+    STALE_WAIVER = Rule(
+        "STALE_WAIVER",
+        Severity.ERROR,
+        "A waiver of the policy is stale",
+        "It has expired, or every frame that it covers was judged and it names no miss. A waiver "
+        "that nothing needs hides the next fault: take it out, or renew it. The run is a "
+        "violation by this, whatever its cullers are.",
+    )
+    NOT_DETERMINISTIC = Rule(
+        "NOT_DETERMINISTIC",
+        Severity.WARNING,
+        "The culler answers otherwise when it is asked again",
+        "With `--repeat` a culler is made anew and asked about all frames again. What it answers "
+        "hangs on more than scene and path: its verdict is one of several, so it is inconclusive, "
+        "unless it is a violation.",
+    )
     UNDECIDED_OBJECT = Rule(
         "UNDECIDED_OBJECT",
         Severity.WARNING,
@@ -214,7 +251,7 @@ class Code(StrEnum):
     FIELD_IGNORED = Rule(
         "FIELD_IGNORED",
         Severity.WARNING,
-        "A path or a recording has a field that is not known",
+        "A path, a recording or a policy has a field that is not known",
         "It may be a later version's, or misspelt: it was passed over, and the rest was read.",
     )
     CAMERA_MADE_RIGID = Rule(
@@ -286,6 +323,17 @@ class Finding:
     @property
     def rule(self) -> Rule:
         return self.code.rule
+
+
+# Errors that the status of their own culler says already.
+_OF_A_CULLER = frozenset({Code.MISSED_OBJECT, Code.DRAWN_HIDDEN, Code.CULLER_FAILED})
+
+
+def fails_run(code: str, severity: str) -> bool:
+    """Whether a finding of this severity makes a run a violation, whatever its cullers are. Of a
+    code that this version does not know, its run's status says enough."""
+    known = code in Code.__members__
+    return known and severity == Severity.ERROR and code not in _OF_A_CULLER
 
 
 def rule_of(code: str, severity: str) -> Rule:

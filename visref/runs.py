@@ -7,8 +7,8 @@ line and for Python alike.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import gcd
@@ -27,7 +27,9 @@ from visref.exact import ExactScene
 from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
 from visref.inputs import Inputs
+from visref.judging.again import Answers, Asking, compare, mark_unsteady
 from visref.judging.outcome import RunOutcome
+from visref.judging.policy import Policy
 from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
@@ -35,6 +37,9 @@ from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.layout import RUN_FOLDER, TRUTH
 from visref.run_folder.write import RunWriter
 from visref.visibility import FrameTruth, ObjectVisibility
+
+# Makes the cullers of a run anew, with the same names; they live until the block ends.
+MakingAnew = Callable[[], AbstractContextManager[Sequence[tuple[str, Culler]]]]
 
 # How every Parquet file begins: what is none is no earlier truth.
 PARQUET = b"PAR1"
@@ -49,12 +54,17 @@ def judge_to_folder(
     pictures: int = 4,
     image_check: bool = False,
     listeners: Sequence[Listener] = (),
+    policy: Policy | None = None,
+    repeat: int = 1,
+    anew: MakingAnew | None = None,
 ) -> RunOutcome:
     """Judge cullers, each with the name that reports give it, and write the run folder `out`.
 
     `truth`: a truth file to take instead of casting again; its engine looks at what was missed.
     `pictures`: how many frames to draw, evenly picked. `image_check`: redraw each drawn set by
-    OpenGL and compare it with the unculled picture.
+    OpenGL and compare it with the unculled picture. `policy`: what the user accepts
+    (`visref.judging.policy_file.read_policy`). `repeat`: how often cullers are asked about all
+    frames, each time made by `anew` but for the first; who answers otherwise is inconclusive.
 
     Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
@@ -62,8 +72,10 @@ def judge_to_folder(
     """
     if pictures < 0:
         raise InputError(f"--pictures is {pictures}", fix="give 0 or more")
+    if repeat < 1 or (repeat > 1 and anew is None):
+        raise InputError(f"--repeat is {repeat}", fix="give 1 or more, and a way to make cullers")
     scene, frames = inputs.scene, inputs.frames
-    refuse_inputs(out, [*inputs.files, truth])
+    refuse_inputs(out, [*inputs.files, truth, policy.source if policy is not None else None])
     recorded = None
     if truth is not None:
         truth = Path(truth)
@@ -82,7 +94,12 @@ def judge_to_folder(
             timeline=inputs.timeline,
             engine=inputs.engine,
             exact=recorded.exact if recorded is not None else None,
-            settings={**inputs.settings, "frames": _slice(frames)},
+            settings={
+                **inputs.settings,
+                "frames": _slice(frames),
+                **({"repeat": repeat} if repeat > 1 else {}),
+            },
+            policy=policy,
             picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
         )
         referee = Referee(
@@ -94,13 +111,31 @@ def judge_to_folder(
             examine=True,
             keeps_superfluous=False,  # the folder has them
             timeline=inputs.timeline,
+            policy=policy or Policy(),
         )
-        outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])
+        answers = Answers()
+        kept = [answers] if repeat > 1 else []
+        outcome = referee.run(inputs.path, frames, cullers, [writer, *kept, *listeners])
+        for _ in range(repeat - 1):
+            assert anew is not None
+            _ask_again(inputs, anew, answers, outcome)
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
         writer.finish(outcome)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
+
+
+def _ask_again(inputs: Inputs, anew: MakingAnew, answers: Answers, outcome: RunOutcome) -> None:
+    """Hold the answers of the run against those of cullers that are made anew."""
+    with anew() as cullers:
+        asking = Asking(
+            inputs.scene, inputs.make_engine, threads=inputs.threads, timeline=inputs.timeline
+        )
+        again, other = asking.ask(inputs.path, inputs.frames, cullers)
+    for record, asked in zip(outcome.cullers, other.cullers, strict=True):
+        if not record.unsteady and (why := compare(answers, again, record, asked)):
+            mark_unsteady(record, outcome, why)
 
 
 def _slice(frames: Sequence[int]) -> list[int]:

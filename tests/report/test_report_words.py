@@ -140,18 +140,25 @@ def test_undecided_samples_are_told_as_a_share():
 
 
 @pytest.mark.parametrize(
-    ("frames", "visible", "undecided", "failed", "why"),
+    ("frames", "visible", "undecided", "failed", "unsteady", "why"),
     [
-        (0, 0, 0, True, "judged no frame"),
-        (3, 5, 0, True, "broke down"),
-        (3, 0, 0, False, "No object is visible"),
-        (3, 0, 100, False, "Nothing is decided"),
-        (3, 5, 60, False, "more than the 50.0 % that may stay undecided"),
+        (0, 0, 0, True, False, "judged no frame"),
+        (3, 5, 0, True, True, "broke down"),
+        (3, 0, 0, False, True, "No object is visible"),
+        (3, 0, 100, False, False, "Nothing is decided"),
+        (3, 5, 60, False, True, "more than the 50.0 % that may stay undecided"),
+        (3, 5, 0, False, True, "not deterministic"),
     ],
 )
-def test_an_inconclusive_verdict_says_why(frames, visible, undecided, failed, why):
+def test_an_inconclusive_verdict_says_why(frames, visible, undecided, failed, unsteady, why):
     said = why_inconclusive(
-        frames=frames, visible=visible, owned=100, undecided=undecided, failed=failed
+        frames=frames,
+        visible=visible,
+        owned=100,
+        undecided=undecided,
+        failed=failed,
+        unsteady=unsteady,
+        max_undecided=0.5,
     )
     assert why in said
 

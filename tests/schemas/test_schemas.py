@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from datetime import date
 from typing import Any
 
 import jsonschema
@@ -26,6 +27,7 @@ from visref.conformance.files import manifest_of, written_cases
 from visref.conformance.suite import Judged
 from visref.culler import QueryStats
 from visref.errors import InputError
+from visref.judging.policy_file import policy_of
 from visref.recordings import read_recording, read_visible_sets
 from visref.run_folder.claims import read_witness
 from visref.run_folder.facts import read_manifest, read_verdict
@@ -109,7 +111,25 @@ def two_frames() -> CameraPath:
     return CameraPath([camera, Frame(eyes)])
 
 
+POLICY = {
+    "latency_frames": 2,
+    "min_samples": 8,
+    "max_undecided": 0.25,
+    "severities": {"IMAGE_DIFFERS": "error"},
+    "waive": [
+        {"object": "house/*", "frames": [3, "5:9:2"], "reason": "moved by #12", "culler": "*",
+         "expires": "2030-01-31"},
+        {"object": "door", "frames": "7:", "reason": "known"},
+    ],
+}  # fmt: skip
+
+
 def valid(run, name: str) -> Any:
+    if name == "policy":
+        return POLICY
+    if name == "manifest":
+        policy = replace(policy_of(POLICY), today=date(2029, 12, 1), source="visref.toml")
+        return {**json.loads((run / "manifest.json").read_text()), "policy": policy.to_json()}
     if name == "path":
         return path_json()
     if name == "visible_sets":
@@ -138,6 +158,8 @@ def read(name: str, value: Any, folder) -> None:
         read_manifest(value, "manifest.json")
     elif name == "witness":
         read_witness(Fields(value, "witness", ""))
+    elif name == "policy":
+        policy_of(value)
     elif name == "path":
         CameraPath.from_json(value)
     elif name.startswith("recording"):
@@ -232,6 +254,7 @@ def test_counts_and_counters_are_those_of_the_code():
     [
         ("manifest", 300),
         ("path", 300),
+        ("policy", 100),
         ("verdict", 300),
         ("visible_sets", 40),
         ("witness", 300),
@@ -253,7 +276,7 @@ def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
     assert refused >= least
 
 
-@pytest.mark.parametrize("name", ["manifest", "verdict", "witness"])
+@pytest.mark.parametrize("name", ["manifest", "policy", "verdict", "witness"])
 def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
     validator = jsonschema.Draft202012Validator(schema(name))
     for what, value in variants(valid(run, name)):
@@ -264,7 +287,7 @@ def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
                 pytest.fail(f"{what} fits the schema: {error}")
 
 
-@pytest.mark.parametrize("name", ["manifest", "verdict", "witness"])
+@pytest.mark.parametrize("name", ["manifest", "policy", "verdict", "witness"])
 def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
     value = valid(run, name)
     for at in places(value):
@@ -272,7 +295,9 @@ def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
         for key in at:
             inner = inner[key]
         # Where names are anybody's, a further one is no unknown key.
-        free = at and at[-1] in ("ages", "cullers", "files", "samples", "settings", "versions")
+        free = at and at[-1] in (
+            "ages", "cullers", "files", "samples", "settings", "severities", "versions"
+        )  # fmt: skip
         if isinstance(inner, dict) and not free and "samples" not in at[:1]:
             more = changed(value, at, {**inner, "someday": 1})
             jsonschema.validate(more, schema(name))

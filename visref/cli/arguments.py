@@ -15,6 +15,8 @@ from visref.culler import (
 )
 from visref.errors import InputError
 from visref.inputs import Inputs, open_inputs, open_recorded
+from visref.judging.policy import Policy
+from visref.judging.policy_file import day_of, read_policy
 from visref.memory import parse_size
 from visref.numerals import decimal_number, whole_number
 from visref.recordings.visible_sets import VisibleSets
@@ -81,6 +83,28 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pictures", type=whole_number, default=4, metavar="N", help="frames to draw (default 4)"
     )
+    parser.add_argument(
+        "--policy", type=Path, metavar="FILE", help="what you accept (visref.toml), and why"
+    )
+    parser.add_argument(
+        "--today",
+        metavar="YYYY-MM-DD",
+        help="the day on which the policy's waivers are asked whether they expired (default: "
+        "the clock's, UTC)",
+    )
+
+
+def policy_of(given: argparse.Namespace) -> Policy | None:
+    """The policy of --policy, None without one. Raises InputError for anything wrong with it."""
+    if given.policy is None:
+        if given.today is not None:
+            raise InputError("--today is given, and no --policy", fix="give both, or neither")
+        return None
+    try:
+        today = None if given.today is None else day_of(given.today)
+    except ValueError as error:
+        raise InputError(f"--today is {given.today}", fix="write YYYY-MM-DD") from error
+    return read_policy(given.policy, today=today)
 
 
 def inputs_of(given: argparse.Namespace) -> Inputs:

@@ -10,13 +10,20 @@ from visref.cli.arguments import (
     add_scene_arguments,
     inputs_of,
     parse_raster,
+    policy_of,
     recorded_inputs_of,
 )
-from visref.cli.judged import judge
+from visref.cli.judged import judge_for
+from visref.cli.terminal import OUT
 from visref.culler import Promise
-from visref.files import refuse_inputs
+from visref.errors import InputError
+from visref.files import refuse_inputs, replacing_file
+from visref.judging.outcome import RunOutcome
+from visref.judging.policy_file import ADOPTED, adopted, to_toml
 from visref.judging.status import Exit
 from visref.recordings.visible_sets import Replay, read_visible_sets
+from visref.scene import Scene
+from visref.wording import counted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,12 +51,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="snap=PX,depth=BITS",
         help="the engine's rasteriser: greatest vertex snap in pixels, depth buffer bits or float",
     )
+    parser.add_argument(
+        "--write-waivers",
+        type=Path,
+        metavar="FILE",
+        help="a new policy that waives every violation found, for a first adoption: each entry "
+        "wants a reason from you",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
     tolerance = parse_raster("--raster", given.raster) if given.raster is not None else None
     file: Path = given.visible or given.recording
-    refuse_inputs(given.out, [file])
+    policy = policy_of(given)
+    waivers: Path | None = given.write_waivers
+    # What stands there already has reasons that somebody wrote by hand.
+    if waivers is not None and waivers.exists():
+        raise InputError("cannot write here: it exists", source=str(waivers), fix="name a new file")
+    refuse_inputs(given.out, [file, waivers])
     if given.recording is not None:
         inputs, recorded = recorded_inputs_of(given)
     else:
@@ -58,4 +77,19 @@ def run(given: argparse.Namespace) -> Exit:
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-    return judge(given, inputs, [(file.name, replay)])
+    outcome = judge_for(given, inputs, [(file.name, replay)], policy=policy)
+    if given.write_waivers is not None:
+        _write_waivers(given.write_waivers, outcome, inputs.scene)
+    return outcome.exit
+
+
+def _write_waivers(file: Path, outcome: RunOutcome, scene: Scene) -> None:
+    policy = adopted(outcome.policy, outcome, scene)
+    with replacing_file(file) as written:
+        written.write_text(f"{ADOPTED}{to_toml(policy)}", encoding="utf-8")
+    added = len(policy.waivers) - len(outcome.policy.waivers)
+    if not added:
+        OUT.line(f"Waivers: {file} has no new entry, there is nothing to waive")
+        return
+    entries = counted(added, "entry", "entries")
+    OUT.line(f"Waivers: {file} has {entries} without a reason yet; fill each in, or leave it out")

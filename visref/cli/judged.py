@@ -8,17 +8,18 @@ from collections.abc import Sequence
 from visref.beside import steady
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
-from visref.findings import Code
+from visref.findings import Code, fails_run
 from visref.inputs import Inputs
 from visref.judging.judge import Counts
 from visref.judging.outcome import CullerRecord, RunOutcome
+from visref.judging.policy import Policy
 from visref.judging.status import Exit, Status
 from visref.papers import contents as papers
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
-from visref.runs import judge_to_folder
+from visref.runs import MakingAnew, judge_to_folder
 
 FINDINGS_SHOWN = 10
 
@@ -28,9 +29,28 @@ def judge(
     inputs: Inputs,
     cullers: Sequence[tuple[str, Culler]],
     *,
+    policy: Policy | None = None,
     image_check: bool = False,
+    repeat: int = 1,
+    anew: MakingAnew | None = None,
 ) -> Exit:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
+    return judge_for(
+        given, inputs, cullers, policy=policy, image_check=image_check, repeat=repeat, anew=anew
+    ).exit
+
+
+def judge_for(
+    given: argparse.Namespace,
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    *,
+    policy: Policy | None = None,
+    image_check: bool = False,
+    repeat: int = 1,
+    anew: MakingAnew | None = None,
+) -> RunOutcome:
+    """The same, for what else is to be done with the outcome."""
     with frame_bar(len(inputs.frames)) as bar:
         outcome = judge_to_folder(
             inputs,
@@ -40,6 +60,9 @@ def judge(
             pictures=given.pictures,
             image_check=image_check,
             listeners=[bar],
+            policy=policy,
+            repeat=repeat,
+            anew=anew,
         )
     print_outcome(outcome)
     written = steady(given.out, lambda folder: read_run(folder, objects=False))
@@ -48,7 +71,7 @@ def judge(
             _print_beside_published(paper.name, table)
     OUT.line()
     OUT.line(f"The run: {given.out}; `visref report {given.out} --out PAGE`")
-    return outcome.exit
+    return outcome
 
 
 def print_outcome(outcome: RunOutcome) -> None:
@@ -85,7 +108,12 @@ def print_outcome(outcome: RunOutcome) -> None:
     else:
         for spec, text in said.items():
             OUT.line(f"{spec}: {text}")
-    shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]
+    if said_policy := words.policy_line(outcome.policy):
+        OUT.line(said_policy)
+    severity_of = outcome.policy.severity_of
+    shown = [f for f in outcome.findings if severity_of(f.code) in ("error", "warning")]
+    # What fails the run by itself first: it would be lost among many misses.
+    shown.sort(key=lambda finding: not fails_run(finding.code, severity_of(finding.code)))
     for finding in shown[:FINDINGS_SHOWN]:
         where = ", ".join(
             str(part)
@@ -127,12 +155,19 @@ def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
                 owned=owned,
                 undecided=undecided,
                 failed=record.failed,
+                unsteady=record.unsteady,
+                max_undecided=record.max_undecided,
             )
         )
     if totals.within_raster_tolerance:
         excused = words.count(totals.within_raster_tolerance)
         lost = words.lost_by_it(record.excused_samples)
         parts.append(f"{excused} excused by {words.tolerance(record.raster)}{lost}.")
+    if accepted := words.accepted(totals.small, totals.late, totals.waived):
+        parts.append(f"Accepted by the policy: {accepted}.")
+    losing = totals.missed + totals.partly_missed - totals.ties
+    if ages := words.ages_text(record.ages(), losing):
+        parts.append(f"Ages of its misses, in frames: {ages}.")
     return " ".join(filter(None, parts))
 
 

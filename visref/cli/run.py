@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 
-from visref.cli.arguments import add_judging_arguments, add_scene_arguments, inputs_of, memory_of
+from visref.cli.arguments import (
+    add_judging_arguments,
+    add_scene_arguments,
+    inputs_of,
+    memory_of,
+    policy_of,
+)
 from visref.cli.commands import (
     add_command_arguments,
     add_time_limit,
@@ -15,9 +23,12 @@ from visref.cli.commands import (
     with_commands,
 )
 from visref.cli.judged import judge
+from visref.culler import Culler
 from visref.errors import InputError
+from visref.inputs import Inputs
 from visref.judging.status import Exit
 from visref.memory import default_budget
+from visref.numerals import whole_number
 from visref.plug_ins import Making, making_cullers
 
 
@@ -42,6 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="redraw each drawn set by GL and compare it with the unculled picture",
     )
+    parser.add_argument(
+        "--repeat",
+        type=whole_number,
+        default=1,
+        metavar="N",
+        help="ask each culler N times about all frames, each time made anew: one that answers "
+        "otherwise is inconclusive (default 1)",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -53,16 +72,35 @@ def run(given: argparse.Namespace) -> Exit:
     making = Making(
         given.in_process, given.time_limit, limit, say=lambda spec, line: saying(spec)(line)
     )
-    # An unknown culler is said before a large scene is read.
-    with making_cullers(specs, making) as cullers:
-        names = command_names(specs, commands)
-        inputs = with_commands(inputs_of(given), commands, names)
-        with command_cullers(
+    policy = policy_of(given)
+    names = command_names(specs, commands)
+
+    def programs_on(inputs: Inputs) -> AbstractContextManager[list[tuple[str, Culler]]]:
+        return command_cullers(
             commands,
             names,
             given.scene,
             inputs,
             time_limit_s=given.time_limit,
             memory_limit=limit,
-        ) as programs:
-            return judge(given, inputs, [*cullers, *programs], image_check=given.image_check)
+        )
+
+    # An unknown culler is said before a large scene is read.
+    with making_cullers(specs, making) as cullers:
+        inputs = with_commands(inputs_of(given), commands, names)
+
+        @contextmanager
+        def anew() -> Iterator[list[tuple[str, Culler]]]:
+            with making_cullers(specs, making) as others, programs_on(inputs) as programs:
+                yield [*others, *programs]
+
+        with programs_on(inputs) as programs:
+            return judge(
+                given,
+                inputs,
+                [*cullers, *programs],
+                policy=policy,
+                image_check=given.image_check,
+                repeat=given.repeat,
+                anew=anew,
+            )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from visref.findings import Code, Finding
 from visref.judging.judge import MissKind
 from visref.judging.outcome import CullerRecord
-from visref.judging.status import MAX_UNDECIDED
 from visref.judging.superfluous import Superfluous
 from visref.scene import OBJECT, Scene
 from visref.wording import counted
@@ -13,6 +12,9 @@ from visref.wording import counted
 _CODES = {
     MissKind.TIE: Code.MISSED_TIE,
     MissKind.WITHIN_RASTER: Code.MISSED_WITHIN_RASTER,
+    MissKind.SMALL: Code.MISSED_SMALL,
+    MissKind.LATE: Code.MISSED_LATE,
+    MissKind.WAIVED: Code.MISSED_WAIVED,
 }
 
 
@@ -77,7 +79,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         text = f"{len(record.ignored)} different, first {which} in frame {frame}"
         found.append(Finding(Code.ABSENT_NAMED, text, record.spec, frame, name))
     totals = record.totals
-    if totals.undecided_samples > MAX_UNDECIDED * totals.owned_samples:
+    if totals.undecided_samples > record.max_undecided * totals.owned_samples:
         share = totals.undecided_samples / totals.owned_samples
         text = f"{share:.0%} of the samples that something owns or may own"
         found.append(Finding(Code.MOSTLY_UNDECIDED, text, record.spec))

@@ -8,14 +8,23 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
+from collections.abc import Set
 from dataclasses import dataclass, field
 
 from visref.camera import ALL_VIEWS as ALL_VIEWS
 from visref.culler import Promise, QueryStats, RasterTolerance
-from visref.findings import Finding
+from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
-from visref.judging.status import CullerOutcome, Exit, Status, run_status, status_of
+from visref.judging.policy import Policy
+from visref.judging.status import (
+    MAX_UNDECIDED,
+    CullerOutcome,
+    Exit,
+    Status,
+    run_status,
+    status_of,
+)
 from visref.scene import Scene
 
 
@@ -39,7 +48,9 @@ class FrameRecord:
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
     tolerance that its rasteriser declares (the loosest of its frames), None without one. `ignored`:
-    by unit, the first frame in which it was drawn and not there."""
+    by unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
+    owned samples above which it is inconclusive. `unsteady`: it answered otherwise when it was
+    asked again."""
 
     spec: str
     promise: Promise
@@ -50,6 +61,12 @@ class CullerRecord:
     raster: RasterTolerance | None = None
     too_small: list[BoundsTooSmall] = field(default_factory=list)
     ignored: dict[int, int] = field(default_factory=dict)
+    max_undecided: float = MAX_UNDECIDED
+    unsteady: bool = False
+
+    def judged_whole(self, frames: Set[int]) -> bool:
+        """Whether it was judged in all these frames, and broke down in none."""
+        return not self.failed and frames <= {row.frame for row in self.frames}
 
     @property
     def totals(self) -> Counts:
@@ -67,7 +84,10 @@ class CullerRecord:
 
     @property
     def status(self) -> Status:
-        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed, self.promise))
+        outcome = CullerOutcome(
+            self.totals, len(self.frames), self.failed, self.promise, self.unsteady
+        )
+        return status_of(outcome, max_undecided=self.max_undecided)
 
     def ages(self) -> dict[int, int]:
         """How many misses that lose samples there are of each age, in frames; those without one are
@@ -98,14 +118,17 @@ class CullerRecord:
 
 @dataclass
 class RunOutcome:
-    """A whole run."""
+    """A whole run. `policy`: what its user accepts, which its records have been through."""
 
     cullers: list[CullerRecord]
     findings: list[Finding] = field(default_factory=list)
+    policy: Policy = field(default_factory=Policy)
 
     @property
     def status(self) -> Status:
-        return run_status(culler.status for culler in self.cullers)
+        severity_of = self.policy.severity_of
+        fails = any(fails_run(one.code, severity_of(one.code)) for one in self.findings)
+        return run_status((culler.status for culler in self.cullers), fails=fails)
 
     @property
     def exit(self) -> Exit:
@@ -173,7 +196,7 @@ def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
         "findings": [
             {
                 "code": finding.code,
-                "severity": finding.rule.severity.value,
+                "severity": outcome.policy.severity_of(finding.code).value,
                 "message": finding.message,
                 "culler": finding.culler,
                 "frame": finding.frame,

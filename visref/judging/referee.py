@@ -41,10 +41,12 @@ from visref.judging.joint import joined, located
 from visref.judging.judge import Counts, FrameVerdict, judge
 from visref.judging.limits import LOOKED_AT, hidden_by_limits, known_to_be_wrong
 from visref.judging.outcome import ALL_VIEWS, CullerRecord, FrameRecord, RunOutcome
+from visref.judging.policy import Accepting, Policy
 from visref.judging.rasters import looser, raster_of
 from visref.judging.restored import settings_restored
 from visref.judging.rounding import FORGIVEN_PX, greatest_move
 from visref.judging.settle import settle
+from visref.judging.stale import policy_findings
 from visref.judging.winding import inside_out
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import FrameRows, RecordedTruth
@@ -120,7 +122,7 @@ class Referee:
     missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
     most of the scene; then the engine must cast any camera. `keeps_superfluous`: whether the
     records list the units drawn for nothing once the listeners have seen them; of a long run that
-    is much.
+    is much. `policy`: what the user accepts.
     """
 
     scene: Scene
@@ -131,8 +133,10 @@ class Referee:
     examine: bool = False
     keeps_superfluous: bool = True
     timeline: Timeline | None = None
+    policy: Policy = field(default_factory=Policy)
 
     def __post_init__(self) -> None:
+        self._accepting = Accepting(self.policy, self.scene)
         self._engine: TruthEngine | None = None
         self._exact: ExactScene | None = None
         # The scene of the frame at hand.
@@ -155,7 +159,7 @@ class Referee:
         frames = list(frames)
         timeline = self.timeline or Timeline(self.scene, path)
         self._now = timeline.at(frames[0]) if frames else timeline.still
-        outcome = RunOutcome([])
+        outcome = RunOutcome([], policy=self.policy)
         try:
             jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
             for frame in frames:
@@ -177,11 +181,11 @@ class Referee:
                 self._close(spec, culler, outcome)
             if self._engine is not None:
                 self._engine.close()
-        self._summarise(outcome)
+        self._summarise(outcome, path)
         return outcome
 
     def _prepare(self, spec: str, culler: Culler, outcome: RunOutcome) -> Job | None:
-        record = CullerRecord(spec, Promise.CONSERVATIVE)
+        record = CullerRecord(spec, Promise.CONSERVATIVE, max_undecided=self.policy.max_undecided)
         outcome.cullers.append(record)
         try:
             # Here and below a plug-in gets records of its own, and is not asked for its own later.
@@ -259,6 +263,18 @@ class Referee:
         if jobs:
             seen = {camera.view: self._seen(frame, camera.view, casts) for camera in cameras}
             self._ages.look(frame, cameras[0].cut, seen, ALL_VIEWS)
+        self._ask_all(cameras, frame, jobs, outcome, casts, listeners)
+
+    def _ask_all(
+        self,
+        cameras: Sequence[Camera],
+        frame: int,
+        jobs: Sequence[Job],
+        outcome: RunOutcome,
+        casts: dict[str, Cast],
+        listeners: Sequence[Listener],
+    ) -> None:
+        """Ask each culler about all views of a frame, joint or one by one."""
         for job in jobs:
             if job.record.failed:
                 continue
@@ -338,6 +354,7 @@ class Referee:
             verdict = located(judge(joined(settled), job.record.promise), cameras)
         view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
         verdict = self._ages.aged(verdict, frame, view, job.spec, job.units, settled)
+        verdict = self._accepting.verdict(verdict, job.record.promise, frame, job.spec)
         differ = None
         if self.image_check is not None:
             differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
@@ -434,7 +451,8 @@ class Referee:
                 self._exact = ExactScene(self._now, threads=self.threads)
         return self._exact
 
-    def _summarise(self, outcome: RunOutcome) -> None:
+    def _summarise(self, outcome: RunOutcome, path: CameraPath) -> None:
+        outcome.findings.extend(policy_findings(self._accepting, outcome.cullers, path.numbers))
         for record in outcome.cullers:
             outcome.findings.extend(culler_findings(record, self.scene))
         engine = self._engine

@@ -47,13 +47,14 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class CullerOutcome:
-    """What the status hangs on: a culler's promise, its sums over `frames` judged frames, and
-    whether it broke down in any step."""
+    """What the status hangs on: a culler's promise, its sums over `frames` judged frames, whether
+    it broke down in any step, and whether it answered otherwise when it was asked again."""
 
     counts: Counts
     frames: int
     failed: bool = False
     promise: Promise = Promise.CONSERVATIVE
+    unsteady: bool = False
 
 
 def status_of(outcome: CullerOutcome, *, max_undecided: float = MAX_UNDECIDED) -> Status:
@@ -64,6 +65,7 @@ def status_of(outcome: CullerOutcome, *, max_undecided: float = MAX_UNDECIDED) -
     decided = counts.owned_samples - counts.undecided_samples
     if (
         outcome.failed
+        or outcome.unsteady
         or not outcome.frames
         or not counts.visible
         or (counts.undecided_samples and not decided)
@@ -75,10 +77,13 @@ def status_of(outcome: CullerOutcome, *, max_undecided: float = MAX_UNDECIDED) -
     return Status.NO_VIOLATION_FOUND
 
 
-def run_status(statuses: Iterable[Status]) -> Status:
+def run_status(statuses: Iterable[Status], *, fails: bool = False) -> Status:
     """The run's word: a violation before what is inconclusive before what is well; measured only
-    if every culler is. Where no culler was asked for, nothing was violated."""
+    if every culler is. Where no culler was asked for, nothing was violated. `fails`: a finding
+    makes it a violation by itself (`visref.findings.fails_run`)."""
     present = set(statuses)
+    if fails:
+        return Status.VIOLATION
     if present == {Status.MEASURED}:
         return Status.MEASURED
     for status in (Status.VIOLATION, Status.INCONCLUSIVE):

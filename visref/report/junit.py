@@ -12,13 +12,16 @@ from visref.report.summary import CullerSummary, summarise
 from visref.report.words import (
     COUNTING,
     HEADLINES,
+    ages_line,
     counted,
     culler_sentence,
+    failing_lines,
     frame_of,
     hidden_line,
     hidden_name,
     missed_in,
     not_claimed,
+    policy_line,
     rates_line,
     replay_command,
 )
@@ -35,14 +38,15 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
     suites = ET.Element("testsuites", name="visref")
     for run in runs:
         rows = [summarise(run, culler) for culler in run.cullers]
-        failures = sum(row.status is Status.VIOLATION for row in rows)
+        failing = failing_lines(run)
+        failures = sum(row.status is Status.VIOLATION for row in rows) + bool(failing)
         errors = sum(row.status is Status.INCONCLUSIVE for row in rows)
         skipped = sum(row.status is Status.MEASURED for row in rows)
         suite = ET.SubElement(
             suites,
             "testsuite",
             name=shown(run.scene_name),
-            tests=str(len(rows)),
+            tests=str(len(rows) + bool(failing)),
             failures=str(failures),
             errors=str(errors),
             skipped=str(skipped),
@@ -53,10 +57,16 @@ def junit_xml(runs: Sequence[RunFolder], out: Path) -> str:
             ("scene.sha256", run.manifest.scene.sha256),
             ("path.sha256", run.manifest.path.sha256),
             ("frames", str(len(run.frame_numbers))),
+            *([("policy.sha256", policy.sha256)] if (policy := run.manifest.policy) else []),
         ):
             ET.SubElement(properties, "property", name=name, value=shown(value))
         for row in rows:
             _add_case(suite, run, row, out)
+        if failing:
+            said = {"classname": shown(run.scene_name), "name": "policy", "time": "0"}
+            case = ET.SubElement(suite, "testcase", said)
+            failure = ET.SubElement(case, "failure", type="policy", message=shown(failing[0]))
+            failure.text = _lines(failing)
     ET.indent(suites)
     return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -78,7 +88,12 @@ def _add_case(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Path) 
         ET.SubElement(case, "error", type="inconclusive", message=sentence)
     elif row.status is Status.MEASURED:
         ET.SubElement(case, "skipped", message=sentence)
-    output = [f"{HEADLINES[row.status]}: {sentence}", rates_line(row), COUNTING, *not_claimed(run)]
+    output = [f"{HEADLINES[row.status]}: {sentence}", rates_line(row)]
+    if ages := ages_line(row):
+        output.append(f"Misses by age, in frames since what is missed came into view: {ages}")
+    if policy := policy_line(run.manifest.policy):
+        output.append(policy)
+    output += [COUNTING, *not_claimed(run)]
     output += [
         f"{finding.code}: {finding.message}"
         for finding in run.verdict.findings

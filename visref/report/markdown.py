@@ -74,6 +74,11 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
     ]
     if ages:
         lines += ["", "Misses by age, in frames since what is missed came into view:", "", *ages]
+    if policy := words.policy_line(run.manifest.policy):
+        lines += ["", words.plain(policy)]
+    if failing := words.failing_lines(run):
+        lines += ["", "The run is a violation by this, whatever its cullers are:", ""]
+        lines += [f"- {words.plain(line)}" for line in failing]
     if moved := words.motion_line(run):
         lines += ["", words.plain(moved)]
     causes = [

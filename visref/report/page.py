@@ -6,7 +6,7 @@ import base64
 import re
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -241,6 +241,7 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
         "misses": [row for row in rows if row.counts.losing or row.counts.undecided],
         "ages": words.ages_table(rows),
         "motion": words.motion_line(run),
+        "policy": words.policy_line(run.manifest.policy),
         "accepted": any(row.counts.small + row.counts.late + row.counts.waived for row in rows),
         "causes": [row for row in rows if row.causes],
         "told": [cause for cause in Cause if any(row.causes.get(cause) for row in rows)],
@@ -482,6 +483,9 @@ def _findings(run: RunFolder) -> list[FindingGroup]:
     for finding in run.verdict.findings:
         by_code.setdefault(finding.code, []).append(finding)
     rules = [rule_of(code, found[0].severity) for code, found in by_code.items() if found]
+    # The catalogue's severity, unless the user's policy says another.
+    said = run.manifest.policy.severities if run.manifest.policy is not None else {}
+    rules = [replace(rule, severity=Severity(said.get(rule.code, rule.severity))) for rule in rules]
     gravity = {severity: rank for rank, severity in enumerate(Severity)}
     return [
         FindingGroup(rule, found[: (shown := _shown(rule.code))], max(0, len(found) - shown))

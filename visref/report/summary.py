@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from visref.culler import Promise, RasterTolerance
 from visref.findings import Code
-from visref.judging.status import Status
+from visref.judging.status import MAX_UNDECIDED, Status
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FrameRow, HiddenUnit, LostObject, Sums
 
@@ -94,8 +94,9 @@ class CullerSummary:
     None stands for what was not measured. `failed`: it broke down, or never started. `cells`: how
     many drawn sets were judged, one for each frame and view. `partly_confirmed`: how many of the
     confirmed misses are of a part. `hidden`: what was drawn against its promise. `rounded`:
-    rounding to float32 left samples open. `ages`: of the misses that lose samples, how many had
-    been in view for so many frames, as far as they have an age."""
+    rounding to float32 left samples open. `unsteady`: asked again, it answered otherwise.
+    `max_undecided`: the share of owned samples that might stay undecided. `ages`: of the misses
+    that lose samples, how many had been in view for so many frames, as far as they have an age."""
 
     culler: str
     status: Status
@@ -103,6 +104,8 @@ class CullerSummary:
     raster: RasterTolerance | None
     excused_samples: int | None
     failed: bool
+    unsteady: bool
+    max_undecided: float
     rounded: bool
     unit_kind: str
     units: int
@@ -156,6 +159,7 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     lost = tuple(run.lost_objects(culler))
     broke_down = (Code.CULLER_FAILED, Code.NO_GL)
     facts = run.manifest.cullers[culler]
+    policy = run.manifest.policy
     return CullerSummary(
         culler=culler,
         status=Status(verdict.status),
@@ -163,6 +167,10 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
         raster=facts.raster,
         excused_samples=verdict.excused_samples,
         failed=any(f.culler == culler and f.code in broke_down for f in run.verdict.findings),
+        unsteady=any(
+            f.culler == culler and f.code == Code.NOT_DETERMINISTIC for f in run.verdict.findings
+        ),
+        max_undecided=MAX_UNDECIDED if policy is None else policy.max_undecided,
         unit_kind=verdict.unit_kind,
         rounded=any(f.code == Code.VERTICES_ROUNDED for f in run.verdict.findings),
         units=facts.units,

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from visref.culler import RasterTolerance
+from visref.findings import fails_run
+from visref.judging.policy import Policy
 from visref.judging.status import MAX_UNDECIDED, Exit, Status, decide, run_status
 from visref.markdown import code as code
 from visref.markdown import plain as plain
 from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import HiddenUnit, LostObject, Witness
+from visref.run_folder.rows import HiddenUnit, LostObject, PolicyFacts, Witness
 from visref.wording import counted as counted
 
 HEADLINES = {
@@ -117,11 +119,17 @@ def frame_of(witness: Witness) -> str:
 
 def ages_line(row: CullerSummary) -> str:
     """The ages of a culler's misses, in a line; empty where none has one."""
-    if not row.ages:
+    return ages_text(row.ages, row.counts.losing - row.counts.ties)
+
+
+def ages_text(ages: Mapping[int, int], losing: int) -> str:
+    """How many misses are of each age, of so many that lose samples; empty where none has one."""
+    if not ages:
         return ""
-    parts = [f"{count(number)} at {age}" for age, number in row.ages.items()]
+    parts = [f"{count(number)} at {age}" for age, number in ages.items()]
     more = f", … and {len(parts) - _AGES_SHOWN} more ages" if len(parts) > _AGES_SHOWN else ""
-    by_right = f"; {count(row.ageless)} in view by right" if row.ageless else ""
+    ageless = losing - sum(ages.values())
+    by_right = f"; {count(ageless)} in view by right" if ageless > 0 else ""
     return f"{', '.join(parts[:_AGES_SHOWN])}{more}{by_right}"
 
 
@@ -217,7 +225,14 @@ def decided(owned: int | None, undecided: int | None, *, rounded: bool = False) 
 
 
 def why_inconclusive(
-    *, frames: int, visible: int, owned: int | None, undecided: int | None, failed: bool
+    *,
+    frames: int,
+    visible: int,
+    owned: int | None,
+    undecided: int | None,
+    failed: bool,
+    unsteady: bool,
+    max_undecided: float,
 ) -> str:
     """Why a verdict says nothing, in a sentence."""
     if not frames:
@@ -230,7 +245,11 @@ def why_inconclusive(
         return (
             f"No object is visible in any of its {counted(frames, 'frame')}, so nothing was judged."
         )
-    return f"That is more than the {percent(MAX_UNDECIDED)} that may stay undecided."
+    if owned and undecided and undecided > max_undecided * owned:
+        return f"That is more than the {percent(max_undecided)} that may stay undecided."
+    if unsteady:
+        return "Asked again, it answered otherwise: it is not deterministic; see the findings."
+    return "See the findings."
 
 
 def culler_sentence(row: CullerSummary) -> str:
@@ -250,8 +269,12 @@ def culler_sentence(row: CullerSummary) -> str:
                 owned=counts.owned_samples,
                 undecided=counts.undecided_samples,
                 failed=row.failed,
+                unsteady=row.unsteady,
+                max_undecided=row.max_undecided,
             )
         )
+    elif row.unsteady:
+        parts.append("Asked again, it answered otherwise: it is not deterministic.")
     if row.status is Status.MEASURED:
         parts.append("It promises nothing, so this is a measurement and no praise.")
     return " ".join(filter(None, parts))
@@ -296,17 +319,44 @@ def _cleared(row: CullerSummary) -> str:
     cleared = [
         counted(counts.ties, "tie") if counts.ties else "",
         excused if counts.within_raster_tolerance else "",
-        *(
-            f"{count(number)} {word}"
-            for number, word in (
-                (counts.small, "small"),
-                (counts.late, "late"),
-                (counts.waived, "waived"),
-            )
-            if number
-        ),
+        accepted(counts.small, counts.late, counts.waived),
     ]
     return f"Cleared: {', '.join(filter(None, cleared))}." if any(cleared) else ""
+
+
+def accepted(small: int, late: int, waived: int) -> str:
+    """The misses that a policy accepts, by kind; empty where there are none."""
+    kinds = ((small, "small"), (late, "late"), (waived, "waived"))
+    return ", ".join(f"{count(number)} {word}" for number, word in kinds if number)
+
+
+def policy_line(policy: Policy | PolicyFacts | None) -> str:
+    """What was accepted beforehand, in a sentence; empty without a policy."""
+    if policy is None or not policy.sha256:
+        return ""
+    said = []
+    if policy.min_samples:
+        said.append(f"small is what loses fewer than {counted(policy.min_samples, 'sample')}")
+    if policy.latency_frames:
+        frames = counted(policy.latency_frames, "frame")
+        said.append(f"late is what came into view less than {frames} before")
+    if policy.waivers:
+        said.append(f"{counted(len(policy.waivers), 'waiver')} asked on {policy.today}")
+    if policy.max_undecided != MAX_UNDECIDED:
+        said.append(f"{percent(policy.max_undecided)} may stay undecided")
+    if policy.severities:
+        said.append(f"{counted(len(policy.severities), 'severity', 'severities')} changed")
+    name = Path(policy.source).name
+    return f"Judged by the policy {name}: {'; '.join(said) or 'it accepts nothing'}."
+
+
+def failing_lines(run: RunFolder) -> list[str]:
+    """What makes a run a violation by itself, whatever its cullers are: a line per finding."""
+    return [
+        f"{finding.code}: {finding.message}"
+        for finding in run.verdict.findings
+        if fails_run(finding.code, finding.severity)
+    ]
 
 
 def tolerance(raster: RasterTolerance | None) -> str:
@@ -381,7 +431,14 @@ def _lost(row: CullerSummary) -> str:
 
 
 def run_sentence(run: RunFolder, rows: Sequence[CullerSummary]) -> str:
-    """A run's verdict in one sentence."""
+    """A run's verdict in one sentence, and what fails it besides."""
+    failing = failing_lines(run)
+    more = f" And {len(failing) - 1} more." if len(failing) > 1 else ""
+    said = f"The run fails by {failing[0]}.{more}" if failing else ""
+    return " ".join(filter(None, (said, _cullers_sentence(run, rows))))
+
+
+def _cullers_sentence(run: RunFolder, rows: Sequence[CullerSummary]) -> str:
     frames = counted(len(run.frame_numbers), "frame")
     guilty = [row for row in rows if row.status is Status.VIOLATION]
     open_ = [row for row in rows if row.status is Status.INCONCLUSIVE]

@@ -13,7 +13,8 @@ import pyarrow.compute as pc
 
 from visref.camera import ALL_VIEWS
 from visref.errors import InputError
-from visref.judging.status import Status, decide, run_status
+from visref.findings import fails_run
+from visref.judging.status import Status, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
 from visref.run_folder.inside import file_inside, quoted, shortened
@@ -96,10 +97,12 @@ def check_verdict(folder: Path, manifest: Manifest, verdict: RunVerdict) -> None
             place = f"cullers.{shortened(culler)}.status"
             raise InputError(problem, source=source, place=place, fix=FIX)
     statuses = [Status(said.status) for said in verdict.cullers.values()]
-    if Status(verdict.status) is not run_status(statuses):
-        problem = f"it is {verdict.status}, and its cullers say {run_status(statuses)}"
+    fails = any(fails_run(finding.code, finding.severity) for finding in verdict.findings)
+    told = run_status(statuses, fails=fails)
+    if Status(verdict.status) is not told:
+        problem = f"it is {verdict.status}, and its cullers and findings say {told}"
         raise InputError(problem, source=source, place="status", fix=FIX)
-    if verdict.exit_status != decide(status.exit for status in statuses):
+    if verdict.exit_status != told.exit:
         problem = f"it is {verdict.exit_status}, which is not that of its status"
         raise InputError(problem, source=source, place="exit_status", fix=FIX)
 

@@ -36,8 +36,10 @@ from visref.run_folder.rows import (
     MovedObject,
     PathFacts,
     PictureSet,
+    PolicyFacts,
     RunVerdict,
     SceneFacts,
+    WaiverFacts,
     Witness,
 )
 
@@ -47,6 +49,7 @@ STATUSES = ("no_violation_found", "violation", "inconclusive", "measured")
 EXIT_STATUSES = (0, 1, 2, 3)
 # A whole number without zeros before it, as JSON writes one as a key.
 _AGE = re.compile("0|[1-9][0-9]{0,17}")
+_DAY = re.compile("[0-9]{4}-[0-9]{2}-[0-9]{2}")
 # Parts of file names, as `layout.slug` makes them: never a way out of the folder.
 _SLUG = re.compile("[A-Za-z0-9._-]{1,100}")
 _PICTURE = re.compile(rf"{PICTURES}/[A-Za-z0-9._-]{{1,250}}[.](png|jpg)")
@@ -102,7 +105,41 @@ def read_manifest(value: object, source: str) -> Manifest:
         top.inner("versions").texts(),
         _machine(top),
         _motion(top) if version >= 2 else None,
+        _policy(top) if version >= 2 else None,
     )
+
+
+def _policy(top: Fields) -> PolicyFacts | None:
+    if not top.has("policy") or top.is_null("policy"):
+        return None
+    policy = top.inner("policy")
+    share = policy.number("max_undecided")
+    if not 0.0 <= share <= 1.0:
+        raise policy.error("it is no share from 0 to 1", "max_undecided")
+    severities = policy.inner("severities")
+    return PolicyFacts(
+        policy.text("source"),
+        policy.text("sha256"),
+        _day(policy, "today"),
+        policy.whole("latency_frames"),
+        policy.whole("min_samples"),
+        share,
+        {name: severities.text(name, among=tuple(Severity)) for name in severities.plain()},
+        tuple(
+            WaiverFacts(
+                waiver.text("object"),
+                waiver.text("reason"),
+                waiver.text_list("frames"),
+                waiver.text("culler"),
+                _day(waiver, "expires"),
+            )
+            for waiver in policy.each("waive")
+        ),
+    )
+
+
+def _day(value: Fields, name: str) -> str | None:
+    return None if value.is_null(name) else value.text(name, like=_DAY)
 
 
 def _motion(top: Fields) -> Motion | None:

@@ -225,10 +225,37 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
+class WaiverFacts:
+    """An accepted miss: patterns of objects and cullers, frames as slices (none: all), and why."""
+
+    object: str
+    reason: str
+    frames: tuple[str, ...]
+    culler: str
+    expires: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyFacts:
+    """What the run's user had decided to accept (`visref.judging.policy.Policy`): the policy's file
+    and its digest, and on which day it was asked."""
+
+    source: str
+    sha256: str
+    today: str | None
+    latency_frames: int
+    min_samples: int
+    max_undecided: float
+    severities: dict[str, str]
+    waivers: tuple[WaiverFacts, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """manifest.json. `samples`: by number of the path's frames and by view, the samples' definition
     (`Camera.definition`). `exact`: whether the engine's truth is exact, None where it is not
-    said. `motion`: None where nothing moves, or nothing is said of it."""
+    said. `motion`: None where nothing moves, or nothing is said of it. `policy`: None without
+    one."""
 
     version: int
     scene: SceneFacts
@@ -242,6 +269,7 @@ class Manifest:
     versions: dict[str, str]
     machine: dict[str, Any]
     motion: Motion | None = None
+    policy: PolicyFacts | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from visref.camera_path import CameraPath
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import RunOutcome, verdict_json
+from visref.judging.policy import Policy
 from visref.judging.referee import Job, JudgedFrame
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
@@ -55,7 +56,7 @@ _LONE = re.compile("[\ud800-\udfff]")
 class RunWriter:
     """A run's listener that writes its folder. `folder` exists and is empty. `exact`: whether a
     truth that is on file already is exact, None where that is not known. `timeline`: the scene
-    of each frame; by default `scene` and `path` make it."""
+    of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by."""
 
     def __init__(
         self,
@@ -68,6 +69,7 @@ class RunWriter:
         settings: dict[str, Any],
         exact: bool | None = None,
         picture_frames: Sequence[int] = (),
+        policy: Policy | None = None,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -77,6 +79,7 @@ class RunWriter:
         self._engine = engine
         self._exact = exact
         self._settings = settings
+        self._policy = policy
         self._truth = TruthTable(scene)
         self._has_truth = False
         self._frames: list[dict[str, Any]] = []
@@ -204,6 +207,7 @@ class RunWriter:
             "engine": self._engine,
             "exact": self._exact,
             "settings": self._settings,
+            "policy": self._policy.to_json() if self._policy is not None else None,
             "cullers": {
                 record.spec: {
                     "promise": record.promise.value,
