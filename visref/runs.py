@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.alignment import misaligned
 from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
 from visref.culler import Culler
 from visref.engines import TruthEngine, check_engine, make_engine
@@ -31,10 +33,20 @@ from visref.judging.outcome import RunOutcome
 from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.layout import RUN_FOLDER, TRUTH
 from visref.run_folder.write import RunWriter
 from visref.visibility import FrameTruth, ObjectVisibility
+
+
+class Misaligned(StrEnum):
+    """What becomes of the status of a recording that fits another input: it stays, or nothing is
+    concluded from it. It stays in any case where an engine may err that way by itself."""
+
+    KEEP = "keep"
+    INCONCLUSIVE = "inconclusive"
+
 
 # How every Parquet file begins: what is none is no earlier truth.
 PARQUET = b"PAR1"
@@ -48,13 +60,15 @@ def judge_to_folder(
     truth: Path | str | None = None,
     pictures: int = 4,
     image_check: bool = False,
+    if_misaligned: Misaligned = Misaligned.KEEP,
     listeners: Sequence[Listener] = (),
 ) -> RunOutcome:
     """Judge cullers, each with the name that reports give it, and write the run folder `out`.
 
     `truth`: a truth file to take instead of casting again; its engine looks at what was missed.
     `pictures`: how many frames to draw, evenly picked. `image_check`: redraw each drawn set by
-    OpenGL and compare it with the unculled picture.
+    OpenGL and compare it with the unculled picture. `if_misaligned`: what becomes of a recording
+    that fits another input.
 
     Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
@@ -82,7 +96,11 @@ def judge_to_folder(
             timeline=inputs.timeline,
             engine=inputs.engine,
             exact=recorded.exact if recorded is not None else None,
-            settings={**inputs.settings, "frames": _slice(frames)},
+            settings={
+                **inputs.settings,
+                "frames": _slice(frames),
+                **({} if if_misaligned is Misaligned.KEEP else {"if_misaligned": if_misaligned}),
+            },
             picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
         )
         referee = Referee(
@@ -96,10 +114,34 @@ def judge_to_folder(
         )
         outcome = referee.run(inputs.path, frames, cullers, [writer, *listeners])
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
+        _ask_of_the_input(inputs, cullers, outcome, if_misaligned)
         writer.finish(outcome)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
+
+
+def _ask_of_the_input(
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    outcome: RunOutcome,
+    if_misaligned: Misaligned,
+) -> None:
+    """Put first what is said of recordings that fit another input."""
+    said = []
+    for name, culler in cullers:
+        if not isinstance(culler, Replay):
+            continue
+        finding, by_input_alone = misaligned(
+            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads
+        )
+        if finding is None:
+            continue
+        said.append(finding)
+        if by_input_alone and if_misaligned is Misaligned.INCONCLUSIVE:
+            for record in outcome.cullers:
+                record.misaligned |= record.spec == name
+    outcome.findings[:0] = said
 
 
 def _slice(frames: Sequence[int]) -> list[int]:

@@ -17,6 +17,7 @@ from visref.culler import Promise
 from visref.files import refuse_inputs
 from visref.judging.status import Exit
 from visref.recordings.visible_sets import Replay, read_visible_sets
+from visref.runs import Misaligned
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,6 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="snap=PX,depth=BITS",
         help="the engine's rasteriser: greatest vertex snap in pixels, depth buffer bits or float",
     )
+    parser.add_argument(
+        "--if-misaligned",
+        choices=[one.value for one in Misaligned],
+        default=Misaligned.KEEP.value,
+        help="what becomes of the status where the recording fits another input and no engine errs "
+        "that way by itself (MISALIGNED; default keep)",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -58,4 +66,5 @@ def run(given: argparse.Namespace) -> Exit:
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-    return judge(given, inputs, [(file.name, replay)])
+    choice = Misaligned(given.if_misaligned)
+    return judge(given, inputs, [(file.name, replay)], if_misaligned=choice)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from visref.beside import steady
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
-from visref.findings import Code
+from visref.findings import Code, Finding
 from visref.inputs import Inputs
 from visref.judging.judge import Counts
 from visref.judging.outcome import CullerRecord, RunOutcome
@@ -18,7 +18,7 @@ from visref.papers import tables_beside
 from visref.report import words
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
-from visref.runs import judge_to_folder
+from visref.runs import Misaligned, judge_to_folder
 
 FINDINGS_SHOWN = 10
 
@@ -29,6 +29,7 @@ def judge(
     cullers: Sequence[tuple[str, Culler]],
     *,
     image_check: bool = False,
+    if_misaligned: Misaligned = Misaligned.KEEP,
 ) -> Exit:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
     with frame_bar(len(inputs.frames)) as bar:
@@ -39,6 +40,7 @@ def judge(
             truth=given.truth,
             pictures=given.pictures,
             image_check=image_check,
+            if_misaligned=if_misaligned,
             listeners=[bar],
         )
     print_outcome(outcome)
@@ -52,7 +54,10 @@ def judge(
 
 
 def print_outcome(outcome: RunOutcome) -> None:
-    """A row for each culler, then the first findings."""
+    """What is to be mended in the input first, a row for each culler, then the first findings."""
+    first = [finding for finding in outcome.findings if finding.code is Code.MISALIGNED]
+    for finding in first:
+        _print_finding(finding)
     headings = (
         "culler", "frames", "visible", "drawn", "superfluous", "missed", "partly missed",
         "samples lost", "undecided", "violations", "verdict",
@@ -85,23 +90,24 @@ def print_outcome(outcome: RunOutcome) -> None:
     else:
         for spec, text in said.items():
             OUT.line(f"{spec}: {text}")
-    shown = [f for f in outcome.findings if f.rule.severity in ("error", "warning")]
+    shown = [
+        f
+        for f in outcome.findings
+        if f.rule.severity in ("error", "warning") and f.code is not Code.MISALIGNED
+    ]
     for finding in shown[:FINDINGS_SHOWN]:
-        where = ", ".join(
-            str(part)
-            for part in (
-                finding.culler,
-                f"frame {finding.frame}" if finding.frame is not None else "",
-                finding.object,
-            )
-            if part
-        )
-        # A plug-in's error may bring lines of its own.
-        message = " ".join(finding.message.split())
-        OUT.line(": ".join(filter(None, (finding.code, where, message))))
+        _print_finding(finding)
     if len(shown) > FINDINGS_SHOWN:
         rest = len(shown) - FINDINGS_SHOWN
         OUT.line(f"… and {rest} more findings in verdict.json")
+
+
+def _print_finding(finding: Finding) -> None:
+    frame = f"frame {finding.frame}" if finding.frame is not None else ""
+    where = ", ".join(filter(None, (finding.culler, frame, finding.object)))
+    # A plug-in's error may bring lines of its own.
+    message = " ".join(finding.message.split())
+    OUT.line(": ".join(filter(None, (finding.code, where, message))))
 
 
 def _frames(record: CullerRecord) -> int:
@@ -127,6 +133,7 @@ def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
                 owned=owned,
                 undecided=undecided,
                 failed=record.failed,
+                misaligned=record.misaligned,
             )
         )
     if totals.within_raster_tolerance:

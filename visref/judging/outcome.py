@@ -39,7 +39,8 @@ class FrameRecord:
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
     tolerance that its rasteriser declares (the loosest of its frames), None without one. `ignored`:
-    by unit, the first frame in which it was drawn and not there."""
+    by unit, the first frame in which it was drawn and not there. `misaligned`: it fits another
+    input, and nothing is concluded from it, as the user chose."""
 
     spec: str
     promise: Promise
@@ -50,6 +51,7 @@ class CullerRecord:
     raster: RasterTolerance | None = None
     too_small: list[BoundsTooSmall] = field(default_factory=list)
     ignored: dict[int, int] = field(default_factory=dict)
+    misaligned: bool = False
 
     @property
     def totals(self) -> Counts:
@@ -67,7 +69,9 @@ class CullerRecord:
 
     @property
     def status(self) -> Status:
-        return status_of(CullerOutcome(self.totals, len(self.frames), self.failed, self.promise))
+        return status_of(
+            CullerOutcome(self.totals, len(self.frames), self.failed, self.promise, self.misaligned)
+        )
 
     def ages(self) -> dict[int, int]:
         """How many misses that lose samples there are of each age, in frames; those without one are

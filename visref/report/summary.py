@@ -103,6 +103,8 @@ class CullerSummary:
     raster: RasterTolerance | None
     excused_samples: int | None
     failed: bool
+    other_input: str
+    misaligned: bool
     rounded: bool
     unit_kind: str
     units: int
@@ -156,6 +158,14 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     lost = tuple(run.lost_objects(culler))
     broke_down = (Code.CULLER_FAILED, Code.NO_GL)
     facts = run.manifest.cullers[culler]
+    other_input = next(
+        (
+            f"{f.code}: {f.message}."
+            for f in run.verdict.findings
+            if f.culler == culler and f.code == Code.MISALIGNED
+        ),
+        "",
+    )
     return CullerSummary(
         culler=culler,
         status=Status(verdict.status),
@@ -163,6 +173,9 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
         raster=facts.raster,
         excused_samples=verdict.excused_samples,
         failed=any(f.culler == culler and f.code in broke_down for f in run.verdict.findings),
+        other_input=other_input,
+        misaligned=run.manifest.settings.get("if_misaligned") == "inconclusive"
+        and bool(other_input),
         unit_kind=verdict.unit_kind,
         rounded=any(f.code == Code.VERTICES_ROUNDED for f in run.verdict.findings),
         units=facts.units,

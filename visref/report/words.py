@@ -217,9 +217,17 @@ def decided(owned: int | None, undecided: int | None, *, rounded: bool = False) 
 
 
 def why_inconclusive(
-    *, frames: int, visible: int, owned: int | None, undecided: int | None, failed: bool
+    *,
+    frames: int,
+    visible: int,
+    owned: int | None,
+    undecided: int | None,
+    failed: bool,
+    misaligned: bool = False,
 ) -> str:
     """Why a verdict says nothing, in a sentence."""
+    if misaligned:
+        return "The recording fits another input (MISALIGNED), so nothing is concluded from it."
     if not frames:
         return "It judged no frame; see the findings."
     if failed:
@@ -236,7 +244,8 @@ def why_inconclusive(
 def culler_sentence(row: CullerSummary) -> str:
     """What was found of one culler, for an engineer who reads nothing else."""
     counts = row.counts
-    parts = []
+    # What is to be mended in the input comes before what was found by it.
+    parts = [row.other_input]
     if row.frames and counts.visible:
         parts += [*_found(row), _cleared(row)]
     if counts.undecided:
@@ -250,6 +259,7 @@ def culler_sentence(row: CullerSummary) -> str:
                 owned=counts.owned_samples,
                 undecided=counts.undecided_samples,
                 failed=row.failed,
+                misaligned=row.misaligned,
             )
         )
     if row.status is Status.MEASURED:
