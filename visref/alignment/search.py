@@ -44,10 +44,11 @@ LEAST_WRONG = 4
 # Several cells tell of the same objects. So many different ones have to be drawn where they are
 # seen, left out where they are outside, and to have wrong answers made right.
 LEAST_OBJECTS = 8
-# And so many cells, where the order of frames is in question.
+# And there have to be so many cells, where the order of frames is in question.
 LEAST_FRAMES = 5
-# What a third of the cells refutes so far is not asked of the others.
+# What agrees worse than this in the cells so far, by so many wrong answers, is dropped.
 HOPELESS = 0.6
+HOPELESS_FROM = 16
 
 
 @dataclass(frozen=True)
@@ -134,35 +135,26 @@ _AS_GIVEN = Hypothesis("as given", "", "")
 
 
 def _tried(world: _World, cells: Sequence[Cell]) -> Iterator[Tried]:
-    """Those that a third of the cells does not refute, over all of them."""
-    first, rest = cells[::3], [cell for i, cell in enumerate(cells) if i % 3]
+    """Those that are not refuted on the way, over all cells of which they say something."""
     for hypothesis in (*HYPOTHESES, *_offsets(world.still)):
-        found, given, count = _over(world, hypothesis, first)
-        if count and found.score < HOPELESS:
-            continue
-        more, more_given, more_count = _over(world, hypothesis, rest)
-        found, given, count = found + more, given + more_given, count + more_count
-        # Where all of the scene is in view, nothing outside could speak against it.
-        enough = 2 * count >= len(cells) and (found.outside or not given.outside)
-        enough &= count >= (LEAST_FRAMES if hypothesis.over_time else 1)
-        if enough and (given.lost or not hypothesis.sound):
-            yield Tried(hypothesis, found, given)
-
-
-def _over(
-    world: _World, hypothesis: Hypothesis, cells: Sequence[Cell]
-) -> tuple[Agreement, Agreement, int]:
-    """By a hypothesis and as given, over the cells of which it says something, and how many."""
-    found, given, count = Agreement(), Agreement(), 0
-    for cell in cells:
-        changed = hypothesis.cell(cell, len(world.path), world.views(cell.place))
-        one = world.agreement(hypothesis, changed)
-        if one is None:
-            continue
-        as_given = world.agreement(_AS_GIVEN, cell)
-        assert as_given is not None
-        found, given, count = found + one, given + as_given, count + 1
-    return found, given, count
+        found, given, count = Agreement(), Agreement(), 0
+        for cell in cells:
+            changed = hypothesis.cell(cell, len(world.path), world.views(cell.place))
+            one = world.agreement(hypothesis, changed)
+            if one is None:
+                continue
+            as_given = world.agreement(_AS_GIVEN, cell)
+            assert as_given is not None
+            found, given, count = found + one, given + as_given, count + 1
+            if found.wrong >= HOPELESS_FROM and found.score < HOPELESS:
+                break
+        else:
+            least = LEAST_FRAMES if hypothesis.over_time else 1
+            # Where all of the scene is in view, nothing outside could speak against it.
+            refutable = found.outside > 0 or given.outside == 0
+            asked = given.lost > 0 or not hypothesis.sound
+            if count >= max(least, len(cells) // 2) and refutable and asked:
+                yield Tried(hypothesis, found, given)
 
 
 def _offsets(scene: Scene) -> Iterator[Hypothesis]:
