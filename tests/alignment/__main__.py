@@ -49,6 +49,8 @@ def engines(every: int) -> None:
                 kind = "input or engine" if found.hypothesis.engine else "input alone"
                 _line(f"{kind}: {name}, {at}: {sentence(found)}")
             total[kind] += 1
+            if sum(total.values()) % 50 == 0:
+                _line(dict(total))
         _line(dict(total))
 
 

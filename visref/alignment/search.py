@@ -153,6 +153,9 @@ def _tried(world: _World, cells: Sequence[Cell]) -> Iterator[Tried]:
             # Where all of the scene is in view, nothing outside could speak against it.
             refutable = found.outside > 0 or given.outside == 0
             asked = given.lost > 0 or not hypothesis.sound
+            # Who only leaves out, and draws nothing outside, is an engine that culls too much.
+            if not hypothesis.engine:
+                asked &= given.beside >= LEAST_WRONG or given.outside == 0
             if count >= max(least, len(cells) // 2) and refutable and asked:
                 yield Tried(hypothesis, found, given)
 
