@@ -115,6 +115,18 @@ class Code(StrEnum):
         "hangs on more than scene and path: its verdict is one of several, so it is inconclusive, "
         "unless it is a violation.",
     )
+    MISALIGNED = Rule(
+        "MISALIGNED",
+        Severity.WARNING,
+        "The recording fits another path than the one given",
+        "It agrees badly with what the path's cameras see, and nearly fully once one ordinary "
+        "mistake is undone: other axes, other units, another numbering. Then the violations tell "
+        "of the input, not of the engine: mend that first. Agreement is Matthews' correlation "
+        "between what was drawn and what is seen, in a few frames, evenly picked; "
+        "docs/alignment.md says what is tried. Where an engine may cull that way by itself (a "
+        "frame late, by another field of view) the message says so. The status stays as it is, "
+        "unless `--if-misaligned inconclusive` was given.",
+    )
     UNDECIDED_OBJECT = Rule(
         "UNDECIDED_OBJECT",
         Severity.WARNING,

@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.alignment import misaligned
 from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
 from visref.culler import Culler
 from visref.engines import TruthEngine, check_engine, make_engine
@@ -33,6 +35,7 @@ from visref.judging.policy import Policy
 from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.layout import RUN_FOLDER, TRUTH
 from visref.run_folder.write import RunWriter
@@ -40,6 +43,15 @@ from visref.visibility import FrameTruth, ObjectVisibility
 
 # Makes the cullers of a run anew, with the same names; they live until the block ends.
 MakingAnew = Callable[[], AbstractContextManager[Sequence[tuple[str, Culler]]]]
+
+
+class Misaligned(StrEnum):
+    """What becomes of the status of a recording that fits another input: it stays, or nothing is
+    concluded from it. It stays in any case where an engine may err that way by itself."""
+
+    KEEP = "keep"
+    INCONCLUSIVE = "inconclusive"
+
 
 # How every Parquet file begins: what is none is no earlier truth.
 PARQUET = b"PAR1"
@@ -53,6 +65,7 @@ def judge_to_folder(
     truth: Path | str | None = None,
     pictures: int = 4,
     image_check: bool = False,
+    if_misaligned: Misaligned = Misaligned.KEEP,
     listeners: Sequence[Listener] = (),
     policy: Policy | None = None,
     repeat: int = 1,
@@ -65,6 +78,7 @@ def judge_to_folder(
     OpenGL and compare it with the unculled picture. `policy`: what the user accepts
     (`visref.judging.policy_file.read_policy`). `repeat`: how often cullers are asked about all
     frames, each time made by `anew` but for the first; who answers otherwise is inconclusive.
+    `if_misaligned`: what becomes of a recording that fits another input.
 
     Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
@@ -98,6 +112,7 @@ def judge_to_folder(
                 **inputs.settings,
                 "frames": _slice(frames),
                 **({"repeat": repeat} if repeat > 1 else {}),
+                **({} if if_misaligned is Misaligned.KEEP else {"if_misaligned": if_misaligned}),
             },
             policy=policy,
             picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
@@ -120,6 +135,7 @@ def judge_to_folder(
             assert anew is not None
             _ask_again(inputs, anew, answers, outcome)
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
+        _ask_of_the_input(inputs, cullers, outcome, if_misaligned)
         writer.finish(outcome)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
@@ -136,6 +152,29 @@ def _ask_again(inputs: Inputs, anew: MakingAnew, answers: Answers, outcome: RunO
     for record, asked in zip(outcome.cullers, other.cullers, strict=True):
         if not record.unsteady and (why := compare(answers, again, record, asked)):
             mark_unsteady(record, outcome, why)
+
+
+def _ask_of_the_input(
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    outcome: RunOutcome,
+    if_misaligned: Misaligned,
+) -> None:
+    """Put first what is said of recordings that fit another input."""
+    said = []
+    for name, culler in cullers:
+        if not isinstance(culler, Replay):
+            continue
+        finding, by_input_alone = misaligned(
+            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads
+        )
+        if finding is None:
+            continue
+        said.append(finding)
+        if by_input_alone and if_misaligned is Misaligned.INCONCLUSIVE:
+            for record in outcome.cullers:
+                record.misaligned |= record.spec == name
+    outcome.findings[:0] = said
 
 
 def _slice(frames: Sequence[int]) -> list[int]:

@@ -22,6 +22,7 @@ from visref.judging.outcome import RunOutcome
 from visref.judging.policy_file import ADOPTED, adopted, to_toml
 from visref.judging.status import Exit
 from visref.recordings.visible_sets import Replay, read_visible_sets
+from visref.runs import Misaligned
 from visref.scene import Scene
 from visref.wording import counted
 
@@ -58,6 +59,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a new policy that waives every violation found, for a first adoption: each entry "
         "wants a reason from you",
     )
+    parser.add_argument(
+        "--if-misaligned",
+        choices=[one.value for one in Misaligned],
+        default=Misaligned.KEEP.value,
+        help="what becomes of the status where the recording fits another input and no engine errs "
+        "that way by itself (MISALIGNED; default keep)",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -77,7 +85,13 @@ def run(given: argparse.Namespace) -> Exit:
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-    outcome = judge_for(given, inputs, [(file.name, replay)], policy=policy)
+    outcome = judge_for(
+        given,
+        inputs,
+        [(file.name, replay)],
+        policy=policy,
+        if_misaligned=Misaligned(given.if_misaligned),
+    )
     if given.write_waivers is not None:
         _write_waivers(given.write_waivers, outcome, inputs.scene)
     return outcome.exit

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from visref.beside import steady
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
-from visref.findings import Code, fails_run
+from visref.findings import Code, Finding, fails_run
 from visref.inputs import Inputs
 from visref.judging.judge import Counts
 from visref.judging.outcome import CullerRecord, RunOutcome
@@ -19,7 +19,7 @@ from visref.papers import tables_beside
 from visref.report import words
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
-from visref.runs import MakingAnew, judge_to_folder
+from visref.runs import MakingAnew, Misaligned, judge_to_folder
 
 FINDINGS_SHOWN = 10
 
@@ -49,6 +49,7 @@ def judge_for(
     image_check: bool = False,
     repeat: int = 1,
     anew: MakingAnew | None = None,
+    if_misaligned: Misaligned = Misaligned.KEEP,
 ) -> RunOutcome:
     """The same, for what else is to be done with the outcome."""
     with frame_bar(len(inputs.frames)) as bar:
@@ -59,6 +60,7 @@ def judge_for(
             truth=given.truth,
             pictures=given.pictures,
             image_check=image_check,
+            if_misaligned=if_misaligned,
             listeners=[bar],
             policy=policy,
             repeat=repeat,
@@ -75,7 +77,10 @@ def judge_for(
 
 
 def print_outcome(outcome: RunOutcome) -> None:
-    """A row for each culler, then the first findings."""
+    """What is to be mended in the input first, a row for each culler, then the first findings."""
+    first = [finding for finding in outcome.findings if finding.code is Code.MISALIGNED]
+    for finding in first:
+        _print_finding(finding)
     headings = (
         "culler", "frames", "visible", "drawn", "superfluous", "missed", "partly missed",
         "samples lost", "undecided", "violations", "verdict",
@@ -111,25 +116,26 @@ def print_outcome(outcome: RunOutcome) -> None:
     if said_policy := words.policy_line(outcome.policy):
         OUT.line(said_policy)
     severity_of = outcome.policy.severity_of
-    shown = [f for f in outcome.findings if severity_of(f.code) in ("error", "warning")]
+    shown = [
+        f
+        for f in outcome.findings
+        if severity_of(f.code) in ("error", "warning") and f.code is not Code.MISALIGNED
+    ]
     # What fails the run by itself first: it would be lost among many misses.
     shown.sort(key=lambda finding: not fails_run(finding.code, severity_of(finding.code)))
     for finding in shown[:FINDINGS_SHOWN]:
-        where = ", ".join(
-            str(part)
-            for part in (
-                finding.culler,
-                f"frame {finding.frame}" if finding.frame is not None else "",
-                finding.object,
-            )
-            if part
-        )
-        # A plug-in's error may bring lines of its own.
-        message = " ".join(finding.message.split())
-        OUT.line(": ".join(filter(None, (finding.code, where, message))))
+        _print_finding(finding)
     if len(shown) > FINDINGS_SHOWN:
         rest = len(shown) - FINDINGS_SHOWN
         OUT.line(f"… and {rest} more findings in verdict.json")
+
+
+def _print_finding(finding: Finding) -> None:
+    frame = f"frame {finding.frame}" if finding.frame is not None else ""
+    where = ", ".join(filter(None, (finding.culler, frame, finding.object)))
+    # A plug-in's error may bring lines of its own.
+    message = " ".join(finding.message.split())
+    OUT.line(": ".join(filter(None, (finding.code, where, message))))
 
 
 def _frames(record: CullerRecord) -> int:
@@ -157,6 +163,7 @@ def _beside_the_verdict(record: CullerRecord, rounded: bool) -> str:
                 failed=record.failed,
                 unsteady=record.unsteady,
                 max_undecided=record.max_undecided,
+                misaligned=record.misaligned,
             )
         )
     if totals.within_raster_tolerance:

@@ -30,11 +30,11 @@ LONGER_SIDE = 64
 _NEAREST = 2.0**-20
 
 
-def sparse(camera: Camera) -> Camera:
+def sparse(camera: Camera, longer_side: int = LONGER_SIDE) -> Camera:
     """A camera whose samples are every k-th of this one's, both ways, but for rounding; k the
-    least for which the longer side has at most `LONGER_SIDE`."""
+    least for which the longer side has at most so many."""
     width, height = camera.width, camera.height
-    k = -(-max(width, height) // LONGER_SIDE)
+    k = -(-max(width, height) // longer_side)
     few_x, few_y = -(-width // k), -(-height // k)
 
     def shift(side: int, few: int, own: float) -> float:

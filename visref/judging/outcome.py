@@ -50,7 +50,8 @@ class CullerRecord:
     tolerance that its rasteriser declares (the loosest of its frames), None without one. `ignored`:
     by unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
     owned samples above which it is inconclusive. `unsteady`: it answered otherwise when it was
-    asked again."""
+    asked again. `misaligned`: it fits another input, and nothing is concluded from it, as the user
+    chose."""
 
     spec: str
     promise: Promise
@@ -63,6 +64,7 @@ class CullerRecord:
     ignored: dict[int, int] = field(default_factory=dict)
     max_undecided: float = MAX_UNDECIDED
     unsteady: bool = False
+    misaligned: bool = False
 
     def judged_whole(self, frames: Set[int]) -> bool:
         """Whether it was judged in all these frames, and broke down in none."""
@@ -85,7 +87,12 @@ class CullerRecord:
     @property
     def status(self) -> Status:
         outcome = CullerOutcome(
-            self.totals, len(self.frames), self.failed, self.promise, self.unsteady
+            self.totals,
+            len(self.frames),
+            self.failed,
+            self.promise,
+            self.unsteady,
+            self.misaligned,
         )
         return status_of(outcome, max_undecided=self.max_undecided)
 

@@ -48,18 +48,22 @@ class Status(StrEnum):
 @dataclass(frozen=True)
 class CullerOutcome:
     """What the status hangs on: a culler's promise, its sums over `frames` judged frames, whether
-    it broke down in any step, and whether it answered otherwise when it was asked again."""
+    it broke down in any step, whether it answered otherwise when it was asked again, and whether
+    its recording fits another input and the user chose that nothing be concluded from it then."""
 
     counts: Counts
     frames: int
     failed: bool = False
     promise: Promise = Promise.CONSERVATIVE
     unsteady: bool = False
+    misaligned: bool = False
 
 
 def status_of(outcome: CullerOutcome, *, max_undecided: float = MAX_UNDECIDED) -> Status:
     """One culler's status. A vacuous or broken run proves nothing, but a violation stands."""
     counts = outcome.counts
+    if outcome.misaligned:
+        return Status.INCONCLUSIVE
     if counts.violations:
         return Status.VIOLATION
     decided = counts.owned_samples - counts.undecided_samples

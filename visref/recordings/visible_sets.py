@@ -105,7 +105,7 @@ class Replay(Culler):
     ) -> None:
         self.promise = promise
         self.raster = DeclaredRaster(raster) if raster is not None else None
-        self._recorded = recorded
+        self.recorded = recorded
         # What will be asked for, in order: the frame, its cameras, and the view of the set.
         self._calls: list[tuple[int, tuple[Camera, ...], str]] = []
         for frame, sets in recorded.sets.items():
@@ -123,7 +123,7 @@ class Replay(Culler):
         self.joint = any(len(cameras) > 1 for _, cameras, _ in coming)
 
     def prepare(self, scene: Scene) -> Units:
-        return self._recorded.units
+        return self.recorded.units
 
     def update(self, scene: Scene) -> None:
         """What was recorded stands, whatever moves."""
@@ -139,12 +139,10 @@ class Replay(Culler):
         self._frame = frame
         self._done += 1
         self._look_ahead()
-        return DrawnSet(
-            self._recorded.sets[frame][view], self._recorded.stats[frame], ordered=False
-        )
+        return DrawnSet(self.recorded.sets[frame][view], self.recorded.stats[frame], ordered=False)
 
     def bounds(self) -> Float64 | None:
-        return self._recorded.boxes.get(self._frame)
+        return self.recorded.boxes.get(self._frame)
 
 
 def read_visible_sets(

@@ -478,7 +478,8 @@ def _shown(code: str) -> int:
 
 
 def _findings(run: RunFolder) -> list[FindingGroup]:
-    """Findings by code, the gravest first, else in the catalogue's order and unknown codes last."""
+    """Findings by code: what is to be mended in the input, then the gravest, else in the
+    catalogue's order and unknown codes last."""
     by_code: dict[str, list[FindingRow]] = {code: [] for code in Code}
     for finding in run.verdict.findings:
         by_code.setdefault(finding.code, []).append(finding)
@@ -487,8 +488,11 @@ def _findings(run: RunFolder) -> list[FindingGroup]:
     said = run.manifest.policy.severities if run.manifest.policy is not None else {}
     rules = [replace(rule, severity=Severity(said.get(rule.code, rule.severity))) for rule in rules]
     gravity = {severity: rank for rank, severity in enumerate(Severity)}
+    rules.sort(key=lambda rule: (rule.code != Code.MISALIGNED, gravity[rule.severity]))
     return [
         FindingGroup(rule, found[: (shown := _shown(rule.code))], max(0, len(found) - shown))
-        for rule in sorted(rules, key=lambda rule: gravity[rule.severity])
+        for rule in sorted(
+            rules, key=lambda rule: (rule.code != Code.MISALIGNED, gravity[rule.severity])
+        )
         for found in [by_code[rule.code]]
     ]

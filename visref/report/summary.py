@@ -96,7 +96,9 @@ class CullerSummary:
     confirmed misses are of a part. `hidden`: what was drawn against its promise. `rounded`:
     rounding to float32 left samples open. `unsteady`: asked again, it answered otherwise.
     `max_undecided`: the share of owned samples that might stay undecided. `ages`: of the misses
-    that lose samples, how many had been in view for so many frames, as far as they have an age."""
+    that lose samples, how many had been in view for so many frames, as far as they have an age.
+    `other_input`: what is said where its recording fits another input, empty where it does not;
+    `misaligned`: nothing is concluded from it then."""
 
     culler: str
     status: Status
@@ -106,6 +108,8 @@ class CullerSummary:
     failed: bool
     unsteady: bool
     max_undecided: float
+    other_input: str
+    misaligned: bool
     rounded: bool
     unit_kind: str
     units: int
@@ -160,6 +164,14 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     broke_down = (Code.CULLER_FAILED, Code.NO_GL)
     facts = run.manifest.cullers[culler]
     policy = run.manifest.policy
+    other_input = next(
+        (
+            f"{f.code}: {f.message}."
+            for f in run.verdict.findings
+            if f.culler == culler and f.code == Code.MISALIGNED
+        ),
+        "",
+    )
     return CullerSummary(
         culler=culler,
         status=Status(verdict.status),
@@ -171,6 +183,9 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
             f.culler == culler and f.code == Code.NOT_DETERMINISTIC for f in run.verdict.findings
         ),
         max_undecided=MAX_UNDECIDED if policy is None else policy.max_undecided,
+        other_input=other_input,
+        misaligned=run.manifest.settings.get("if_misaligned") == "inconclusive"
+        and bool(other_input),
         unit_kind=verdict.unit_kind,
         rounded=any(f.code == Code.VERTICES_ROUNDED for f in run.verdict.findings),
         units=facts.units,

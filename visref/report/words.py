@@ -233,8 +233,11 @@ def why_inconclusive(
     failed: bool,
     unsteady: bool,
     max_undecided: float,
+    misaligned: bool = False,
 ) -> str:
     """Why a verdict says nothing, in a sentence."""
+    if misaligned:
+        return "The recording fits another input (MISALIGNED), so nothing is concluded from it."
     if not frames:
         return "It judged no frame; see the findings."
     if failed:
@@ -255,7 +258,8 @@ def why_inconclusive(
 def culler_sentence(row: CullerSummary) -> str:
     """What was found of one culler, for an engineer who reads nothing else."""
     counts = row.counts
-    parts = []
+    # What is to be mended in the input comes before what was found by it.
+    parts = [row.other_input]
     if row.frames and counts.visible:
         parts += [*_found(row), _cleared(row)]
     if counts.undecided:
@@ -271,6 +275,7 @@ def culler_sentence(row: CullerSummary) -> str:
                 failed=row.failed,
                 unsteady=row.unsteady,
                 max_undecided=row.max_undecided,
+                misaligned=row.misaligned,
             )
         )
     elif row.unsteady:

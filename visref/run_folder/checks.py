@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from visref.camera import ALL_VIEWS
 from visref.errors import InputError
-from visref.findings import fails_run
+from visref.findings import Code, fails_run
 from visref.judging.status import Status, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
@@ -92,7 +92,11 @@ def check_verdict(folder: Path, manifest: Manifest, verdict: RunVerdict) -> None
         if culler not in manifest.cullers:
             problem = f"it judges {quoted(culler)}, which {MANIFEST} does not list"
             raise InputError(problem, source=source, place="cullers", fix=FIX)
-        if bool(said.violations) != (said.status == Status.VIOLATION):
+        excused = said.status == Status.INCONCLUSIVE and any(
+            finding.code == Code.MISALIGNED and finding.culler == culler
+            for finding in verdict.findings
+        )
+        if bool(said.violations) != (said.status == Status.VIOLATION) and not excused:
             problem = f"it is {said.status}, with {said.violations} violations"
             place = f"cullers.{shortened(culler)}.status"
             raise InputError(problem, source=source, place=place, fix=FIX)
