@@ -6,9 +6,9 @@
  *     VISREF_RECORDER_THREAD_SAFE  several threads may fill one frame (pthreads, or Windows' locks);
  *     VISREF_RECORDER_BUFFER       bytes of the file's buffer (65536).
  * Within a frame the calls come in any order. What first goes wrong (a number that is not finite, a name that
- * is no UTF-8, a full disk, a call out of place) is kept, nothing is written after it, and visref_close tells
- * it: no other call needs a check. Memory is taken only while a frame is longer than all before it.
- * `view` is NULL in a frame whose one view has no name. */
+ * is no UTF-8, a full disk, a call out of place) is kept, nothing is written after it but a last line that tells
+ * it, and visref_close tells it: no other call needs a check. Memory is taken only while a frame is longer than all
+ * before it. `view` is NULL in a frame whose one view has no name. */
 #ifndef VISREF_RECORDER_H
 #define VISREF_RECORDER_H
 #include <math.h>
@@ -97,7 +97,7 @@ static pthread_mutex_t visref_lock_ = PTHREAD_MUTEX_INITIALIZER;
 #define VISREF_VIEWS_ 17 /* the frame itself, and sixteen with names */
 typedef struct { char *at; size_t size, room; int given; } visref_text_;
 struct visref_recorder {
-    FILE *file; int number, in_frame, views;
+    FILE *file; int number, in_frame, views, starved;
     visref_text_ parts[VISREF_VIEWS_][VISREF_PARTS_], line; /* a part's items are joined by commas */
     char problem[256], buffer[VISREF_RECORDER_BUFFER];
 };
@@ -111,11 +111,10 @@ static void visref_put_(visref_recorder *r, visref_text_ *t, const char *s, size
     if (t->room - t->size < size) {
         size_t room = 2 * (t->size + size) + 256;
         char *at = (char *)realloc(t->at, room);
-        if (!at) { visref_fail_(r, "out of memory", ""); return; }
+        if (!at) { r->starved = 1, visref_fail_(r, "out of memory", ""); return; }
         t->at = at, t->room = room;
     }
-    if (size) memcpy(t->at + t->size, s, size);
-    t->size += size;
+    if (size) memcpy(t->at + t->size, s, size), t->size += size;
 }
 static size_t visref_utf8_(const unsigned char *s) { /* the bytes of a well-formed character; 0: it is none */
     size_t i, n = s[0] < 0x80 ? 1 : s[0] < 0xC2 ? 0 : s[0] < 0xE0 ? 2 : s[0] < 0xF0 ? 3 : s[0] < 0xF5 ? 4 : 0;
@@ -129,8 +128,9 @@ static void visref_string_(visref_recorder *r, visref_text_ *t, const char *stri
     if (!s) { visref_fail_(r, "a name is NULL", ""); return; }
     visref_put_(r, t, "\"", 1);
     for (char escaped[8]; *s; s += n) {
-        if (!(n = visref_utf8_(s))) { visref_fail_(r, "a name is no UTF-8: ", string); return; }
-        if (*s >= 0x20 && *s != '"' && *s != '\\') visref_put_(r, t, (const char *)s, n);
+        if (!(n = visref_utf8_(s))) visref_fail_(r, "a name is no UTF-8: ", string);
+        if (!n) n = 1, visref_put_(r, t, "\\ufffd", 6); /* as also what tells of it may have such bytes */
+        else if (*s >= 0x20 && *s != '"' && *s != '\\') visref_put_(r, t, (const char *)s, n);
         else visref_put_(r, t, escaped, (size_t)snprintf(escaped, sizeof escaped, "\\u%04x", (unsigned)*s));
     }
     visref_put_(r, t, "\"", 1);
@@ -186,8 +186,7 @@ static void visref_format_(visref_recorder *r, visref_text_ *t, const char *form
 }
 static void visref_say_(visref_recorder *r, const char *format, ...) {
     va_list args;
-    va_start(args, format), visref_format_(r, &r->line, format, args);
-    va_end(args);
+    va_start(args, format), visref_format_(r, &r->line, format, args), va_end(args);
 }
 static void visref_write_(visref_recorder *r) {
     if (!r->problem[0] && fwrite(r->line.at, 1, r->line.size, r->file) != r->line.size)
@@ -197,8 +196,7 @@ static int visref_view_(visref_recorder *r, const char *view) {
     int i = 1;
     visref_text_ *key = r->parts[1];
     if (!view) return 0;
-    r->line.size = 0;
-    visref_say_(r, "%n", view);
+    r->line.size = 0, visref_say_(r, "%n", view);
     for (; i < r->views && (key->size != r->line.size || memcmp(key->at, r->line.at, key->size)); key = r->parts[++i]) {}
     if (i == VISREF_VIEWS_) { visref_fail_(r, "more than 16 views", ""); return 0; }
     if (i == r->views) r->views++, visref_put_(r, key, r->line.at, r->line.size);
@@ -206,8 +204,7 @@ static int visref_view_(visref_recorder *r, const char *view) {
 }
 static void visref_header_(visref_recorder *r) {
     visref_text_ *p = r->parts[0];
-    r->line.size = 0;
-    visref_say_(r, "{\"format\":\"visref-recording\",\"version\":1,%t", &p[VISREF_FIELDS_]);
+    r->line.size = 0, visref_say_(r, "{\"format\":\"visref-recording\",\"version\":1,%t", &p[VISREF_FIELDS_]);
     visref_say_(r, p[VISREF_GROUPS_].size ? ",\"groups\":{%t}}\n" : "}\n", &p[VISREF_GROUPS_]);
     visref_write_(r);
 }
@@ -246,8 +243,7 @@ static void visref_end_(visref_recorder *r) {
     for (k = VISREF_ABSENT_; k <= VISREF_BOUNDS_; k++) visref_say_(r, forms[p[0][k].size ? k - VISREF_NODES_ : 0], &p[0][k]);
     k = (p[0][VISREF_STATS_].size > 0) + 2 * (p[0][VISREF_MS_].size > 0);
     visref_say_(r, forms[k ? 4 + k : 0], &p[0][VISREF_STATS_], &p[0][VISREF_MS_]);
-    visref_say_(r, "}\n");
-    visref_write_(r);
+    visref_say_(r, "}\n"), visref_write_(r);
 }
 
 void visref_add_(visref_recorder *r, const char *view, int part, const char *format, ...) {
@@ -287,6 +283,10 @@ int visref_close(visref_recorder *r, char *problem, size_t size) {
     int i, k;
     if (r && r->number < 0) visref_header_(r);
     else if (r && r->in_frame) visref_fail_(r, "it has no end", "");
+    if (r && r->problem[0] && r->file && !ferror(r->file)) {
+        r->line.size = 0, visref_say_(r, "{\"stopped\":%n}\n", r->problem);
+        if (!r->starved && !fwrite(r->line.at, 1, r->line.size, r->file)) r->starved = 1; /* as well as can be */
+    }
     if (r && r->file && fclose(r->file)) visref_fail_(r, "cannot write: ", strerror(errno));
     if (problem && size) snprintf(problem, size, "%s", r ? r->problem : "out of memory");
     k = !r || r->problem[0];

@@ -3,8 +3,8 @@
 //
 // Within a frame the calls come in any order, and from any thread; what is said before the first frame
 // is said of all. What first goes wrong (a number that is not finite, a name that is no Unicode, a full
-// disk, a call out of place) is kept, nothing is written after it, and Close throws it: rendering goes on
-// undisturbed. `view` is null in a frame whose one view has no name. Cameras: README.md beside this file.
+// disk, a call out of place) is kept, nothing is written after it but a last line that tells it, and Close throws
+// it: rendering goes on undisturbed. `view` is null in a frame whose one view has no name. Cameras: README.md beside this file.
 using System;
 using System.Collections.Generic;
 using System.Globalization;
@@ -33,7 +33,7 @@ public sealed partial class VisrefRecorder : IDisposable
     private readonly StringBuilder absent = new StringBuilder(), line = new StringBuilder();
     private StreamWriter writer;
     private int number = -1;
-    private bool open = true;
+    private bool open = true, full; // full: the file takes no more
 
     public string Problem { get; private set; } // what first went wrong, or null
     public int Width { get; private set; } // pixels
@@ -189,7 +189,7 @@ public sealed partial class VisrefRecorder : IDisposable
     {
         lock (gate)
             if (Problem == null && writer != null)
-                try { writer.Flush(); } catch (IOException error) { Fail("cannot write: " + error.Message); }
+                try { writer.Flush(); } catch (IOException error) { Full(error); }
     }
 
     /// Throws InvalidDataException if anything went wrong.
@@ -199,7 +199,9 @@ public sealed partial class VisrefRecorder : IDisposable
         {
             if (number < 0) WriteHeader();
             else if (open) Fail("it has no end");
-            try { if (writer != null) writer.Dispose(); } catch (IOException error) { Fail("cannot write: " + error.Message); }
+            line.Length = 0;
+            if (Problem != null && !full) { Name(Key(line.Append('{'), "stopped"), Problem); Put(); }
+            try { if (writer != null) writer.Dispose(); } catch (IOException error) { Full(error); }
             writer = null;
             if (Problem != null) throw new InvalidDataException(Problem);
         }
@@ -224,13 +226,13 @@ public sealed partial class VisrefRecorder : IDisposable
 
     private void End(int i) { if (parts[i].Length > 0) Key(line.Append(','), Parts[i]).Append('{').Append(parts[i]).Append('}'); }
 
-    private void Write()
+    private void Write() { if (Problem == null) Put(); }
+    private void Put()
     {
-        line.Append("}\n");
-        if (Problem != null || writer == null) return;
-        try { writer.Write(line.ToString()); } catch (IOException error) { Fail("cannot write: " + error.Message); }
+        try { if (writer != null) writer.Write(line.Append("}\n").ToString()); } catch (IOException error) { Full(error); }
     }
 
+    private void Full(IOException error) { full = true; Fail("cannot write: " + error.Message); }
     private void Fail(string problem) { if (Problem == null) Problem = (number < 0 ? "" : "frame " + number + ": ") + problem; }
 
     // `inFrame`: whether the call belongs into a frame, or before all; null: both.

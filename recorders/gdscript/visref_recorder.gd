@@ -3,9 +3,9 @@ extends RefCounted
 ## Writes what an engine saw and drew as a visref recording, one line per frame, for
 ## `visref check SCENE --recording FILE`. Godot 4; copy this file and visref_text.gd in.
 ##
-## Within a frame the calls come in any order; what is said before the first frame is said of all.
-## What first goes wrong (a number that is not finite, a full disk, a call out of place) is kept,
-## nothing is written after it, and close() returns it. `view` is "" where the view has no name.
+## Within a frame the calls come in any order; what is said before all frames is said of all. What
+## first goes wrong (a number that is not finite, a full disk, a call out of place) is kept, nothing
+## but a last line that tells it is written after it, and close() returns it. `view` may be "".
 
 const FORMS := ["world_from_camera", "camera_from_world", "clip_from_world"]
 
@@ -21,7 +21,7 @@ var _size := Vector2i.ZERO
 # JSON's texts by member, of the frame and of each view in it.
 var _frame := {}
 var _views := {}
-var _sets := {"visible": {}, "visible_nodes": {}}
+var _sets := {}
 var _parts := {}
 var _absent := []
 
@@ -30,9 +30,8 @@ var _absent := []
 func _init(path: String, width: int, height: int) -> void:
 	_path = path
 	_size = Vector2i(width, height)
-	_start({"format": "\"visref-recording\"", "version": "1"})
-	_frame["width"] = str(width)
-	_frame["height"] = str(height)
+	var format := "\"visref-recording\""
+	_start({"format": format, "version": "1", "width": str(width), "height": str(height)})
 	_file = FileAccess.open(path, FileAccess.WRITE)
 	if _file == null:
 		_fail("cannot open the file: error %d" % FileAccess.get_open_error())
@@ -66,10 +65,8 @@ func camera(form: String, matrix: Array, view := "") -> void:
 	if not _may(1):
 		return
 	var fields := _view(view)
-	if not form in FORMS:
-		_fail("a camera cannot be a " + form)
-	if _has_camera(fields):
-		_fail("a second camera")
+	if _has_camera(fields) or not form in FORMS:
+		_fail("a second camera" if form in FORMS else "a camera cannot be a " + form)
 	fields[form] = _matrix(matrix)
 
 
@@ -109,7 +106,8 @@ func visible(drawn: Array, view := "") -> void:
 	if _may(1):
 		var to := _set_of("visible", view)
 		for one in drawn:
-			to.append(str(one) if one is int else _name(str(one)))
+			var named: bool = one is String or one is StringName
+			to.append(_name(str(one)) if named else _whole(one, "visible", "ids"))
 
 
 ## The same by glTF node index.
@@ -117,7 +115,7 @@ func visible_nodes(nodes: Array, view := "") -> void:
 	if _may(1):
 		var to := _set_of("visible_nodes", view)
 		for node in nodes:
-			to.append(str(int(node)))
+			to.append(_whole(node, "visible_nodes", "node indices"))
 
 
 func absent(name: String) -> void:
@@ -134,7 +132,7 @@ func pose(name: String, matrix: Array) -> void:
 
 func level(group_name: String, number: int) -> void:
 	if _may(1):
-		_part("levels", group_name, str(number))
+		_part("levels", group_name, _whole(number, "level", "levels"))
 
 
 ## The box that was tested, in world space: three numbers each.
@@ -146,7 +144,7 @@ func bounds(name: String, least: Array, greatest: Array) -> void:
 
 func stat(name: String, count: int) -> void:
 	if _may(1):
-		_part("stats", name, str(count))
+		_part("stats", name, _whole(count, "stat", "counts"))
 
 
 func stat_ms(phase: String, ms: float) -> void:
@@ -187,10 +185,12 @@ func close() -> String:
 	elif _open:
 		_fail("it has no end")
 	flush()
+	if VisrefText.size_of(_path) != _written:
+		_fail("cannot write: the file has less than %d bytes" % _written)
+	elif problem != "" and _file != null:
+		_file.store_string("{\"stopped\":" + VisrefText.lossy(problem) + "}\n")
+		flush()
 	_file = null
-	var size := VisrefText.size_of(_path)
-	if size != _written:
-		_fail("cannot write: the file has %d of %d bytes" % [size, _written])
 	if problem != "":
 		push_error("VisrefRecorder: " + problem)
 	return problem
@@ -279,6 +279,13 @@ func _real(value: float) -> String:
 	if text == "":
 		_fail("a number is not finite")
 	return text
+
+
+func _whole(value, call_name: String, what: String) -> String:
+	if not (value is int or value is float) or value < 0 or value != int(value):
+		_fail("%s got %s; %s are whole numbers" % [call_name, value, what])
+		return "0"
+	return str(int(value))
 
 
 func _matrix(matrix: Array) -> String:

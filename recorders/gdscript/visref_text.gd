@@ -56,6 +56,14 @@ static func string(value: String) -> String:
 	return text + "\""
 
 
+## A JSON string, with U+FFFD for what is no character.
+static func lossy(value: String) -> String:
+	var text := ""
+	for i in value.length():
+		text += value[i] if string(value[i]) != "" else char(0xFFFD)
+	return string(text)
+
+
 ## A JSON number of at most 17 digits that reads back as the same number; "" where it is not finite.
 ## Godot's own printing may give too few digits, so this takes the number's bits: it is mantissa *
 ## 2^exponent, and 2^-n is 5^n / 10^n.

@@ -22,6 +22,16 @@ export interface BabylonCamera {
   maxZ: number;
 }
 
+/** What three.js's GLTFLoader gives. */
+export interface ThreeGltf {
+  parser: { associations: { get(object: any): { nodes?: number } | undefined } };
+}
+
+/** The glTF node of an object of three.js, for `visibleNodes`; undefined: it is of no file. */
+export function threeNode(gltf: ThreeGltf, object: unknown): number | undefined;
+/** The glTF node's name of a mesh of Babylon.js, for `visible`. */
+export function babylonName(mesh: { name: string; parent?: { name: string } | null }): string;
+
 export class Recorder {
   /** `file`: a path in node; null keeps the text for `close` or `download`. Sizes are in pixels. */
   constructor(file: string | null | undefined, width: number, height: number);
@@ -45,7 +55,7 @@ export class Recorder {
   /** Ids and names, of objects or groups; [] says that nothing was drawn. */
   visible(drawn: Iterable<number | string>, view?: View): void;
   /** The same by glTF node index. */
-  visibleNodes(nodes: Iterable<number>, view?: View): void;
+  visibleNodes(nodes: Iterable<number | undefined>, view?: View): void;
   absent(name: string): void;
   /** world_from_object of an object, or what moves a whole group. */
   pose(name: string, order: Order, matrix: ArrayLike<number>): void;

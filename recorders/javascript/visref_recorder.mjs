@@ -1,3 +1,3 @@
 import "./visref_recorder.js";
 
-export const { Recorder, RecordingError } = globalThis.visref;
+export const { Recorder, RecordingError, threeNode, babylonName } = globalThis.visref;

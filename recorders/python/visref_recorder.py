@@ -3,7 +3,8 @@
 
 Within a frame the calls come in any order; what is said before the first frame is said of all. What
 first goes wrong (a number that is not finite, a name that is no Unicode, a full disk, a call out of
-place) is kept, nothing is written after it, and `close` raises it: rendering goes on undisturbed.
+place) is kept, nothing is written after it but a last line that tells it, and `close` raises it:
+rendering goes on undisturbed.
 `view` is None in a frame whose one view has no name. Cameras: README.md beside this file.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from operator import index
 from typing import Any, Optional, Union
 
@@ -33,6 +35,7 @@ class Recorder:
         self.problem: Optional[str] = None
         self._number = -1
         self._open = True
+        self._full = False  # the file takes no more
         self._header: dict[str, Any] = {"format": "visref-recording", "version": 1}
         self._start({"width": int(width), "height": int(height)})
         try:
@@ -49,8 +52,11 @@ class Recorder:
     def __exit__(self, kind: Any, *_: Any) -> None:
         if kind is None:
             self.close()
-        elif self._file is not None:  # the engine's own exception is the one to see
-            self._file.close()
+            return
+        if issubclass(kind, Exception):  # not SystemExit, with which some engines end
+            self._fail(f"the program raised {kind.__name__}")
+        with suppress(RecordingError):  # the program's own exception is the one to see
+            self.close()
 
     def begin_frame(self, number: int) -> None:
         """`number`: ascending; gaps are allowed."""
@@ -106,13 +112,15 @@ class Recorder:
     def visible(self, drawn: Iterable[Union[int, str]], view: Optional[str] = None) -> None:
         """Ids and names, of objects or groups; `()` says that nothing was drawn."""
         if self._may(in_frame=True):
-            names = (x if isinstance(x, str) else index(x) for x in drawn)
+            whole = self._whole
+            names = [x if isinstance(x, str) else whole(x, "visible", "ids") for x in drawn]
             self._of_view("visible", view).extend(names)
 
     def visible_nodes(self, nodes: Iterable[int], view: Optional[str] = None) -> None:
         """The same by glTF node index."""
         if self._may(in_frame=True):
-            self._of_view("visible_nodes", view).extend(map(index, nodes))
+            numbers = [self._whole(x, "visible_nodes", "node indices") for x in nodes]
+            self._of_view("visible_nodes", view).extend(numbers)
 
     def absent(self, name: str) -> None:
         if self._may(in_frame=True):
@@ -123,14 +131,14 @@ class Recorder:
         self._part("world_from_object", name, lambda: self._matrix(matrix, column_major))
 
     def level(self, group: str, level: int) -> None:
-        self._part("levels", group, lambda: int(level))
+        self._part("levels", group, lambda: self._whole(level, "level", "levels"))
 
     def bounds(self, name: str, least: Sequence[float], greatest: Sequence[float]) -> None:
         """The box that was tested, in world space."""
         self._part("bounds", name, lambda: [[self._real(x) for x in p] for p in (least, greatest)])
 
     def stat(self, name: str, count: int) -> None:
-        self._part("stats", name, lambda: int(count))
+        self._part("stats", name, lambda: self._whole(count, "stat", "counts"))
 
     def stat_ms(self, phase: str, ms: float) -> None:
         if self._may(in_frame=True):
@@ -159,6 +167,7 @@ class Recorder:
             try:
                 self._file.flush()
             except OSError as error:
+                self._full = True
                 self._fail(f"cannot write: {error.strerror}")
 
     def close(self) -> None:
@@ -168,6 +177,8 @@ class Recorder:
         elif self._open:
             self._fail("it has no end")
         if self._file is not None:
+            with suppress(OSError):
+                self._write_stopped()
             try:
                 self._file.close()
             except OSError as error:
@@ -208,6 +219,15 @@ class Recorder:
             self._fail("a number is not finite")
         return real
 
+    def _whole(self, value: Any, call: str, what: str) -> int:
+        try:
+            whole = index(value)
+        except TypeError:
+            whole = -1
+        if whole < 0:
+            self._fail(f"{call} got {value!r}; {what} are whole numbers")
+        return whole
+
     def _matrix(self, matrix: Matrix, column_major: bool) -> list[list[float]]:
         flat: list[float] = []
         for row in matrix:
@@ -226,7 +246,15 @@ class Recorder:
         except UnicodeEncodeError:
             self._fail("a name is no Unicode")
         except OSError as error:
+            self._full = True
             self._fail(f"cannot write: {error.strerror}")
+
+    def _write_stopped(self) -> None:
+        """The last line of a recording that ends too early, unless the file takes no more."""
+        if self.problem is None or self._full or self._file.closed:
+            return
+        told = self.problem.encode("utf-8", "replace").decode("utf-8")
+        self._file.write(json.dumps({"stopped": told}, ensure_ascii=False) + "\n")
 
     def _fail(self, problem: str) -> None:
         if self.problem is None:

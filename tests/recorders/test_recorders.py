@@ -139,8 +139,10 @@ def test_what_goes_wrong_is_told_at_the_end_and_nothing_is_written_after_it(lang
     assert len(told) == len(WRONG)
     for (what, calls, expected), recording, one in zip(WRONG, recordings, told, strict=True):
         assert one.startswith(f"problem: {expected}"), what
-        frames = [line["frame"] for line in strict_lines(recording.file.read_bytes())[1:]]
+        lines = strict_lines(recording.file.read_bytes())
+        frames = [line["frame"] for line in lines[1:-1]]
         assert frames == ([0, 4] if ("end_frame",) in calls else [0]), what
+        assert lines[-1] == {"stopped": one.removeprefix("problem: ")}, what
 
 
 @each()
@@ -158,7 +160,13 @@ def test_a_frame_without_an_end_a_frame_s_call_before_all_and_a_missing_folder_a
     assert told[:2] == ["problem: frame 1: it has no end", "problem: a call out of place"]
     assert told[2].startswith("problem: cannot open the file: ")
     assert told[3:] == ["ok", "problem: a call out of place"]
-    assert [line["frame"] for line in strict_lines((tmp_path / "a.jsonl").read_bytes())[1:]] == [0]
+    (_, frame, stopped) = strict_lines((tmp_path / "a.jsonl").read_bytes())
+    assert frame["frame"] == 0
+    assert stopped == {"stopped": "frame 1: it has no end"}
+    for name in "be":
+        assert strict_lines((tmp_path / f"{name}.jsonl").read_bytes()) == [
+            {"stopped": "a call out of place"}
+        ]
     assert strict_lines((tmp_path / "d.jsonl").read_bytes()) == expected_lines([], 64, 48)
 
 

@@ -3,9 +3,9 @@
 //!
 //! Within a frame the calls come in any order; what is said before the first frame is said of all.
 //! What first goes wrong (a number that is not finite, a full disk, a call out of place) is kept,
-//! nothing is written after it, and `close` returns it: no other call needs a check. `view` is `None`
-//! in a frame whose one view has no name. Several threads share a `Mutex<Recorder>`. Cameras:
-//! README.md.
+//! nothing is written after it but a last line that tells it, and `close` returns it: no other call
+//! needs a check. `view` is `None` in a frame whose one view has no name. Several threads share a
+//! `Mutex<Recorder>`. Cameras: README.md.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -80,6 +80,7 @@ const PARTS: [&str; 6] = [
 pub struct Recorder {
     file: Option<BufWriter<File>>,
     problem: Option<String>,
+    full: bool,
     frame: Option<u32>,
     open: bool,
     views: Vec<View>,
@@ -93,6 +94,7 @@ impl Recorder {
         let mut recorder = Recorder {
             file: None,
             problem: None,
+            full: false,
             frame: None,
             open: true,
             views: vec![View::default()],
@@ -258,6 +260,7 @@ impl Recorder {
         if let (None, Some(file)) = (&self.problem, &mut self.file) {
             if let Err(error) = file.flush() {
                 self.fail(&format!("cannot write: {error}"));
+                self.full = true;
             }
         }
     }
@@ -270,6 +273,7 @@ impl Recorder {
             _ => {}
         }
         self.flush();
+        self.write_stopped();
         self.problem.map_or(Ok(()), Err)
     }
 }

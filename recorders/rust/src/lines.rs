@@ -1,6 +1,6 @@
 //! How a frame becomes a line.
 
-use crate::json::key;
+use crate::json::{key, string};
 use crate::{Order, Real, Recorder, View, PARTS};
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -92,7 +92,18 @@ impl Recorder {
         if let (None, Some(file)) = (&self.problem, &mut self.file) {
             if let Err(error) = file.write_all(line.as_bytes()).and(file.write_all(b"}\n")) {
                 self.fail(&format!("cannot write: {error}"));
+                self.full = true;
             }
+        }
+    }
+
+    /// The last line of a recording that ends too early, unless the file takes no more; as well as
+    /// can be, for `close` returns the problem anyway.
+    pub(crate) fn write_stopped(&mut self) {
+        if let (Some(problem), Some(file), false) = (&self.problem, &mut self.file, self.full) {
+            let mut line = String::new();
+            string(key(&mut line, "stopped"), problem);
+            let _ = writeln!(file, "{{{line}}}").and(file.flush());
         }
     }
 

@@ -69,6 +69,7 @@ IN_GODOT_3 = (
     ("Camera3D", "Camera"),
     ("Transform3D", "Transform"),
     ("Vector2i", "Vector2"),
+    (" or one is StringName", ""),
     (".is_empty()", ".empty()"),
     (".unicode_at(", ".ord_at("),
     ("deg_to_rad(", "deg2rad("),
