@@ -23,6 +23,7 @@ from tests.recorders.conventions import (
     lens_matrix,
     look_at_lh,
     negated,
+    orthographic,
     projection,
     seen,
     y_down,
@@ -32,16 +33,18 @@ from tests.recorders.languages.godot import godot_project, run_godot
 
 # JavaScript
 
+RECORDER = json.dumps(str(RECORDERS / "javascript" / "visref_recorder.js"))
 JS_MAIN = """const { Recorder } = require(%s);
-const r = new Recorder("js.jsonl", 64, 48);
+const r = new Recorder("js.jsonl", %d, %d);
 %s
 r.close();
 """
 
 
-def javascript(tmp_path: Path, lines: Sequence[str]) -> list[dict]:
-    recorder = json.dumps(str(RECORDERS / "javascript" / "visref_recorder.js"))
-    (tmp_path / "main.cjs").write_text(JS_MAIN % (recorder, "\n".join(lines)))
+def javascript(
+    tmp_path: Path, lines: Sequence[str], width: int = 64, height: int = 48
+) -> list[dict]:
+    (tmp_path / "main.cjs").write_text(JS_MAIN % (RECORDER, width, height, "\n".join(lines)))
     subprocess.run(["node", "main.cjs"], cwd=tmp_path, check=True)
     return strict_lines((tmp_path / "js.jsonl").read_bytes())[1:]
 
@@ -68,17 +71,78 @@ def test_javascript_takes_three_js_cameras_as_they_are(tmp_path):
         assert (line["near"], line["far"]) == (0.1, 100)
 
 
-@pytest.mark.needs("node")
-def test_javascript_refuses_a_camera_whose_aspect_is_not_the_view_s(tmp_path):
-    camera = {
+def three_camera(projected: np.ndarray) -> str:
+    return json.dumps({
         "matrixWorld": {"elements": list(np.eye(4).flat)},
-        "projectionMatrix": {"elements": list(projection(48, 48, 0.9, (0, 0)).T.flat)},
+        "projectionMatrix": {"elements": list(projected.T.flat)},
         "near": 0.1,
         "far": 100,
-    }
-    lines = [f"r.beginFrame(0); r.threeCamera({json.dumps(camera)}); r.endFrame();"]
-    with pytest.raises(subprocess.CalledProcessError):
-        javascript(tmp_path, lines)
+    })  # fmt: skip
+
+
+def of_aspect(aspect: float, lens: str, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """A projection of this aspect, whatever its size in pixels, with its window moved by such parts
+    of its height."""
+    made = projection if lens == "yfov" else orthographic
+    return made(aspect, 1.0, 0.9 if lens == "yfov" else 2.5, shift)  # type: ignore[arg-type]
+
+
+@pytest.mark.needs("node")
+def test_javascript_tells_an_aspect_that_is_not_the_view_s(tmp_path):
+    """By hand, of 1707 by 821: a size that is a pixel off both ways, 1706 by 822, has the aspect
+    2.07543, and 1708 by 820 has 2.08293."""
+    for aspect, told in (
+        (1.0, "1"),
+        (2.07915 - 0.01, "2.06915"),
+        (1706 / 822 - 1e-5, "2.07542"),
+        (1708 / 820 + 1e-5, "2.08294"),
+    ):
+        camera = three_camera(of_aspect(aspect, "yfov"))
+        (tmp_path / "main.cjs").write_text(
+            f"const {{ Recorder }} = require({RECORDER});"
+            f"const r = new Recorder(null, 1707, 821); r.beginFrame(0); r.threeCamera({camera});"
+            "try { r.close(); } catch (e) { console.log(e.message); }"
+        )
+        done = subprocess.run(
+            ["node", "main.cjs"], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        assert done.stdout == (
+            f"frame 0: the camera's aspect is {told}, but the view is 1707x821 (2.07917): "
+            "set camera.aspect = canvas.width / canvas.height before rendering, or give Recorder "
+            "the size that the aspect was made of\n"
+        )
+
+
+# Of 1366 by 657 at 1.25 device pixels, a canvas has 1707 by 821; and the farthest roundings.
+ROUNDED = (1366 / 657, 1707 / 821, 1707.5 / 821.25, 1706 / 822 + 1e-12, 1708 / 820 - 1e-12)
+
+
+@pytest.mark.needs("node")
+@pytest.mark.parametrize("lens", ["yfov", "ymag"])
+def test_a_rounded_aspect_is_recorded_within_what_the_camera_saw(lens, tmp_path):
+    """Both ways no edge of the recorded view lies beyond the camera's, in one direction they agree,
+    and the other differs by (aspect + 1) / 2 pixels at most."""
+    width, height, shift = 1707, 821, (0.125, -0.25)
+    cameras = [three_camera(of_aspect(aspect, lens, shift)) for aspect in ROUNDED]
+    lines = [
+        f"r.beginFrame({number}); r.threeCamera({camera}); r.endFrame();"
+        for number, camera in enumerate(cameras)
+    ]
+    for line, aspect in zip(javascript(tmp_path, lines, width, height), ROUNDED, strict=True):
+        half = math.tan(line[lens] / 2) if lens == "yfov" else line[lens]
+        its = math.tan(0.9 / 2) if lens == "yfov" else 2.5
+        per_pixel = 2 * half / height
+        centre = np.array([line["shift_x_px"], line["shift_y_px"]]) * per_pixel
+        recorded = np.array([half * width / height, half])
+        seen_by_it = np.array([its * aspect, its])
+        # Of the same centre, so that it is within where it is no larger; some 20 roundings, and in
+        # pixels of 821, or 1707, as many of 2e-13 each.
+        assert np.allclose(centre, np.array(shift) * 2 * its, rtol=1e-14)
+        assert (recorded <= seen_by_it * (1 + 1e-14)).all()
+        lost = np.sort((seen_by_it - recorded) / per_pixel)
+        assert abs(lost[0]) < 1e-9
+        assert lost[1] <= (aspect + 1) / 2 + 1e-9
+        assert (lost[1] > 1e-3) == (aspect != width / height)
 
 
 @pytest.mark.needs("node")

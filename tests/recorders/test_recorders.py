@@ -145,6 +145,29 @@ def test_what_goes_wrong_is_told_at_the_end_and_nothing_is_written_after_it(lang
         assert lines[-1] == {"stopped": one.removeprefix("problem: ")}, what
 
 
+# What is no whole number, and how it is told; the calls' names are those of the language.
+NOT_WHOLE: tuple[tuple[Call, str], ...] = (
+    (("visible_ids", [1.5], None), "frame 4: visible got 1.5; ids are whole numbers"),
+    (("visible_ids", [-1], None), "frame 4: visible got -1; ids are whole numbers"),
+    (("visible_nodes", [1, 2.5], None), "frame 4: {} got 2.5; node indices are whole numbers"),
+    (("level", "a", -1), "frame 4: level got -1; levels are whole numbers"),
+    (("stat", "queries", -7), "frame 4: stat got -7; counts are whole numbers"),
+)
+
+
+@each("javascript", "python", "gdscript")
+def test_numbers_that_are_not_whole_are_told_with_the_call_that_got_them(language, tmp_path):
+    recordings = [
+        Recording(
+            tmp_path / f"{number}.jsonl", [*FRAME, ("begin_frame", 4), CAMERA, call, ("end_frame",)]
+        )
+        for number, (call, _) in enumerate(NOT_WHOLE)
+    ]
+    told = language.run(recordings, tmp_path / "program")
+    nodes = "visibleNodes" if language.name == "javascript" else "visible_nodes"
+    assert told == [f"problem: {text.format(nodes)}" for _, text in NOT_WHOLE]
+
+
 @each()
 def test_a_frame_without_an_end_a_frame_s_call_before_all_and_a_missing_folder_are_told(
     language, tmp_path
