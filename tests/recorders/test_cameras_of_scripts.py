@@ -177,6 +177,37 @@ def test_javascript_takes_babylon_js_cameras_as_they_are(right_handed, tmp_path)
         assert (line["near"], line["far"]) == (0.1, None)
 
 
+@pytest.mark.needs("node")
+def test_a_path_flown_in_left_handed_babylon_js_as_documented_is_recorded_as_it_was(tmp_path):
+    """Of any roll. Babylon.js looks from a position at a target as Direct3D's LookAtLH does."""
+    lines, flown = [], []
+    clip = lens_matrix(*LENSES[0]) @ np.diag([1, 1, -1, 1])
+    for number, (pitch, yaw, eye) in enumerate(POSES):
+        right, up, forward = y_down(eye, pitch, yaw)[1]
+        roll = 0.7 * number
+        m = np.eye(4)
+        m[:3, 0] = math.cos(roll) * right + math.sin(roll) * up
+        m[:3, 1] = math.cos(roll) * up - math.sin(roll) * right
+        m[:3, 2], m[:3, 3] = -forward, eye
+        flown.append(m)
+        # As docs/recorders.md says.
+        up, back, eye = (m[:3, i] * (-1, 1, 1) for i in (1, 2, 3))
+        target = eye - back
+        z = (target - eye) / np.linalg.norm(target - eye)
+        x = np.cross(up, z) / np.linalg.norm(np.cross(up, z))
+        view = np.eye(4)
+        view[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+        view[3, :3] = -eye @ view[:3, :3]
+        made = (
+            "{ getScene: () => ({}), minZ: 0.1, maxZ: 9,"
+            f" getViewMatrix: () => ({{ m: {json.dumps(list(view.flat))} }}),"
+            f" getProjectionMatrix: () => ({{ m: {json.dumps(list(clip.T.flat))} }}) }}"
+        )
+        lines.append(f"r.beginFrame({number}); r.babylonCamera({made}); r.endFrame();")
+    for line, m in zip(javascript(tmp_path, lines), flown, strict=True):
+        assert np.allclose(np.array(line["camera_from_world"]) @ m, np.eye(4), **CLOSE)
+
+
 # Godot
 
 GODOT_MAIN = """extends SceneTree
