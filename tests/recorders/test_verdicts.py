@@ -228,6 +228,24 @@ def test_recording_of_an_engine_that_was_killed_is_judged_up_to_its_last_whole_l
     assert ("not whole" in told) == (not text.endswith(b"\n"))
 
 
+# A frame that gets no camera, behind good ones.
+OF_STOPPED = Recordings(
+    Recording("stopped.jsonl", [*calls_of_an_engine(), ("begin_frame", 77), ("end_frame",)])
+)
+
+
+@each()
+def test_recording_that_a_recorder_gave_up_is_judged_up_to_there_and_the_verdict_says_why(
+    language: Language, scene, tmp_path, capsys
+):
+    assert OF_STOPPED.run(language, tmp_path) == ["problem: frame 77: no camera"]
+    file = tmp_path / "stopped.jsonl"
+    assert_valid(file)
+    status, verdict, told = judged(scene, file, capsys)
+    assert (status, verdict["frames"]) == (0, 4), told
+    assert "frame 77: no camera" in told
+
+
 def opengl(frame: int) -> np.ndarray:
     """clip_from_world of the engine's camera, as gluPerspective and a translation make it."""
     near, far, f = 0.1, 100.0, 1 / math.tan(0.45)
