@@ -43,7 +43,8 @@ def run(made: Path, **environment: str) -> str:
 @pytest.mark.parametrize("option", ["", "THREAD_SAFE", "OFF"])
 @pytest.mark.parametrize("standard", ["c99", "c11", "c++11", "c++20"])
 def test_the_header_compiles_without_a_warning(standard, option, tmp_path):
-    """Included twice, as headers are."""
+    """Included twice, as headers are. Optimised in one standard of each language: what gcc finds by
+    following values is the same in all."""
     source = (
         (RECORDERS / "c" / "example.c")
         .read_text("utf-8")
@@ -52,7 +53,9 @@ def test_the_header_compiles_without_a_warning(standard, option, tmp_path):
             '#include "visref_recorder.h"\n#include "visref_cameras.h"\n#include <stdio.h>',
         )
     )
-    flags = [f"-std={standard}", "-O2", *MORE[: 2 if "+" in standard else 4]]
+    following = standard in ("c99", "c++20") and option != "OFF"
+    flags = ["-O2"] if following else ["-fsyntax-only"]
+    flags += [f"-std={standard}", *MORE[: 2 if "+" in standard else 4]]
     flags += [f"-DVISREF_RECORDER_{option}"] if option else []
     if "+" in standard:
         if shutil.which("g++") is None:

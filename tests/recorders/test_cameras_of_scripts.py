@@ -91,26 +91,30 @@ def of_aspect(aspect: float, lens: str, shift: tuple[float, float] = (0.0, 0.0))
 def test_javascript_tells_an_aspect_that_is_not_the_view_s(tmp_path):
     """By hand, of 1707 by 821: a size that is a pixel off both ways, 1706 by 822, has the aspect
     2.07543, and 1708 by 820 has 2.08293."""
-    for aspect, told in (
-        (1.0, "1"),
-        (2.07915 - 0.01, "2.06915"),
-        (1706 / 822 - 1e-5, "2.07542"),
-        (1708 / 820 + 1e-5, "2.08294"),
-    ):
+    wrong = {
+        1.0: "1",
+        2.06915: "2.06915",
+        1706 / 822 - 1e-5: "2.07542",
+        1708 / 820 + 1e-5: "2.08294",
+    }
+    program = f"const {{ Recorder }} = require({RECORDER});"
+    for aspect in wrong:
         camera = three_camera(of_aspect(aspect, "yfov"))
-        (tmp_path / "main.cjs").write_text(
-            f"const {{ Recorder }} = require({RECORDER});"
-            f"const r = new Recorder(null, 1707, 821); r.beginFrame(0); r.threeCamera({camera});"
-            "try { r.close(); } catch (e) { console.log(e.message); }"
+        program += (
+            "{ const r = new Recorder(null, 1707, 821); r.beginFrame(0);"
+            f"r.threeCamera({camera});"
+            "try { r.close(); } catch (e) { console.log(e.message); } }"
         )
-        done = subprocess.run(
-            ["node", "main.cjs"], cwd=tmp_path, capture_output=True, text=True, check=True
-        )
-        assert done.stdout == (
-            f"frame 0: the camera's aspect is {told}, but the view is 1707x821 (2.07917): "
-            "set camera.aspect = canvas.width / canvas.height before rendering, or give Recorder "
-            "the size that the aspect was made of\n"
-        )
+    (tmp_path / "main.cjs").write_text(program)
+    done = subprocess.run(
+        ["node", "main.cjs"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [
+        f"frame 0: the camera's aspect is {told}, but the view is 1707x821 (2.07917): "
+        "set camera.aspect = canvas.width / canvas.height before rendering, or give Recorder "
+        "the size that the aspect was made of"
+        for told in wrong.values()
+    ]
 
 
 # Of 1366 by 657 at 1.25 device pixels, a canvas has 1707 by 821; and the farthest roundings.
@@ -175,6 +179,37 @@ def test_javascript_takes_babylon_js_cameras_as_they_are(right_handed, tmp_path)
         assert np.allclose(seen(line, POINTS), from_axes(world, eye, *axes), **CLOSE)
         check_lens(line, *lens, tolerance=1e-13)
         assert (line["near"], line["far"]) == (0.1, None)
+
+
+@pytest.mark.needs("node")
+def test_a_path_flown_in_left_handed_babylon_js_as_documented_is_recorded_as_it_was(tmp_path):
+    """Of any roll. Babylon.js looks from a position at a target as Direct3D's LookAtLH does."""
+    lines, flown = [], []
+    clip = lens_matrix(*LENSES[0]) @ np.diag([1, 1, -1, 1])
+    for number, (pitch, yaw, eye) in enumerate(POSES):
+        right, up, forward = y_down(eye, pitch, yaw)[1]
+        roll = 0.7 * number
+        m = np.eye(4)
+        m[:3, 0] = math.cos(roll) * right + math.sin(roll) * up
+        m[:3, 1] = math.cos(roll) * up - math.sin(roll) * right
+        m[:3, 2], m[:3, 3] = -forward, eye
+        flown.append(m)
+        # As docs/recorders.md says.
+        up, back, eye = (m[:3, i] * (-1, 1, 1) for i in (1, 2, 3))
+        target = eye - back
+        z = (target - eye) / np.linalg.norm(target - eye)
+        x = np.cross(up, z) / np.linalg.norm(np.cross(up, z))
+        view = np.eye(4)
+        view[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+        view[3, :3] = -eye @ view[:3, :3]
+        made = (
+            "{ getScene: () => ({}), minZ: 0.1, maxZ: 9,"
+            f" getViewMatrix: () => ({{ m: {json.dumps(list(view.flat))} }}),"
+            f" getProjectionMatrix: () => ({{ m: {json.dumps(list(clip.T.flat))} }}) }}"
+        )
+        lines.append(f"r.beginFrame({number}); r.babylonCamera({made}); r.endFrame();")
+    for line, m in zip(javascript(tmp_path, lines), flown, strict=True):
+        assert np.allclose(np.array(line["camera_from_world"]) @ m, np.eye(4), **CLOSE)
 
 
 # Godot

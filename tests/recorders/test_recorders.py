@@ -19,26 +19,28 @@ from tests.recorders.calls import (
     strict_lines,
 )
 from tests.recorders.languages import each
-from tests.recorders.languages.base import RECORDERS, Language, Recording
+from tests.recorders.languages.base import RECORDERS, Recording, Recordings
 from tests.recorders.languages.rust import build_rust
 
 CAMERA: Call = ("camera", "world_from_camera", "row_major", list(EYE), None)
 FRAME: tuple[Call, ...] = (("begin_frame", 0), CAMERA, ("visible_ids", [3], None), ("end_frame",))
 
 
+AWKWARD = awkward_calls(seed=16, frames=25)
+OF_AWKWARD = Recordings(Recording("awkward.jsonl", AWKWARD))
+
+
 @each()
 def test_awkward_names_and_numbers_are_read_back_exactly(language, tmp_path):
     """All recorders make the same calls, so their files hold equal values."""
-    calls = awkward_calls(seed=16, frames=25)
-    file = tmp_path / "recording.jsonl"
-    assert language.run([Recording(file, calls)], tmp_path / "program") == ["ok"]
-    lines = strict_lines(file.read_bytes())
-    assert exactly(lines) == exactly(expected_lines(calls, 64, 48))
+    assert OF_AWKWARD.run(language, tmp_path) == ["ok"]
+    lines = strict_lines((tmp_path / "awkward.jsonl").read_bytes())
+    assert exactly(lines) == exactly(expected_lines(AWKWARD, 64, 48))
     assert len(lines) == 26
 
 
 def test_the_awkward_calls_hold_what_they_are_for():
-    calls = awkward_calls(seed=16, frames=25)
+    calls = AWKWARD
     text = repr(calls)
     for one in (
         "1e-308",
@@ -118,28 +120,23 @@ WRONG: tuple[tuple[str, Sequence[Call], str], ...] = (
 )
 
 
+AFTER: tuple[Call, ...] = (("end_frame",), ("begin_frame", 9), CAMERA, ("end_frame",))
+OF_WRONG = Recordings(
+    *(
+        Recording(f"wrong {number}.jsonl", [*FRAME, ("begin_frame", 4), *calls, *AFTER])
+        for number, (_, calls, _) in enumerate(WRONG)
+    )
+)
+
+
 @each()
 def test_what_goes_wrong_is_told_at_the_end_and_nothing_is_written_after_it(language, tmp_path):
-    recordings = [
-        Recording(
-            tmp_path / f"{number}.jsonl",
-            [
-                *FRAME,
-                ("begin_frame", 4),
-                *calls,
-                ("end_frame",),
-                ("begin_frame", 9),
-                CAMERA,
-                ("end_frame",),
-            ],
-        )
-        for number, (_, calls, _) in enumerate(WRONG)
-    ]
-    told = language.run(recordings, tmp_path / "program")
+    """Told by closing, and by the file's last line."""
+    told = OF_WRONG.run(language, tmp_path)
     assert len(told) == len(WRONG)
-    for (what, calls, expected), recording, one in zip(WRONG, recordings, told, strict=True):
+    for number, ((what, calls, expected), one) in enumerate(zip(WRONG, told, strict=True)):
         assert one.startswith(f"problem: {expected}"), what
-        lines = strict_lines(recording.file.read_bytes())
+        lines = strict_lines((tmp_path / f"wrong {number}.jsonl").read_bytes())
         frames = [line["frame"] for line in lines[1:-1]]
         assert frames == ([0, 4] if ("end_frame",) in calls else [0]), what
         assert lines[-1] == {"stopped": one.removeprefix("problem: ")}, what
@@ -155,31 +152,39 @@ NOT_WHOLE: tuple[tuple[Call, str], ...] = (
 )
 
 
-@each("javascript", "python", "gdscript")
-def test_numbers_that_are_not_whole_are_told_with_the_call_that_got_them(language, tmp_path):
-    recordings = [
+SCRIPTS = ("javascript", "python", "gdscript")
+OF_NOT_WHOLE = Recordings(
+    *(
         Recording(
-            tmp_path / f"{number}.jsonl", [*FRAME, ("begin_frame", 4), CAMERA, call, ("end_frame",)]
+            f"whole {number}.jsonl", [*FRAME, ("begin_frame", 4), CAMERA, call, ("end_frame",)]
         )
         for number, (call, _) in enumerate(NOT_WHOLE)
-    ]
-    told = language.run(recordings, tmp_path / "program")
+    ),
+    languages=SCRIPTS,
+)
+
+
+@each(*SCRIPTS)
+def test_numbers_that_are_not_whole_are_told_with_the_call_that_got_them(language, tmp_path):
     nodes = "visibleNodes" if language.name == "javascript" else "visible_nodes"
-    assert told == [f"problem: {text.format(nodes)}" for _, text in NOT_WHOLE]
+    expected = [f"problem: {text.format(nodes)}" for _, text in NOT_WHOLE]
+    assert OF_NOT_WHOLE.run(language, tmp_path) == expected
+
+
+OF_PLACES = Recordings(
+    Recording("a.jsonl", [*FRAME, ("begin_frame", 1), CAMERA]),
+    Recording("b.jsonl", [("visible_ids", [1], None), *FRAME]),
+    Recording("nowhere/c.jsonl", FRAME),
+    Recording("d.jsonl", []),
+    Recording("e.jsonl", [CAMERA, *FRAME]),
+)
 
 
 @each()
 def test_a_frame_without_an_end_a_frame_s_call_before_all_and_a_missing_folder_are_told(
     language, tmp_path
 ):
-    recordings = [
-        Recording(tmp_path / "a.jsonl", [*FRAME, ("begin_frame", 1), CAMERA]),
-        Recording(tmp_path / "b.jsonl", [("visible_ids", [1], None), *FRAME]),
-        Recording(tmp_path / "nowhere" / "c.jsonl", FRAME),
-        Recording(tmp_path / "d.jsonl", []),
-        Recording(tmp_path / "e.jsonl", [CAMERA, *FRAME]),
-    ]
-    told = language.run(recordings, tmp_path / "program")
+    told = OF_PLACES.run(language, tmp_path)
     assert told[:2] == ["problem: frame 1: it has no end", "problem: a call out of place"]
     assert told[2].startswith("problem: cannot open the file: ")
     assert told[3:] == ["ok", "problem: a call out of place"]
@@ -197,59 +202,65 @@ def test_a_frame_without_an_end_a_frame_s_call_before_all_and_a_missing_folder_a
 FULL = ("bash", "-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "bash")
 
 
+# More than any recorder's buffer of 64 KiB.
+LONG: list[Call] = []
+for _frame in range(24):
+    LONG += [("begin_frame", _frame), CAMERA, ("visible_names", ["a" * 3000], None)]
+    LONG += [("end_frame",)]
+OF_LONG = Recordings(Recording("long.jsonl", LONG))
+
+
 @each()
 def test_a_disk_that_is_full_is_told(language, tmp_path):
-    # More than any recorder's buffer.
-    calls: list[Call] = []
-    for frame in range(40):
-        calls += [("begin_frame", frame), CAMERA, ("visible_names", ["a" * 3000], None)]
-        calls += [("end_frame",)]
-    file = tmp_path / "recording.jsonl"
-    small = [Recording(file, calls)]
-    (told,) = run_in_little_space(language, small, tmp_path / "program")
+    (told,) = OF_LONG.run(language, tmp_path, prefix=FULL)
     assert told.startswith("problem: ")
     assert "cannot write: " in told
+    file = tmp_path / "long.jsonl"
     assert file.stat().st_size == 4096
-    assert language.run(small, tmp_path / "program") == ["ok"]
+    assert OF_LONG.run(language, tmp_path) == ["ok"]
+    assert strict_lines(file.read_bytes()) == expected_lines(LONG, 64, 48)
 
 
-def run_in_little_space(language: Language, recordings: list[Recording], folder) -> list[str]:
-    """The program is built with room enough."""
-    folder.mkdir()
-    command = language.build(recordings, folder)
-    built = Language(language.name, language.needs, lambda *_: command)
-    return built.run(recordings, folder, prefix=FULL)
+CRASHED: list[Call] = []
+for _frame in range(30):
+    CRASHED += [("begin_frame", _frame), CAMERA, ("end_frame",)]
+    CRASHED += [("flush",)] if _frame == 9 else []
+OF_CRASHED = Recordings(Recording("crashed.jsonl", [*CRASHED, ("kill",)]))
 
 
 @each()
 def test_what_was_flushed_outlives_a_crash(language, tmp_path):
     """And what follows is whole lines, and perhaps a piece of one."""
-    calls: list[Call] = []
-    for frame in range(30):
-        calls += [("begin_frame", frame), CAMERA, ("end_frame",)]
-        calls += [("flush",)] if frame == 9 else []
-    file = tmp_path / "recording.jsonl"
-    assert language.run([Recording(file, [*calls, ("kill",)])], tmp_path / "program") == []
-    text = file.read_bytes()
+    assert OF_CRASHED.run(language, tmp_path) == []
+    text = (tmp_path / "crashed.jsonl").read_bytes()
     whole = strict_lines(text[: text.rindex(b"\n") + 1])
-    expected = expected_lines(calls, 64, 48)
+    expected = expected_lines(CRASHED, 64, 48)
     assert len(whole) >= 11
     assert whole == expected[: len(whole)]
 
 
-@each("c", "c++", "rust", "csharp")
-def test_floats_are_written_with_the_digits_that_a_float_needs(language, tmp_path):
+def random_floats() -> np.ndarray:
+    """20 matrices, float32 [20, 16], of normal ones: a program built with -ffast-math takes all
+    smaller ones for zero."""
     rng = np.random.default_rng(5)
-    # Normal ones: a program built with -ffast-math takes all smaller ones for zero.
     bits = rng.integers(0x00800000, 0x7F800000, (20, 16), dtype=np.uint32)
-    floats = np.where(rng.random((20, 16)) < 0.5, -1, 1).astype(np.float32) * bits.view(np.float32)
-    calls: list[Call] = []
-    for frame, matrix in enumerate(floats):
-        camera = ("camera_f", "world_from_camera", "column_major", [float(x) for x in matrix], None)
-        calls += [("begin_frame", frame), camera, ("end_frame",)]
-    file = tmp_path / "recording.jsonl"
-    assert language.run([Recording(file, calls)], tmp_path / "program") == ["ok"]
-    text = file.read_bytes()
+    return np.where(rng.random((20, 16)) < 0.5, -1, 1).astype(np.float32) * bits.view(np.float32)
+
+
+FLOATS: list[Call] = []
+for _frame, _matrix in enumerate(random_floats()):
+    _numbers = [float(x) for x in _matrix]
+    FLOATS += [("begin_frame", _frame), ("end_frame",)]
+    FLOATS.insert(-1, ("camera_f", "world_from_camera", "column_major", _numbers, None))
+COMPILED = ("c", "c++", "rust", "csharp")
+OF_FLOATS = Recordings(Recording("floats.jsonl", FLOATS), languages=COMPILED)
+
+
+@each(*COMPILED)
+def test_floats_are_written_with_the_digits_that_a_float_needs(language, tmp_path):
+    floats = random_floats()
+    assert OF_FLOATS.run(language, tmp_path) == ["ok"]
+    text = (tmp_path / "floats.jsonl").read_bytes()
     read = np.array([line["world_from_camera"] for line in strict_lines(text)[1:]])
     assert np.array_equal(read.astype(np.float32).reshape(20, 16), floats)
     # A double of so many floats would take 17 digits each.
@@ -274,12 +285,12 @@ def test_every_source_is_short_and_every_folder_says_how_to_use_it():
 def test_in_rust_the_feature_off_makes_every_call_nothing(tmp_path):
     off = ("--cfg", 'feature="off"')
     calls = [("text", "units", "a"), *FRAME, ("begin_frame", 0), ("absent", "a")]
-    recording = Recording(tmp_path / "recording.jsonl", calls)
+    recording = Recording("recording.jsonl", calls)
     for flags, told, left in ((off, "ok", False), ((), "problem: frame 0: the next must", True)):
         (command,) = build_rust([recording], tmp_path, *flags)
-        done = subprocess.run([command], capture_output=True, text=True, check=True)
+        done = subprocess.run([command], cwd=tmp_path, capture_output=True, text=True, check=True)
         assert done.stdout.startswith(told)
-        assert recording.file.exists() == left
+        assert (tmp_path / recording.file).exists() == left
 
 
 # How a call looks in a language's documentation, and where it is defined in its source.

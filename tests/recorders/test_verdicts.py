@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from tests.cli.test_cli import write_scene
-from tests.recorders.calls import Call, strict_lines
+from tests.recorders.calls import Call, exactly, strict_lines
 from tests.recorders.languages import each
-from tests.recorders.languages.base import RECORDERS, Language, Recording, compiled
+from tests.recorders.languages.base import RECORDERS, Language, Recording, Recordings, compiled
 from tests.recorders.languages.c import STRICT
 from tests.support import chromium
 from visref.cli.main import main
@@ -24,14 +24,28 @@ from visref.schemas import schema
 DATA = Path(__file__).parent / "data"
 
 
-@pytest.fixture
-def scene(tmp_path):
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
     """Three boxes: `front`, `behind` it, and `beside`."""
-    return write_scene(tmp_path)[0]
+    return write_scene(tmp_path_factory.mktemp("scene"))[0]
 
 
-def judged(scene: str, recording: Path, capsys) -> tuple[int, dict, str]:
-    """The exit status, what verdict.json says of the recording, and what was printed."""
+Judgement = tuple[int, dict, str]
+_judgements: dict[str, Judgement] = {}
+
+
+def judged(scene: str, recording: Path, capsys) -> Judgement:
+    """The exit status, what verdict.json says of the recording, and what was printed. Recordings
+    whose lines hold equal values, to the bit, are judged once, whichever language wrote them."""
+    text = recording.read_bytes()
+    whole = text.endswith(b"\n")
+    values = json.dumps(exactly(strict_lines(text))) if whole else text.decode("utf-8")
+    if values not in _judgements:
+        _judgements[values] = judged_anew(scene, recording, capsys)
+    return _judgements[values]
+
+
+def judged_anew(scene: str, recording: Path, capsys) -> Judgement:
     out = recording.parent / f"run of {recording.name}"
     status = main(
         ["check", scene, "--recording", str(recording), "--out", str(out), "--pictures", "0"]
@@ -168,22 +182,21 @@ def calls_of_an_engine(forgotten: str = "") -> list[Call]:
     return calls
 
 
+OF_ENGINES = Recordings(
+    Recording("safe.jsonl", calls_of_an_engine()),
+    Recording("behind.jsonl", calls_of_an_engine("behind")),
+)
+
+
 @each()
 def test_what_each_recorder_writes_ends_in_a_verdict(language: Language, scene, tmp_path, capsys):
-    recordings = [
-        Recording(tmp_path / f"{forgotten or 'safe'}.jsonl", calls_of_an_engine(forgotten))
-        for forgotten in ("", "behind")
-    ]
-    assert language.run(recordings, tmp_path / "program") == ["ok", "ok"]
-    assert_valid(recordings[0].file)
-    assert_safe(scene, recordings[0].file, capsys)
-    assert_loses("behind", scene, recordings[1].file, capsys)
+    assert OF_ENGINES.run(language, tmp_path) == ["ok", "ok"]
+    assert_valid(tmp_path / "safe.jsonl")
+    assert_safe(scene, tmp_path / "safe.jsonl", capsys)
+    assert_loses("behind", scene, tmp_path / "behind.jsonl", capsys)
 
 
-@each()
-def test_recording_of_an_engine_that_was_killed_is_judged_up_to_its_last_whole_line(
-    language: Language, scene, tmp_path, capsys
-):
+def calls_before_a_crash() -> list[Call]:
     calls = [*calls_of_an_engine(), ("flush",)]
     for frame in range(20, 40):
         calls += [
@@ -192,18 +205,45 @@ def test_recording_of_an_engine_that_was_killed_is_judged_up_to_its_last_whole_l
             ("visible_names", ["side", "behind"], None),
             ("end_frame",),
         ]
-    recording = Recording(tmp_path / "killed.jsonl", [*calls, ("kill",)])
-    assert language.run([recording], tmp_path / "program") == []
+    return [*calls, ("kill",)]
+
+
+OF_KILLED = Recordings(Recording("killed.jsonl", calls_before_a_crash()))
+
+
+@each()
+def test_recording_of_an_engine_that_was_killed_is_judged_up_to_its_last_whole_line(
+    language: Language, scene, tmp_path, capsys
+):
+    assert OF_KILLED.run(language, tmp_path) == []
     # Wherever the crash cut it.
-    text = recording.file.read_bytes()
+    text = (tmp_path / "killed.jsonl").read_bytes()
     lines = text.split(b"\n")
     cut = tmp_path / "cut.jsonl"
     cut.write_bytes(b"\n".join(lines[:4]) + b"\n" + lines[4][:40])
     assert_safe(scene, cut, capsys, frames=3)
-    status, verdict, told = judged(scene, recording.file, capsys)
+    status, verdict, told = judged(scene, tmp_path / "killed.jsonl", capsys)
     assert status == 0, told
     assert verdict["frames"] == text.count(b"\n") - 1
     assert ("not whole" in told) == (not text.endswith(b"\n"))
+
+
+# A frame that gets no camera, behind good ones.
+OF_STOPPED = Recordings(
+    Recording("stopped.jsonl", [*calls_of_an_engine(), ("begin_frame", 77), ("end_frame",)])
+)
+
+
+@each()
+def test_recording_that_a_recorder_gave_up_is_judged_up_to_there_and_the_verdict_says_why(
+    language: Language, scene, tmp_path, capsys
+):
+    assert OF_STOPPED.run(language, tmp_path) == ["problem: frame 77: no camera"]
+    file = tmp_path / "stopped.jsonl"
+    assert_valid(file)
+    status, verdict, told = judged(scene, file, capsys)
+    assert (status, verdict["frames"]) == (0, 4), told
+    assert "frame 77: no camera" in told
 
 
 def opengl(frame: int) -> np.ndarray:
@@ -226,9 +266,7 @@ HALVED = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
 REVERSED = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -0.5, 0.5], [0, 0, 0, 1]])
 
 
-@each()
-def test_view_projection_matrices_of_each_convention_are_judged(language, scene, tmp_path, capsys):
-    """No field of view, near or far: they are read from the matrix."""
+def of_conventions() -> Recordings:
     conventions = {"-1..1": np.eye(4), "0..1": DOWN @ HALVED, "1..0": REVERSED}
     recordings = []
     for depth, change in conventions.items():
@@ -249,15 +287,23 @@ def test_view_projection_matrices_of_each_convention_are_judged(language, scene,
                 ("visible_names", ["front", "behind", *["beside"] * (frame < 1)], None),
                 ("end_frame",),
             ]
-        recordings.append(Recording(tmp_path / f"{len(recordings)}.jsonl", calls))
-    assert language.run(recordings, tmp_path / "program") == ["ok"] * 3
-    for recording in recordings:
-        assert_valid(recording.file)
-        assert_loses("beside", scene, recording.file, capsys)
+        recordings.append(Recording(f"clip {len(recordings)}.jsonl", calls))
+    return Recordings(*recordings)
+
+
+OF_CONVENTIONS = of_conventions()
 
 
 @each()
-def test_sets_of_two_views_are_judged_by_view(language, scene, tmp_path, capsys):
+def test_view_projection_matrices_of_each_convention_are_judged(language, scene, tmp_path, capsys):
+    """No field of view, near or far: they are read from the matrix."""
+    assert OF_CONVENTIONS.run(language, tmp_path) == ["ok"] * 3
+    for number in range(3):
+        assert_valid(tmp_path / f"clip {number}.jsonl")
+        assert_loses("beside", scene, tmp_path / f"clip {number}.jsonl", capsys)
+
+
+def calls_of_two_views() -> list[Call]:
     """`beside` is left out of the right view alone, which sees it; the left one is smaller."""
     calls: list[Call] = [("field", "near", 0.1, None), ("field", "far", math.inf, None)]
     calls += [("field", "yfov", 0.9, None), ("begin_frame", 5)]
@@ -266,9 +312,16 @@ def test_sets_of_two_views_are_judged_by_view(language, scene, tmp_path, capsys)
         calls += [("camera", "world_from_camera", "row_major", pose, view)]
         calls += [("visible_names", ["front", "behind", *["beside"] * (view == "left")], view)]
     calls += [("field", "width", 32.0, "left"), ("field", "height", 24.0, "left")]
-    recording = Recording(tmp_path / "views.jsonl", [*calls, ("end_frame",)])
-    assert language.run([recording], tmp_path / "program") == ["ok"]
-    assert_valid(recording.file)
-    status, verdict, told = judged(scene, recording.file, capsys)
+    return [*calls, ("end_frame",)]
+
+
+OF_VIEWS = Recordings(Recording("views.jsonl", calls_of_two_views()))
+
+
+@each()
+def test_sets_of_two_views_are_judged_by_view(language, scene, tmp_path, capsys):
+    assert OF_VIEWS.run(language, tmp_path) == ["ok"]
+    assert_valid(tmp_path / "views.jsonl")
+    status, verdict, told = judged(scene, tmp_path / "views.jsonl", capsys)
     assert status == 1, told
     assert (verdict["worst"]["object_name"], verdict["worst"]["view"]) == ("beside", "right")

@@ -71,19 +71,25 @@ def c_program(recordings: Sequence[Recording]) -> str:
         calls = "\n".join(f"    {{ {c_call(call)} }}" for call in one.calls)
         body.append(
             f"static void recording_{number}(void) {{\n    char problem[256];\n"
-            f"    visref_recorder *r = visref_open({c_string(str(one.file))}, "
+            f"    visref_recorder *r = visref_open({c_string(one.file)}, "
             f"{one.width}, {one.height});\n{calls}\n"
             "    if (visref_close(r, problem, sizeof problem))\n"
             '        printf("problem: %s\\n", problem);\n'
             '    else printf("ok\\n");\n}\n'
         )
-    calls = "\n".join(f"    recording_{number}();" for number in range(len(recordings)))
+    calls = "\n".join(
+        f'    if (chosen("|{number}|")) recording_{number}();' for number in range(len(recordings))
+    )
+    body.append(
+        "static int chosen(const char *number) {\n"
+        '    const char *only = getenv("ONLY");\n    return !only || strstr(only, number);\n}\n'
+    )
     main = f'int main(void) {{\n    setlocale(LC_ALL, "");\n{calls}\n    return 0;\n}}\n'
     return (
         "#define VISREF_RECORDER_IMPLEMENTATION\n#define VISREF_RECORDER_BUFFER 512\n"
         '#include "visref_recorder.h"\n#include <locale.h>\n'
         "#include <math.h>\n#include <signal.h>\n"
-        "#include <stdio.h>\n\n" + "\n".join(body) + main
+        "#include <stdio.h>\n#include <stdlib.h>\n#include <string.h>\n\n" + "\n".join(body) + main
     )
 
 

@@ -63,7 +63,7 @@ def build_csharp(recordings: Sequence[Recording], folder: Path) -> list[str]:
     for number, one in enumerate(recordings):
         lines += [
             f"static void Recording{number}() {{",
-            f"var r = new VisrefRecorder({csharp_string(str(one.file))},",
+            f"var r = new VisrefRecorder({csharp_string(one.file)},",
             f"{one.width}, {one.height});",
             *(csharp_call(call) for call in one.calls),
             'try { r.Close(); Console.WriteLine("ok"); }',
@@ -71,8 +71,12 @@ def build_csharp(recordings: Sequence[Recording], folder: Path) -> list[str]:
             '{ Console.WriteLine("problem: " + e.Message); }',
             "}",
         ]
-    calls = " ".join(f"Recording{number}();" for number in range(len(recordings)))
-    lines.append(f"static void Main() {{ {calls} }}\n}}")
+    calls = "\n".join(
+        f'if (only.Contains("|{number}|")) Recording{number}();'
+        for number in range(len(recordings))
+    )
+    only = 'string only = Environment.GetEnvironmentVariable("ONLY");'
+    lines.append(f"static void Main() {{ {only}\n{calls} }}\n}}")
     (folder / "Program.cs").write_text("\n".join(lines), encoding="utf-8")
     source = RECORDERS / "csharp" / "VisrefRecorder.cs"
     compiled(["mcs", "-warnaserror", "-out:program.exe", source, "Program.cs"], folder)

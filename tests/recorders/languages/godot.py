@@ -49,7 +49,9 @@ def gdscript_program(recordings: Sequence[Recording]) -> str:
     lines += ["func double(bits: int) -> float:", "\tvar peer := StreamPeerBuffer.new()"]
     lines += ["\tpeer.put_64(bits)", "\tpeer.seek(0)", "\treturn peer.get_double()", ""]
     for number, one in enumerate(recordings):
-        made = f"Recorder.new({json.dumps(str(one.file))}, {one.width}, {one.height})"
+        # Godot runs in the project's folder.
+        file = f'OS.get_environment("OUT") + {json.dumps("/" + one.file)}'
+        made = f"Recorder.new({file}, {one.width}, {one.height})"
         lines += [f"func recording_{number}() -> void:", f"\tvar r = {made}"]
         lines += [f"\t{gdscript_call(call)}" for call in one.calls]
         lines += [
@@ -58,7 +60,10 @@ def gdscript_program(recordings: Sequence[Recording]) -> str:
             "",
         ]
     lines += ["func _init() -> void:"]
-    lines += [f"\trecording_{number}()" for number in range(len(recordings))]
+    lines += ['\tvar only = OS.get_environment("ONLY")']
+    lines += [
+        f'\tif "|{number}|" in only:\n\t\trecording_{number}()' for number in range(len(recordings))
+    ]
     return "\n".join([*lines, "\tquit()", ""])
 
 

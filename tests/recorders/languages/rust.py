@@ -57,16 +57,19 @@ def rust_call(call: Call) -> str:
 
 
 def build_rust(recordings: Sequence[Recording], folder: Path, *flags: str) -> list[str]:
-    lines = ["use visref_recorder::*;", "fn main() {"]
-    for one in recordings:
-        lines.append(
-            f"let mut r = Recorder::create({rust_string(str(one.file))}, "
-            f"{one.width}, {one.height});"
-        )
+    lines = ["use visref_recorder::*;"]
+    for number, one in enumerate(recordings):
+        lines.append(f"fn recording_{number}() {{ let mut r = Recorder::create(")
+        lines.append(f"{rust_string(one.file)}, {one.width}, {one.height});")
         lines += [rust_call(call) for call in one.calls]
         lines.append(
-            'match r.close() { Ok(()) => println!("ok"), Err(e) => println!("problem: {e}") }'
+            'match r.close() { Ok(()) => println!("ok"), Err(e) => println!("problem: {e}") } }'
         )
+    lines += ["fn main() {", 'let only = std::env::var("ONLY").unwrap_or("|0|".into());']
+    lines += [
+        f'if only.contains("|{number}|") {{ recording_{number}(); }}'
+        for number in range(len(recordings))
+    ]
     (folder / "program.rs").write_text("\n".join([*lines, "}"]), encoding="utf-8")
     rustc = ["rustc", "--edition", "2021", "-A", "unreachable_code", "-A", "unused_mut"]
     library = build_rust_library(folder, *flags)

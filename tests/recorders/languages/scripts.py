@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -45,9 +46,10 @@ def javascript_value(value: object) -> str:
 
 def javascript_program(recordings: Sequence[Recording]) -> str:
     lines = [f"const {{ Recorder }} = require({json.dumps(str(JAVASCRIPT))});"]
-    for one in recordings:
+    for number, one in enumerate(recordings):
         lines.append(
-            f"{{\nconst r = new Recorder({json.dumps(str(one.file))}, {one.width}, {one.height});"
+            f'if (process.env.ONLY.includes("|{number}|")) {{\n'
+            f"const r = new Recorder({json.dumps(one.file)}, {one.width}, {one.height});"
         )
         for call in one.calls:
             kill = 'process.kill(process.pid, "SIGKILL")'
@@ -79,18 +81,20 @@ def python_program(recordings: Sequence[Recording]) -> str:
         "import visref_recorder",
         "visref_recorder.BUFFER = 512",
     ]
-    for one in recordings:
-        lines.append(f"r = visref_recorder.Recorder({str(one.file)!r}, {one.width}, {one.height})")
+    for number, one in enumerate(recordings):
+        made = [f"r = visref_recorder.Recorder({one.file!r}, {one.width}, {one.height})"]
         for call in one.calls:
             kill = "os.kill(os.getpid(), signal.SIGKILL)"
-            lines.append(
+            made.append(
                 kill if call == ("kill",) else script_call(call, False, "None", python_value)
             )
-        lines.append(
+        made.append(
             "try:\n    r.close()\n    print('ok', flush=True)\n"
             "except visref_recorder.RecordingError as error:\n"
             "    print(f'problem: {error}', flush=True)"
         )
+        lines.append(f"if '|{number}|' in os.environ['ONLY']:")
+        lines.append(textwrap.indent("\n".join(made), "    "))
     return "\n".join(lines)
 
 
