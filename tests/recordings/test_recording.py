@@ -216,6 +216,10 @@ WRONG = {
     "no header": ([{"format": None}, line(0)], "line 1: this is no recording"),
     "nothing in it": ([], "it is empty; record again: the program ended before"),
     "a path": ([{"format": "visref-path"}, line(0)], "this is a camera path; give it as --path"),
+    "stopped before the header": (
+        [{"format": ..., "stopped": "no disk"}],
+        "line 1: the recorder stopped before it wrote anything: no disk",
+    ),
     "stopped at once": (
         [{}, {"stopped": "no memory"}],
         "there is no whole frame in it (line 2: the recorder stopped: no memory)",
@@ -276,6 +280,8 @@ WRONG = {
 def test_a_wrong_recording_is_one_line_with_its_place(name, tmp_path):
     given, expected = WRONG[name]
     lines = [{**HEADER, **given[0]}, *given[1:]] if given else []
+    # Dots stand for a field that is not there.
+    lines = [{k: v for k, v in one.items() if v is not ...} for one in lines]
     file = write(tmp_path, *lines)
     with pytest.raises(InputError) as caught:
         read_recording(file, SCENE)

@@ -83,6 +83,13 @@ class RecordingLines:
                 place=self._json.cut_off,
                 fix="record again: the program ended before the recorder was closed or flushed",
             )
+        if isinstance(values, dict) and isinstance(values.get("stopped"), str):
+            why = " ".join(clean_name(values["stopped"]).split())[:_SHOWN]
+            raise InputError(
+                f"the recorder stopped before it wrote anything: {why}",
+                place=place,
+                fix="mend that, and record again",
+            )
         if isinstance(values, dict) and values.get("format") == PATH_FORMAT:
             raise InputError(
                 "this is a camera path", place=place, fix="give it as --path, with --visible"
