@@ -43,6 +43,7 @@ test-fast: setup
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
+	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto tests/mutants -k test_sound_method_conforms
 
 # Spoilt files of every kind, for so many seconds; `make test` holds a short run of each target.
 FUZZ_SECONDS := 600

@@ -49,7 +49,7 @@ class Target:
     command: Callable[[Path, Folders], Sequence[str]] | None = None
     companions: Mapping[str, bytes] = field(default_factory=dict)
     lay_out: Callable[[bytes, Folders, Target], Path] = _write
-    cases: int = 100
+    cases: int = 60
     writes: tuple[str, ...] = ()
     reads_outside: bool = False
     limits: Limits = LIMITS

@@ -12,6 +12,7 @@ import numpy as np
 
 from tests.fuzz_verdicts.faults import Patch, Plant
 from visref import timeline
+from visref.camera_path import CameraPath
 from visref.engines.exact import ExactEngine
 from visref.formats.gltf.deform import Part
 from visref.formats.gltf.motion import GltfMotion
@@ -78,7 +79,8 @@ def what_is_absent_is_kept(patch: Patch) -> None:
 
     def forgetful(self: Timeline, *given: Any, **more: Any) -> None:
         init(self, *given, **more)
-        self._frames = tuple(replace(frame, absent=()) for frame in self._frames)
+        frames = [replace(frame, absent=()) for frame in self._path.frames]
+        self._path = CameraPath(frames, self._path.source, self._path.numbers)
 
     patch.setattr(Timeline, "__init__", forgetful)
 
@@ -90,7 +92,8 @@ def the_finest_level_is_always_there(patch: Patch) -> None:
 
     def forgetful(self: Timeline, *given: Any, **more: Any) -> None:
         init(self, *given, **more)
-        self._frames = tuple(replace(frame, levels={}) for frame in self._frames)
+        frames = [replace(frame, levels={}) for frame in self._path.frames]
+        self._path = CameraPath(frames, self._path.source, self._path.numbers)
 
     patch.setattr(Timeline, "__init__", forgetful)
 

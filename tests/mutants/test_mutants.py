@@ -6,6 +6,7 @@ needs no line here, and ask for one of every culler that is registered.
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import pytest
@@ -95,7 +96,15 @@ def test_every_contract_can_be_broken_and_is_kept_by_a_sound_method():
         assert bool(suite.contracts) == bool(suite.keepers), module
 
 
-@pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m}-{m.culler.__name__}")
-def test_sound_method_conforms(method: Method):
-    """To the whole catalogue; an effect to its own scenes."""
-    assert_conforms(method.make, checks=method.suite.checks.values())
+# Every check of so many, another share for each method; `VISREF_WHOLE=1` (`make soak`) runs all.
+SHARE = 1 if os.environ.get("VISREF_WHOLE") else 3
+
+
+@pytest.mark.parametrize(
+    "at", range(len(METHODS)), ids=[f"{m}-{m.culler.__name__}" for m in METHODS]
+)
+def test_sound_method_conforms(at: int):
+    """To its share of the catalogue; an effect to its own scenes."""
+    method = METHODS[at]
+    checks = list(method.suite.checks.values())
+    assert_conforms(method.make, checks=checks[at % SHARE :: SHARE] or checks)

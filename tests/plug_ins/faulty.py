@@ -322,7 +322,7 @@ class AnswersAlsoItself(Safe):
     """Writes to every socket that it finds, before it answers."""
 
     def cull(self, camera):
-        for number in range(3, 64):
+        for number in range(3, 1024):
             with suppress(OSError):
                 os.write(number, b"\xff" * 64)
         return self.everything()

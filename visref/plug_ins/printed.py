@@ -12,6 +12,8 @@ from typing import IO
 SECONDS_TO_DIE = 5.0
 # Lines of a plug-in's own that are passed on, and the characters of each.
 _MAX_LINES, _MAX_LINE = 200, 300
+# Of the last line, so that the names in it are whole whatever is made of them.
+_MAX_LAST = 8192
 
 Said = Callable[[str], None]
 
@@ -34,12 +36,14 @@ class Printed:
         return self._lines[-1] if self._lines else ""
 
     def _read(self) -> None:
-        # A line without an end comes in parts.
+        # A long line comes in parts.
+        whole = b""
         while line := self._stream.readline(_MAX_LINE):
+            whole = (line if whole.endswith(b"\n") else whole + line)[-_MAX_LAST:]
             text = line.decode(errors="backslashreplace").strip()
             if not text:
                 continue
-            self._lines.append(text)
+            self._lines.append(whole.decode(errors="backslashreplace").strip())
             self._count += 1
             if self._say is not None and self._count <= _MAX_LINES:
                 self._say(text)
