@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
 
 import visref.compiled
-from visref.compiled import cache_folder
+from visref.compiled import cache_folder, interrupts_held
 
 ROOT = Path(visref.compiled.__file__).parent
 
@@ -126,3 +128,15 @@ def test_every_kernel_of_this_project_is_compiled_here():
             if file != ROOT / "compiled.py" and ("numba.njit" in text or "numba.jit" in text):
                 guilty.append(str(file))
     assert guilty == []
+
+
+def test_an_interrupt_while_a_kernel_is_loaded_takes_effect_afterwards():
+    passed = []
+    with pytest.raises(KeyboardInterrupt), interrupts_held():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        passed.append(True)
+    assert passed
+    with interrupts_held():
+        pass
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

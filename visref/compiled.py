@@ -16,11 +16,14 @@ import os
 import platform
 import re
 import shutil
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numba
@@ -160,6 +163,24 @@ def _forget_old(base: Path, module: str) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """An interrupt that comes in it takes effect at its end: one that is raised while llvmlite
+    calls back into Python ends the process by SIGSEGV."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    came: list[FrameType | None] = []
+    signal.signal(signal.SIGINT, lambda _, frame: came.append(frame))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            before(signal.SIGINT, came[-1])
+
+
 class _Locator(InTreeCacheLocator):  # type: ignore[misc]
     """Says to numba which folder it is."""
 
@@ -214,10 +235,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # Files that were cut short or spoilt raise whatever pickle raises.
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:
-            return None
+        with interrupts_held():
+            try:
+                return super().load_overload(sig, target_context)
+            except Exception:
+                return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         # A full disk, a folder that is read-only or was removed.

@@ -49,10 +49,12 @@ def test_an_interrupt_at_a_random_moment_is_quiet(tmp_path, command):
         return ["objects", scene] if command == "objects" else [*run, str(tmp_path / f"{number}")]
 
     chance = random.Random(14)
-    began = time.monotonic()
-    _, error = started(arguments(-1)).communicate()
-    whole = time.monotonic() - began
-    assert error == ""
+    # The first compiles what is not compiled yet, and takes longer than any after it.
+    for number in (-2, -1):
+        began = time.monotonic()
+        _, error = started(arguments(number)).communicate()
+        whole = time.monotonic() - began
+        assert error == ""
     interrupted = 0
     for number in range(MOMENTS):
         process = started(arguments(number))
