@@ -172,7 +172,7 @@ def frame_of(
     `beside`: the fields that may stand there for others to read. What is passed over or set right
     goes to `remarks`, at `place`. Raises InputError naming the place in the frame.
     """
-    passover(own, (*_FRAME_FIELDS, *beside), remarks, place)
+    pass_over(own, (*_FRAME_FIELDS, *beside), remarks, place)
     cut = own.get("cut", False)
     if not isinstance(cut, bool):
         raise InputError("cut is not true or false", place="cut", fix="write true or false")
@@ -205,7 +205,7 @@ def shared_of(
     top: Mapping[str, Any], remarks: Remarks, beside: tuple[str, ...]
 ) -> tuple[dict[str, Any], float | None]:
     """What all frames share, from the top of a path or a recording, and its frames per second."""
-    passover(top, (*TOP_FIELDS, *beside), remarks, "the top")
+    pass_over(top, (*TOP_FIELDS, *beside), remarks, "the top")
     fps = number(top, "fps") if top.get("fps") is not None else None
     if fps is not None and not 0.0 < fps < math.inf:
         raise InputError(f"fps is {fps}", place="fps", fix="give frames a second above 0")
@@ -223,7 +223,7 @@ def _views(
         inside = f"views.{name}"
         try:
             view = mapping(values, "")
-            passover(view, _VIEW_FIELDS, remarks, f"{place}.{inside}")
+            pass_over(view, _VIEW_FIELDS, remarks, f"{place}.{inside}")
             at = f"{place}.{inside}"
             cameras.append(_camera(over(merged, view), clean_name(name), cut, remarks, at))
         except InputError as error:
@@ -294,7 +294,7 @@ def mapping(value: Any, place: str) -> Mapping[str, Any]:
     return value
 
 
-def passover(
+def pass_over(
     values: Mapping[str, Any], known: tuple[str, ...], remarks: Remarks, place: str
 ) -> None:
     """Remark on every field that is not known: it may be a later version's, or misspelt."""

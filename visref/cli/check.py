@@ -13,7 +13,7 @@ from visref.cli.arguments import (
     policy_of,
     recorded_inputs_of,
 )
-from visref.cli.judged import judge_for
+from visref.cli.judged import judge
 from visref.cli.terminal import OUT
 from visref.culler import Promise
 from visref.errors import InputError
@@ -85,7 +85,7 @@ def run(given: argparse.Namespace) -> Exit:
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
     replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-    outcome = judge_for(
+    outcome = judge(
         given,
         inputs,
         [(file.name, replay)],

@@ -13,7 +13,7 @@ from visref.inputs import Inputs
 from visref.judging.judge import Counts
 from visref.judging.outcome import CullerRecord, RunOutcome
 from visref.judging.policy import Policy
-from visref.judging.status import Exit, Status
+from visref.judging.status import Status
 from visref.papers import contents as papers
 from visref.papers import tables_beside
 from visref.report import words
@@ -33,25 +33,9 @@ def judge(
     image_check: bool = False,
     repeat: int = 1,
     anew: MakingAnew | None = None,
-) -> Exit:
-    """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
-    return judge_for(
-        given, inputs, cullers, policy=policy, image_check=image_check, repeat=repeat, anew=anew
-    ).exit
-
-
-def judge_for(
-    given: argparse.Namespace,
-    inputs: Inputs,
-    cullers: Sequence[tuple[str, Culler]],
-    *,
-    policy: Policy | None = None,
-    image_check: bool = False,
-    repeat: int = 1,
-    anew: MakingAnew | None = None,
     if_misaligned: Misaligned = Misaligned.KEEP,
 ) -> RunOutcome:
-    """The same, for what else is to be done with the outcome."""
+    """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
     with frame_bar(len(inputs.frames)) as bar:
         outcome = judge_to_folder(
             inputs,

@@ -103,4 +103,4 @@ def run(given: argparse.Namespace) -> Exit:
                 image_check=given.image_check,
                 repeat=given.repeat,
                 anew=anew,
-            )
+            ).exit
