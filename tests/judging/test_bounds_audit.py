@@ -11,9 +11,10 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
+from visref.judging.bounds import BoundsAudit
 from visref.judging.referee import Referee
 from visref.judging.status import Exit
-from visref.scene import Scene
+from visref.scene import Scene, Units
 from visref.timeline import Timeline
 
 
@@ -121,3 +122,50 @@ def test_a_box_of_the_rest_pose_is_found_in_the_frame_in_which_its_object_leaves
     outcome = referee.run(CameraPath(frames), range(2), [("says", Says(right_boxes()))])
     (one,) = outcome.cullers[0].too_small
     assert (one.unit, one.frames, one.frame, one.outside) == (1, 1, 1, 2.0)
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+def test_what_is_seen_of_units_that_overlap_is_counted_sample_by_sample(perspective):
+    """Held against a loop over samples and units, where triangles are in several units (one twice
+    in its own), tie with each other, and hide one another."""
+    random = np.random.default_rng(5)
+    square = np.array([(0, 0, 0), (8, 0, 0), (8, 8, 0), (0, 8, 0)], float)
+    faces = np.array([(0, 1, 2), (0, 2, 3)])
+    objects = [("large", square, faces), ("same", square, faces[:, ::-1])]
+    for number in range(6):
+        moved = square * random.uniform(0.1, 0.5) + [*random.uniform(0, 6, 2), number / 8 - 0.25]
+        objects.append((f"{number}", moved, faces))
+    made = Scene.from_objects(objects)
+    seen_by = camera()
+    if perspective:
+        seen_by = Camera(seen_by.world_from_camera, 16, 16, 1.0, 100.0, yfov=1.2)
+    truth = make_engine("exact", made).frame(seen_by)
+    assert len(truth.ties.sample) > 20
+    lists = [random.integers(0, made.triangle_count, size) for size in (1, 3, 5, 8, 0, 16)]
+    lists.append(np.repeat(lists[1], 2))
+    triangles = np.concatenate(lists).astype(np.int32)
+    units = Units(np.cumsum([0, *map(len, lists)]), triangles)
+    boxes = made.bounds_of(units)
+    boxes[:, 1] -= 0.4 * np.nan_to_num(boxes[:, 1] - boxes[:, 0], nan=0.0)
+
+    expected = {}
+    buffer = truth.buffer
+    for unit, mine in enumerate(map(set, lists)):
+        for sample in range(seen_by.samples):
+            sees = {int(buffer.triangle.reshape(-1)[sample])}
+            sees |= set(truth.ties.triangle[truth.ties.sample == sample].tolist())
+            if not sees & mine:
+                continue
+            y, x = divmod(sample, 16)
+            # Both cameras look along -z, from 5 above the plane z = 0.
+            depth = float(buffer.depth.reshape(-1)[sample])
+            half = depth * np.tan(0.6) if perspective else 8.0
+            aside = np.array([(2 * x + 1) / 16 - 1, 1 - (2 * y + 1) / 16]) * half
+            point = np.array([4.0 + aside[0], 4.0 + aside[1], 5.0 - depth])
+            outside = (point < boxes[unit, 0] - 1e-6) | (point > boxes[unit, 1] + 1e-6)
+            expected[unit] = expected.get(unit, 0) + bool(outside.any())
+    audit = BoundsAudit()
+    audit.look(0, made, units, boxes, [truth, truth])
+    found = {unit: one.samples for unit, one in audit.found.items() if one.samples}
+    assert found == {unit: 2 * count for unit, count in expected.items() if count}
+    assert len(found) > 3

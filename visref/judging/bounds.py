@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from visref.culler import CullerError
+from visref.picking import distinct
 from visref.scene import Float64, Int64, Scene, Units
 from visref.visibility import FrameTruth
 
@@ -65,15 +65,20 @@ class BoundsAudit:
             outside = np.maximum(given[:, 0] - real[:, 0], real[:, 1] - given[:, 1]).max(axis=1)
             greatest = np.maximum(np.abs(given), np.abs(real)).max(axis=(1, 2))
         slack = ROUNDING * greatest
-        for unit in np.flatnonzero(known & (outside > slack)).tolist():
+        small = np.flatnonzero(known & (outside > slack)).astype(np.int32)
+        if not len(small):
+            return
+        samples = np.zeros(len(small), np.int64)
+        for truth in truths:
+            samples += _seen_outside(truth, scene, units.take(small), given[small], slack[small])
+        for unit, distance, seen in zip(
+            small.tolist(), outside[small].tolist(), samples.tolist(), strict=True
+        ):
             one = self.found.setdefault(unit, BoundsTooSmall(unit))
             one.frames += 1
-            if outside[unit] > one.outside:
-                one.outside, one.frame = float(outside[unit]), frame
-            mine = np.zeros(scene.triangle_count, np.bool_)
-            mine[units.gather(np.array([unit], np.int32))] = True
-            for truth in truths:
-                one.samples += _seen_outside(truth, scene, mine, given[unit], float(slack[unit]))
+            one.samples += seen
+            if distance > one.outside:
+                one.outside, one.frame = distance, frame
 
 
 def checked(boxes: object, units: Units) -> Float64:
@@ -90,22 +95,36 @@ def checked(boxes: object, units: Units) -> Float64:
 
 
 def _seen_outside(
-    truth: FrameTruth, scene: Scene, mine: NDArray[np.bool_], box: Float64, slack: float
-) -> int:
-    """How many samples see one of the triangles `mine`, (t,) bool, outside the box."""
+    truth: FrameTruth, scene: Scene, units: Units, boxes: Float64, slack: Float64
+) -> Int64:
+    """(u,) int64, how many samples see some of each unit outside its box, one of (u, 2, 3) `boxes`
+    widened by its (u,) `slack`. A triangle may be in several units."""
+    # The units of triangle t are unit_of[first[t] : first[t + 1]].
+    order = np.argsort(units.triangles, kind="stable")
+    unit_of = np.repeat(np.arange(units.count), units.sizes)[order]
+    each = np.bincount(units.triangles, minlength=scene.triangle_count)
+    first = np.append(0, np.cumsum(each))
     owner = truth.buffer.triangle.reshape(-1)
-    samples: Int64 = np.flatnonzero((owner >= 0) & mine[owner])
-    samples = np.union1d(samples, truth.ties.sample[mine[truth.ties.triangle]])
-    if not len(samples):
-        return 0
+    owned = np.flatnonzero((owner >= 0) & (each[owner] > 0))
+    tied = np.flatnonzero(each[truth.ties.triangle] > 0)
+    triangle = np.concatenate([owner[owned], truth.ties.triangle[tied]])
+    # One row for each unit of each triangle that a sample sees.
+    times = each[triangle]
+    skipped = np.repeat(first[triangle] - (np.cumsum(times) - times), times)
+    unit = unit_of[np.arange(len(skipped)) + skipped]
+    sample = np.repeat(np.concatenate([owned, truth.ties.sample[tied]]), times)
+    # A sample sees a unit once, by however many of its triangles.
+    unit, sample = np.divmod(distinct(unit * owner.size + sample), owner.size)
     camera = truth.camera
-    y, x = np.divmod(samples, camera.width)
+    y, x = np.divmod(sample, camera.width)
     side = camera.column_a[x, None] * camera.right_step + camera.row_b[y, None] * camera.up_step
-    depth = truth.buffer.depth.reshape(-1)[samples, None]
+    depth = truth.buffer.depth.reshape(-1)[sample, None]
     if camera.is_perspective:
         points = camera.eye + depth * (camera.forward + side)
     else:
         points = camera.eye + side + depth * camera.forward
     points = points + scene.origin
-    inside = (points >= box[0] - slack) & (points <= box[1] + slack)
-    return int(np.count_nonzero(~inside.all(axis=1)))
+    low, high = boxes[:, 0] - slack[:, None], boxes[:, 1] + slack[:, None]
+    inside = ((points >= low[unit]) & (points <= high[unit])).all(axis=1)
+    counts: Int64 = np.bincount(unit[~inside], minlength=units.count)
+    return counts
