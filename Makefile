@@ -11,6 +11,10 @@ SYSTEM_PACKAGES := libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libusb-1.0-0 libg
 # runs the recorders.
 TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 
+# Where the environment forbids bytecode to be kept, every process that a test starts would compile
+# all source again.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: demo test test-fast soak fuzz lint bench tables setup clean
 .DELETE_ON_ERROR:
 
