@@ -47,7 +47,8 @@ test-fast: setup
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
-	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto tests/mutants -k test_sound_method_conforms
+	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto tests/mutants tests/property \
+	  -k "test_sound_method_conforms or test_culler_conforms_with_each_option"
 
 # Spoilt files of every kind, for so many seconds; `make test` holds a short run of each target.
 FUZZ_SECONDS := 600

@@ -159,11 +159,11 @@ class ShadowTruth:
         reach = float(self.reach(camera, np.array([near]), np.array([far]), tolerance)[0])
         casters = self._near_ray(point, reach)
         others = casters[~(self._corners[casters] == self._corners[own]).all(axis=(1, 2))]
-        inside = _depth_in_prisms(self._corners[others], self.light, point)
+        inside = self._prisms.depth(others, point)
         # The sample's own triangle: its plane passes through the point, and the visible side
         # decides; its other planes are as any caster's.
         from_behind, maybe = self._lit_from_behind(camera, own, reach)
-        sides = _depth_in_prisms(self._corners[own : own + 1], self.light, point)[:, 1:]
+        sides = self._prisms.depth(np.array([own]), point)[:, 1:]
         possible = (inside >= -reach).all(axis=1)
         certain = int((inside >= reach).all(axis=1).sum())
         certain += int(from_behind and (sides >= reach).all())
@@ -242,6 +242,11 @@ class ShadowTruth:
         self.engine.close()
 
     @cached_property
+    def _prisms(self) -> Prisms:
+        """The shadows of all triangles, made once for however many samples."""
+        return Prisms(self._corners, self.light)
+
+    @cached_property
     def _exact(self) -> ExactScene:
         """The scene made ready for `bounds`; only disputes need it."""
         return ExactScene(self.scene)
@@ -266,21 +271,31 @@ def _depth_step(camera: Camera, depth: Float64, tolerance: RasterTolerance) -> F
     return step * depth**2 * (1.0 / camera.near - 1.0 / camera.far)
 
 
-def _depth_in_prisms(corners: Float64, light: Light, point: Float64) -> Float64:
-    """How deep a point lies in the shadow prisms of triangles: (k, 4) float64 distances to the
-    three side planes and the triangle's own, positive inside; -inf where a plane is none."""
-    a, b, c = corners.transpose(1, 0, 2)
-    away = -light.toward(corners.reshape(-1, 3)).reshape(-1, 3, 3)
-    normal = np.cross(b - a, c - a)
-    # The prism is on the light's far side: turn all normals by the triangle's.
-    facing = np.sign((normal * away[:, 0]).sum(axis=1))
-    planes = [(normal, a, facing)]
-    for i, (start, end) in enumerate(((a, b), (b, c), (c, a))):
-        planes.append((np.cross(away[:, i], end - start), start, facing))
-    result = []
-    for across, origin, turn in planes:
-        length = np.linalg.norm(across, axis=1)
+class Prisms:
+    """The shadow prisms of triangles, (t, 3, 3) float64 corners."""
+
+    def __init__(self, corners: Float64, light: Light) -> None:
+        a, b, c = corners.transpose(1, 0, 2)
+        away = -light.toward(corners.reshape(-1, 3)).reshape(-1, 3, 3)
+        normal = np.cross(b - a, c - a)
+        # The prism is on the light's far side: turn all normals by the triangle's.
+        self._facing = np.sign((normal * away[:, 0]).sum(axis=1))
+        sides = [
+            np.cross(away[:, i], end - start)
+            for i, (start, end) in enumerate(((a, b), (b, c), (c, a)))
+        ]
+        # Of each triangle (t, 4, 3): its own plane, then those through its edges and the light.
+        self._across = np.stack([normal, *sides], axis=1)
+        self._origin = np.stack([a, a, b, c], axis=1)
+        self._length = np.linalg.norm(self._across, axis=2)
+        self._is_plane = (self._length > 0.0) & (self._facing != 0.0)[:, None]
+
+    def depth(self, triangles: Int64, point: Float64) -> Float64:
+        """How deep a point lies in the prisms of some triangles, (k,): (k, 4) float64 distances to
+        the triangle's own plane and the three others, positive inside; -inf where a plane is
+        none."""
+        across, turn = self._across[triangles], self._facing[triangles, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            distance = turn * (across * (point - origin)).sum(axis=1) / length
-        result.append(np.where((length > 0.0) & (facing != 0.0), distance, -np.inf))
-    return np.stack(result, axis=1)
+            distance = (across * (point - self._origin[triangles])).sum(axis=2)
+            distance = turn * distance / self._length[triangles]
+        return np.where(self._is_plane[triangles], distance, -np.inf)
