@@ -105,6 +105,19 @@ def test_margin_ends_where_the_surface_leaves_the_range() -> None:
     assert margins(scene, orthographic(), sample)[0] == pytest.approx(7.5, abs=1e-5)
 
 
+@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize(("plane", "way"), [((-1, 0, 0, 4.25), 3.75), ((0, -1, 0, 2.25), 1.75)])
+def test_margin_ends_at_the_clip_plane(plane, way: float, perspective: bool) -> None:
+    camera = orthographic()
+    if perspective:
+        camera = Camera(pose(np.eye(3), np.zeros(3)), SIDE, SIDE, 0.5, 99.0, yfov=HALF)
+    clipped = replace(camera, clip_plane=plane)
+    # In perspective a pixel is one unit wide at depth 16.
+    scene = scene_of(quad(-99, -99, 99, 99, -16))
+    assert margins(scene, clipped, sample_at(0.5, 0.5))[0] == pytest.approx(way, abs=1e-5)
+    assert margins(scene, camera, sample_at(0.5, 0.5))[0] == REACH_PX
+
+
 def test_a_leaf_before_the_surface_bounds_the_margin_wherever_its_holes_are() -> None:
     wall, leaf = quad(-9, -9, 9, 9, -10), quad(3.25, -9, 5, 9, -8)
     scene = scene_of(wall, leaf)

@@ -44,7 +44,7 @@ from visref.exact.nearby import Nearby, near_samples
 from visref.exact.polygons import (
     CLIPPED,
     MOST_CORNERS,
-    clip_polygon,
+    distance_out_of_range,
     distance_to_hiding,
     distance_to_polygon,
     distance_to_segment,
@@ -335,15 +335,11 @@ def _examine(
                                 break
                 if not closed:
                     rim = min(rim, distance)
-        # Beyond far the surface is there and not seen.
-        far_key = 1.0 / view.far if view.perspective else -view.far
+        # Out of range the surface is there and not seen.
         for k in range(near):
             if reached[k] and not with_depth:
-                has_area, c, gx, gy = key_plane(polygons[k], counts[k])
-                beyond = clip_polygon(polygons[k], counts[k], -gx, -gy, far_key - c, scratch[0])
-                if has_area and beyond:
-                    distance = distance_to_polygon(x, y, scratch[0], beyond)
-                    rim = min(rim, max(0.0, distance - slops[k]))
+                distance = distance_out_of_range(x, y, polygons[k], counts[k], view, scratch)
+                rim = min(rim, max(0.0, distance - slops[k]))
         cover[index] = rim
         # What else is here, and where it comes before the patch.
         step = 0.0
