@@ -22,6 +22,7 @@ from visref.scene import Float64, Int64
 # A panel's side. A cell is at most so wide, so that a picture of few samples looks like one.
 PANEL_PX = 384
 _MOST_ZOOM = 48
+_LARGE_CELL = 16
 MAX_LABELS = 8
 # An object of fewer of the panel's pixels is not named, unless it is the lost one.
 _LEAST_NAMED_PX = 60
@@ -83,6 +84,8 @@ def panels(witness: Mapping[str, Any]) -> list[Panel]:
         view.left + (sample[0] + 0.5) * view.zoom,
         view.top + (sample[1] + 0.5) * view.zoom,
         (witness["margin_px"] or 0.0) * view.zoom / around["step"],
+        # Around the sample's cell, or, where that is large, in it.
+        4.0 + 0.71 * view.zoom if view.zoom < _LARGE_CELL else 5.0,
     )
     per_sample = view.zoom / around["step"]
     near = _fitted((CLOSE_SIDE, CLOSE_SIDE))
@@ -91,7 +94,7 @@ def panels(witness: Mapping[str, Any]) -> list[Panel]:
     own = close.object == witness["object"]
     ought = _panel(witness, truth, lost, view, per_sample, mark)
     was = _panel(witness, drawn, lost, view, per_sample, mark)
-    per_close, at = float(CLOSE_CELLS * near.zoom), _Mark(middle, middle, reach)
+    per_close, at = float(CLOSE_CELLS * near.zoom), _Mark(middle, middle, reach, 5.0)
     sight = _panel(witness, close, own, near, per_close, at, dots=True)
     side = 2 * CLOSE_PX + 1
     return [
@@ -102,11 +105,13 @@ def panels(witness: Mapping[str, Any]) -> list[Panel]:
 
 
 class _Mark(NamedTuple):
-    """The witness in a panel, and how far around it the claim holds, in pixels of the panel."""
+    """The witness in a panel, how far around it the claim holds, and the radius of the ring that
+    marks it, in pixels of the panel."""
 
     x: float
     y: float
     reach: float
+    ring: float
 
 
 def unrun(runs: list[int], shape: tuple[int, int]) -> Int64:
@@ -225,16 +230,18 @@ def _named(witness: Mapping[str, Any], objects: Int64, region: NDArray[np.bool_]
 def _draw_mark(pen: ImageDraw.ImageDraw, mark: _Mark) -> None:
     """The witness's sample, and around it how far the claim holds at least."""
     x, y = mark.x, mark.y
-    if mark.reach >= 6.0:
+    if mark.reach >= mark.ring + 1.0:
         reach = mark.reach
         pen.ellipse((x - reach, y - reach, x + reach, y + reach), None, _PAPER, 3)
         pen.ellipse((x - reach, y - reach, x + reach, y + reach), None, _INK, 1)
-    pen.ellipse((x - 5, y - 5, x + 5, y + 5), None, _PAPER, 4)
-    pen.ellipse((x - 4, y - 4, x + 4, y + 4), None, _INK, 2)
+    ring = mark.ring
+    pen.ellipse((x - ring, y - ring, x + ring, y + ring), None, _PAPER, 3)
+    pen.ellipse((x - ring + 1, y - ring + 1, x + ring - 1, y + ring - 1), None, _INK, 1)
 
 
 def _box_of(mark: _Mark) -> tuple[int, int, int, int]:
-    return round(mark.x) - 6, round(mark.y) - 6, round(mark.x) + 7, round(mark.y) + 7
+    x, y, ring = round(mark.x), round(mark.y), round(mark.ring)
+    return x - ring, y - ring, x + ring, y + ring
 
 
 def _scale(

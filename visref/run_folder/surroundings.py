@@ -3,7 +3,8 @@ as it was drawn, and the same few pixels at closer sight.
 
 Pictures rest on it, no verdict does. What ought to be seen are the truth's own owners. What was
 drawn is the same wherever that was drawn, and elsewhere what a float64 rasteriser finds behind it.
-The closer sight lies between the samples, by that rasteriser.
+The closer sight lies between the samples, by that rasteriser; a mask is there over a pixel what it
+is at the pixel's sample.
 
 A picture is a list of run lengths, row by row: a number of cells, the place of their appearance in
 `appearances`, and so on. A record takes 3 to 15 kB as a rule, and never more than 200 kB: there are
@@ -24,7 +25,6 @@ from visref.run_folder.cuts import Cut
 from visref.run_folder.layout import (
     CLOSE_CELLS,
     CLOSE_PX,
-    CLOSE_SIDE,
     MAX_APPEARANCES,
     OTHERS,
     SHADES,
@@ -70,18 +70,18 @@ class Surroundings:
             window = Window(
                 cut.x + 0.5 - 0.5 * cut.step, cut.y + 0.5 - 0.5 * cut.step, 1.0 / cut.step
             )
-            behind = self._rasterised(camera, window, shape, drawn, cut)
+            rows, columns = (np.arange(n) * cut.step for n in shape)
+            at = (cut.y + rows)[:, None] * camera.width + cut.x + columns
+            behind = self._rasterised(camera, window, at, drawn)
             shown[cut.gone] = behind[cut.gone]
         none = np.zeros(shape, np.bool_)
         seen = _Cells(shown, cut.glass_drawn, none)
         x, y = sample % camera.width, sample // camera.width
-        close = self._rasterised(
-            camera,
-            Window(x - CLOSE_PX, y - CLOSE_PX, CLOSE_CELLS),
-            (CLOSE_SIDE, CLOSE_SIDE),
-            None,
-            None,
-        )
+        around = np.repeat(np.arange(-CLOSE_PX, CLOSE_PX + 1), CLOSE_CELLS)
+        rows, columns = (y + around)[:, None], x + around
+        inside = (rows >= 0) & (rows < camera.height) & (columns >= 0) & (columns < camera.width)
+        at = np.where(inside, rows * camera.width + columns, -1)
+        close = self._rasterised(camera, Window(x - CLOSE_PX, y - CLOSE_PX, CLOSE_CELLS), at, None)
         pictures = [truth, seen, _Cells(close, np.full_like(close, -1), np.zeros_like(close, bool))]
         appearances, runs = _encoded(scene, camera, pictures, obj)
         objects = sorted({entry[key] for entry in appearances for key in ("object", "glass")
@@ -100,51 +100,38 @@ class Surroundings:
         }
 
     def _rasterised(
-        self,
-        camera: Camera,
-        window: Window,
-        shape: tuple[int, int],
-        drawn: NDArray[np.bool_] | None,
-        cut: Cut | None,
+        self, camera: Camera, window: Window, at: Int64, drawn: NDArray[np.bool_] | None
     ) -> Int32:
-        """The nearest opaque triangles, of those that were drawn if given, in a window. Masks are
-        asked at the samples of `cut`; without one they count as solid."""
+        """The nearest opaque triangles, of those that were drawn if given, in a window, whose cells
+        lie `at` (h, w) samples: -1 outside the image. Masks are asked at these."""
         scene = self._scene
-        triangles = self._within(camera, window, shape)
+        triangles = self._within(camera, window, at.shape)
         kept = scene.alpha[triangles] != Alpha.BLEND
         if drawn is not None:
             kept &= drawn[triangles]
         triangles = triangles[kept]
         triangles = triangles[~_from_behind(scene, camera, triangles)].astype(np.int32)
-        result = np.full(shape, -1, np.int32)
-        image = UnitImage(scene, camera, self._units, shape, window)
+        image = UnitImage(scene, camera, self._units, at.shape, window)
+        farthest = 1.0 / camera.far if camera.is_perspective else -camera.far
         for _ in range(_LAYERS):
             image.draw(triangles)
-            beyond = image.nearness < (1.0 / camera.far if camera.is_perspective else -camera.far)
-            image.owner[beyond] = -1
-            result, hole = image.owner.copy(), self._holes(camera, image.owner, window, cut)
+            image.owner[image.nearness < farthest] = -1
+            hole = self._holes(camera, image.owner, window, at)
             if not hole.any():
                 break
-            image.behind[hole] = image.nearness[hole]
-            image.behind[~hole] = -np.inf
+            image.behind[:] = np.where(hole, image.nearness, -np.inf)
             image.owner[hole], image.nearness[hole] = -1, -np.inf
-        return result
+        return image.owner
 
-    def _holes(
-        self, camera: Camera, owner: Int32, window: Window, cut: Cut | None
-    ) -> NDArray[np.bool_]:
+    def _holes(self, camera: Camera, owner: Int32, window: Window, at: Int64) -> NDArray[np.bool_]:
         """Cells at which the owner is cut away by the clip plane or, at samples, a mask's hole."""
         from visref.masks.lookup import HOLE
 
         scene, hole = self._scene, np.zeros(owner.shape, np.bool_)
         hit = owner >= 0
-        if cut is not None:
-            masked = np.argwhere(hit & (scene.alpha[owner] == Alpha.MASK))
-            if len(masked):
-                samples = (cut.y + masked[:, 0] * cut.step) * camera.width
-                samples = samples + cut.x + masked[:, 1] * cut.step
-                state = mask_states(scene, camera, samples, owner[tuple(masked.T)])
-                hole[tuple(masked.T)] = state == HOLE
+        masked = np.nonzero(hit & (at >= 0) & (scene.alpha[owner] == Alpha.MASK))
+        if len(masked[0]):
+            hole[masked] = mask_states(scene, camera, at[masked], owner[masked]) == HOLE
         if camera.clip_plane is not None:
             rows, columns = np.nonzero(hit)
             points = _points(scene, camera, owner[hit], window, rows, columns)
