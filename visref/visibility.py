@@ -167,7 +167,7 @@ class FrameTruth:
 class Witness:
     """The sample that proves a claim; with the run folder alone anyone can replay it.
 
-    `depth` is view depth in world units. `margin_px` is how far (in pixels) and
+    `depth` is view depth in world units. `margin_px` is how far (in pixels, told up to 16) and
     `margin_depth` how much (relative depth) the sample may move before the claim would fail;
     None where they were not computed.
     """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +12,8 @@ import pytest
 from tests.support.exact_scenes import HALF, pose, rotation
 from visref.camera import Camera
 from visref.culler import RasterTolerance
-from visref.exact import ExactScene, surviving, witness_margins
-from visref.scene import Scene
+from visref.exact import REACH_PX, ExactScene, surviving, witness_margins
+from visref.scene import Alpha, Scene
 
 SIDE = 16
 Soup = tuple[np.ndarray, np.ndarray]
@@ -35,9 +37,11 @@ def scene_of(*objects: Soup) -> Scene:
     return Scene.from_objects([(f"o{i}", v, f) for i, (v, f) in enumerate(objects)])
 
 
-def margins(scene: Scene, camera: Camera, sample: int, owner: int = 0) -> tuple[float, float]:
+def margins(
+    scene: Scene, camera: Camera, sample: int, owner: int = 0, **how: Any
+) -> tuple[float, float]:
     px, depth = witness_margins(
-        ExactScene(scene, threads=1), camera, np.array([sample]), np.array([owner])
+        ExactScene(scene, threads=1), camera, np.array([sample]), np.array([owner]), **how
     )
     return float(px[0]), float(depth[0])
 
@@ -64,10 +68,78 @@ def test_margin_is_the_distance_to_the_rim() -> None:
     assert depth == math.inf
 
 
-def test_margin_ignores_inner_edges_and_sees_the_reach() -> None:
-    # The diagonal runs through the sample; the rim is beyond reach.
-    scene = scene_of(quad(-3, -3, 3, 3, -10))
-    assert margins(scene, orthographic(), sample_at(0.5, 0.5))[0] == 1.0
+def test_margin_ignores_inner_edges_and_ends_at_the_reach() -> None:
+    # The diagonal runs through the sample; the rim is 2.5 away, beyond a reach of 1.
+    scene, sample = scene_of(quad(-3, -3, 3, 3, -10)), sample_at(0.5, 0.5)
+    assert margins(scene, orthographic(), sample)[0] == pytest.approx(2.5, abs=CLOSE)
+    assert margins(scene, orthographic(), sample, reach_px=1.0)[0] == 1.0
+    # Nor does it end with the image: of a plane without end it is what is asked for.
+    endless = scene_of(quad(-90, -90, 90, 90, -10))
+    for reach in (2.0, REACH_PX):
+        assert margins(endless, orthographic(), sample_at(-7.5, 7.5), reach_px=reach)[0] == reach
+
+
+@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize("half_gap", [0.25, 1.75, 5.5, 11.25])
+def test_margin_in_a_gap_is_the_way_to_its_edge(half_gap: float, perspective: bool) -> None:
+    # Two halves of a fence at half the depth of the wall behind, in perspective half as wide.
+    at = 0.5 if perspective else 1.0
+    left = quad((-99 + 0.5 - half_gap) * at, -50, (0.5 - half_gap) * at, 50, -8)
+    right = quad((0.5 + half_gap) * at, -50, 99 * at, 50, -8)
+    scene = scene_of(quad(-99, -99, 99, 99, -16), left, right)
+    camera = orthographic()
+    if perspective:
+        # A pixel is one unit wide at depth 16.
+        camera = Camera(pose(np.eye(3), np.zeros(3)), SIDE, SIDE, 0.5, 99.0, yfov=HALF)
+    found = margins(scene, camera, sample_at(0.5, 0.5))[0]
+    assert found == pytest.approx(half_gap, abs=CLOSE)
+    assert found <= half_gap
+
+
+def test_margin_ends_where_the_surface_leaves_the_range() -> None:
+    # z = -10 - x: it passes a far plane at 12.5 two pixels to the right of the sample.
+    slope = np.array([[-7, -9, -3], [9, -9, -19], [9, 9, -19], [-7, 9, -3.0]])
+    scene = scene_of((slope, np.array([[0, 1, 2], [0, 2, 3]])))
+    sample = sample_at(0.5, 0.5)
+    assert margins(scene, orthographic(far=12.5), sample)[0] == pytest.approx(2.0, abs=1e-5)
+    assert margins(scene, orthographic(), sample)[0] == pytest.approx(7.5, abs=1e-5)
+
+
+@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize(("plane", "way"), [((-1, 0, 0, 4.25), 3.75), ((0, -1, 0, 2.25), 1.75)])
+def test_margin_ends_at_the_clip_plane(plane, way: float, perspective: bool) -> None:
+    camera = orthographic()
+    if perspective:
+        camera = Camera(pose(np.eye(3), np.zeros(3)), SIDE, SIDE, 0.5, 99.0, yfov=HALF)
+    clipped = replace(camera, clip_plane=plane)
+    # In perspective a pixel is one unit wide at depth 16.
+    scene = scene_of(quad(-99, -99, 99, 99, -16))
+    assert margins(scene, clipped, sample_at(0.5, 0.5))[0] == pytest.approx(way, abs=1e-5)
+    assert margins(scene, camera, sample_at(0.5, 0.5))[0] == REACH_PX
+
+
+def test_a_leaf_before_the_surface_bounds_the_margin_wherever_its_holes_are() -> None:
+    wall, leaf = quad(-9, -9, 9, 9, -10), quad(3.25, -9, 5, 9, -8)
+    scene = scene_of(wall, leaf)
+    alpha = scene.alpha.copy()
+    alpha[2:] = Alpha.MASK
+    masked = replace(scene, alpha=alpha)
+    sample = sample_at(0.5, 0.5)
+    assert margins(masked, orthographic(), sample)[0] == pytest.approx(2.75, abs=CLOSE)
+    assert margins(masked, orthographic(), sample_at(3.5, 0.5))[0] == 0.0
+    # Glass hides nothing.
+    alpha[2:] = Alpha.BLEND
+    clear = replace(scene, alpha=alpha)
+    assert margins(clear, orthographic(), sample)[0] == pytest.approx(8.5, abs=CLOSE)
+
+
+def test_nothing_is_told_where_too_many_triangles_lie_around() -> None:
+    blades = [quad(x, -9, x + 0.25, 9, -5) for x in np.arange(1.0, 6.0)]
+    scene, sample = scene_of(quad(-9, -9, 9, 9, -10), *blades), sample_at(0.5, 0.5)
+    assert margins(scene, orthographic(), sample)[0] == pytest.approx(0.5, abs=CLOSE)
+    # Two triangles of the wall, and two of each of the three blades within the reach.
+    assert margins(scene, orthographic(), sample, reach_px=3.0, most_around=7)[0] == 0.0
+    assert margins(scene, orthographic(), sample, reach_px=3.0, most_around=8)[0] > 0.0
 
 
 def test_margin_at_a_vertex_inside_a_mesh_is_not_zero() -> None:
@@ -76,7 +148,7 @@ def test_margin_at_a_vertex_inside_a_mesh_is_not_zero() -> None:
         np.column_stack([ring, np.full(5, -9.0)]),
         np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]),
     )
-    assert margins(scene_of(fan), orthographic(), sample_at(0.5, 0.5))[0] == 1.0
+    assert margins(scene_of(fan), orthographic(), sample_at(0.5, 0.5))[0] > 1.0
     # One blade less, and the sample stands on the rim.
     assert margins(scene_of((fan[0], fan[1][:3])), orthographic(), sample_at(0.5, 0.5))[0] == 0.0
 
@@ -97,7 +169,7 @@ def test_a_sliver_between_all_probes_bounds_the_margin() -> None:
     # Behind the wall it takes nothing away, and is the next in depth where it is met.
     behind = quad(0.45, -5, 0.55, 5, -12)
     px, depth = margins(scene_of(wall, behind), orthographic(), sample_at(0.5, 0.5))
-    assert px == 1.0
+    assert px == pytest.approx(2.5, abs=CLOSE)
     assert depth == pytest.approx(0.2)
 
 
@@ -250,7 +322,7 @@ def test_the_sample_may_move_as_far_as_its_margin(perspective: bool) -> None:
         owner = scene.object_of_triangle[triangle[samples]].astype(int)
         px, _ = witness_margins(exact, camera, samples, owner)
         for _ in range(8):
-            angle, far = rng.uniform(0, 2 * math.pi), rng.choice([0.02, 0.1, 0.4, 0.9])
+            angle, far = rng.uniform(0, 2 * math.pi), rng.choice([0.02, 0.1, 0.4, 0.9, 2.1])
             shift = far * math.cos(angle), far * math.sin(angle)
             moved = Camera(
                 base, SIDE, SIDE, 1.0, 50.0, shift_x_px=shift[0], shift_y_px=shift[1], **options

@@ -13,13 +13,9 @@ from tests.support.hand_made import scene_of_squares, settled, square, truth
 from visref.camera import Camera, look_at
 from visref.culler import Promise
 from visref.judging.judge import judge
+from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
-from visref.run_folder.pictures import (
-    MISSED_RGB,
-    SUPERFLUOUS_RGB,
-    VISIBLE_RGB,
-    draw_pictures,
-)
+from visref.run_folder.pictures import draw_pictures
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer

@@ -1,7 +1,15 @@
 """Exact visibility: the sample rule decided by proven bounds, and by integers where they fail."""
 
 from visref.exact.depth_buffer import resolves
-from visref.exact.margins import surviving, witness_margins
+from visref.exact.margins import REACH_PX, surviving, witness_margins
 from visref.exact.scene import ExactScene, Owners, compare_depths
 
-__all__ = ["ExactScene", "Owners", "compare_depths", "resolves", "surviving", "witness_margins"]
+__all__ = [
+    "REACH_PX",
+    "ExactScene",
+    "Owners",
+    "compare_depths",
+    "resolves",
+    "surviving",
+    "witness_margins",
+]

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.compiled import njit
 from visref.culler import RasterTolerance
+from visref.exact.adjacent import continues
 from visref.exact.depth_buffer import (
     NO_DEPTH_BUFFER,
     DepthBuffer,
@@ -43,6 +44,7 @@ from visref.exact.nearby import Nearby, near_samples
 from visref.exact.polygons import (
     CLIPPED,
     MOST_CORNERS,
+    distance_out_of_range,
     distance_to_hiding,
     distance_to_polygon,
     distance_to_segment,
@@ -54,17 +56,34 @@ from visref.exact.scene import ExactScene
 from visref.exact.screen import CLIP_SLACK, X0, X1, Y0, Y1
 from visref.scene import Alpha, Float64, Int64
 
-# Margins are looked for this far; a witness that holds a whole pixel around it is firm.
-REACH_PX = 1.0
+# Margins are looked for at most this far. No rasteriser's snap, no jitter of a temporal filter and
+# no halved resolution moves a sample so far: what holds there is an area that anybody sees.
+REACH_PX = 16.0
+# A margin beyond a pixel compares the triangles around the sample with each other. With more of
+# them than this (some 20 ms), nothing is told at that reach.
+MOST_AROUND = 256
 
 
 class _Triangles(NamedTuple):
     """All triangles in cluster order: `corners` (t, 9) float32, `one_sided` (t,) bool,
-    `object_of` (t,) int32."""
+    `object_of` (t,) int32, `masked` (t,) bool."""
 
     corners: NDArray[np.float32]
     one_sided: NDArray[np.bool_]
     object_of: NDArray[np.int32]
+    masked: NDArray[np.bool_]
+
+
+class _Around(NamedTuple):
+    """How many pixels around a sample are looked at, and the most triangles there that are compared
+    with each other."""
+
+    radius: float
+    most: int
+
+
+# More triangles than a scene can have.
+_ANY_NUMBER = 1 << 62
 
 
 class _Findings(NamedTuple):
@@ -82,18 +101,30 @@ class _Findings(NamedTuple):
 
 
 def witness_margins(
-    exact_scene: ExactScene, camera: Camera, samples: Int64, objects: Int64
+    exact_scene: ExactScene,
+    camera: Camera,
+    samples: Int64,
+    objects: Int64,
+    *,
+    reach_px: float = REACH_PX,
+    most_around: int = MOST_AROUND,
 ) -> tuple[Float64, Float64]:
     """How far each claim "this object is visible at this sample" is from failing.
 
     `samples`: (k,) flat indices, `objects`: (k,) ids. Returns `margin_px`: (k,) float64, how
     far in pixels the sample may move in any direction with the object still visible there, at
-    most `REACH_PX`, rounded down (0 where the object's triangles do not cover the sample);
-    and `margin_depth`: (k,) float64, the least relative distance along the ray to another
-    object behind, |t_next - t| / |t|, inf where there is none.
+    most `reach_px`, rounded down; and `margin_depth`: (k,) float64, the least relative distance
+    along the ray to another object behind, |t_next - t| / |t|, inf where there is none.
+
+    A margin holds beyond the image's edge too, where nothing but the surface goes on. It is 0
+    where nothing can be told: the object's opaque triangles do not cover the sample, the sample
+    lies behind a masked triangle (even in a hole of it), or more than `most_around` triangles lie
+    within the reach; ask again with a smaller one. A masked triangle before the surface bounds the
+    margin as if it were solid.
     """
-    found = _find(exact_scene, camera, samples, objects, REACH_PX, None)
-    return np.minimum(np.minimum(found.cover, found.hide), REACH_PX), found.gap
+    around = _Around(reach_px, most_around)
+    found = _find(exact_scene, camera, samples, objects, around, None)
+    return np.minimum(np.minimum(found.cover, found.hide), reach_px), found.gap
 
 
 def surviving(
@@ -113,7 +144,8 @@ def surviving(
     (`depth_buffer.resolved`): so where nobody has seen the rasteriser's own picture.
     """
     radius = tolerance.snap_px
-    found = _find(exact_scene, camera, samples, objects, radius, tolerance, nearest)
+    around = _Around(radius, _ANY_NUMBER)
+    found = _find(exact_scene, camera, samples, objects, around, tolerance, nearest)
     return (found.cover > radius) & ~found.lost
 
 
@@ -122,7 +154,7 @@ def _find(
     camera: Camera,
     samples: Int64,
     objects: Int64,
-    radius: float,
+    around: _Around,
     tolerance: RasterTolerance | None,
     nearest: float | None = None,
 ) -> _Findings:
@@ -138,11 +170,13 @@ def _find(
             view = _with_projectable_near(view, exact_scene, nearest)
     samples = np.asarray(samples, np.int64)
     objects = np.asarray(objects, np.int64)
-    opaque = scene.alpha[exact_scene.order] == Alpha.OPAQUE
-    near = near_samples(exact_scene, camera, view, opaque, samples, radius)
-    triangles = _Triangles(
-        exact_scene.corners, exact_scene.one_sided, scene.object_of_triangle[exact_scene.order]
-    )
+    alpha = scene.alpha[exact_scene.order]
+    masked = alpha == Alpha.MASK
+    # A rasteriser's tolerance is asked of opaque triangles alone.
+    usable = alpha == Alpha.OPAQUE if tolerance is not None else alpha != Alpha.BLEND
+    near = near_samples(exact_scene, camera, view, usable, samples, around.radius)
+    objects_of = scene.object_of_triangle[exact_scene.order]
+    triangles = _Triangles(exact_scene.corners, exact_scene.one_sided, objects_of, masked)
     found = _Findings(
         np.zeros(len(samples)),
         np.full(len(samples), np.inf),
@@ -153,7 +187,7 @@ def _find(
     def part_of(part: Int64) -> None:
         some = slice(int(part[0]), int(part[-1]) + 1)
         _examine(
-            near.part(some), objects[some], triangles, view, radius, tolerance is not None, depth,
+            near.part(some), objects[some], triangles, view, around, tolerance is not None, depth,
             found.part(some),
         )  # fmt: skip
 
@@ -180,62 +214,12 @@ def _with_projectable_near(view: View, exact_scene: ExactScene, nearest: float) 
 
 
 @njit(error_model="numpy")
-def _side(p: NDArray[Any], i: int, view: View) -> tuple[float, float]:
-    """On which side of the plane through the eye and edge i (orthographic: along the view)
-    the opposite corner lies, with a bound of the error: the sign is certain above it."""
-    w = np.empty((3, 3))
-    size = 0.0
-    for corner in range(3):
-        for k in range(3):
-            w[corner, k] = np.float64(p[3 * ((i + corner) % 3) + k]) - view.e[k]
-            size = max(size, abs(w[corner, k]))
-    if view.perspective:
-        ax, ay, az = w[0]
-        bx, by, bz = w[1]
-        cx, cy, cz = w[2]
-    else:
-        ax, ay, az = w[1] - w[0]
-        bx, by, bz = view.f
-        cx, cy, cz = w[2] - w[0]
-    value = cx * (ay * bz - az * by) + cy * (az * bx - ax * bz) + cz * (ax * by - ay * bx)
-    # As filters.PERSPECTIVE_SIGN, with differences of w up to twice its size; far outward.
-    return value, 2.0**-44 * size * size * (size if view.perspective else view.f_norm)
-
-
-@njit(error_model="numpy")
-def _same_point(p: NDArray[Any], i: int, q: NDArray[Any], j: int) -> bool:
-    same: bool = (
-        p[3 * i] == q[3 * j] and p[3 * i + 1] == q[3 * j + 1] and p[3 * i + 2] == q[3 * j + 2]
-    )
-    return same
-
-
-@njit(error_model="numpy")
-def _continues(p: NDArray[Any], edge: int, q: NDArray[Any], view: View) -> bool:
-    """Whether triangle q shares p's edge and lies on its other side on the screen."""
-    start, end = edge, (edge + 1) % 3
-    for j in range(3):
-        k = (j + 1) % 3
-        same = _same_point(p, start, q, j) and _same_point(p, end, q, k)
-        turned = _same_point(p, start, q, k) and _same_point(p, end, q, j)
-        if same or turned:
-            mine, my_error = _side(p, edge, view)
-            other, other_error = _side(q, j, view)
-            if abs(mine) <= my_error or abs(other) <= other_error:
-                return False
-            # Opposite sides of the edge taken in one direction.
-            opposite: bool = ((mine > 0.0) == (other > 0.0)) == turned
-            return opposite
-    return False
-
-
-@njit(error_model="numpy")
 def _examine(
     nearby: Nearby,
     objects: NDArray[Any],
     triangles: _Triangles,
     view: View,
-    radius: float,
+    around: _Around,
     with_depth: bool,
     depth: DepthBuffer,
     findings: _Findings,
@@ -244,7 +228,8 @@ def _examine(
     whether another depth may win is asked of the depth buffer; else of nothing."""
     xs, ys, tiles, binned = nearby
     found, boxes, _, bin_offsets, bin_entries, _ = binned
-    corners, one_sided, object_of = triangles
+    corners, one_sided, object_of, masked = triangles
+    radius, most_around = around
     cover, hide, gap, lost = findings
     most = 1
     for index in range(len(xs)):
@@ -253,6 +238,7 @@ def _examine(
     tags = np.empty((most, 4), np.int8)
     counts = np.empty(most, np.int64)
     slops = np.empty(most)
+    away = np.empty(most)
     places = np.empty(most, np.int64)
     reached = np.empty(most, np.bool_)
     queue = np.empty(most, np.int64)
@@ -280,12 +266,12 @@ def _examine(
             if one_sided[t] and (
                 set_up(corners[t], True, view.perspective, lens, terms) == NOTHING
             ):
-                # Certainly seen from behind. A triangle thinner than the displacement may turn
-                # over, so it stays as one that can hide.
+                # Certainly seen from behind, wherever the sample moves. If it is the corners that
+                # move, a triangle thinner than that may turn over, and stays as one that can hide.
                 thick = True
                 for i in range(3):
                     j, m = (i + 1) % 3, (i + 2) % 3
-                    if count == 3:
+                    if with_depth and count == 3:
                         thick = thick and 2.0 * (radius + slop) < distance_to_segment(
                             polygons[near, i, 0], polygons[near, i, 1],
                             polygons[near, j, 0], polygons[near, j, 1],
@@ -300,14 +286,14 @@ def _examine(
                 if low - doubt > depth.first or high + doubt < depth.last:
                     continue
             places[near], counts[near], slops[near] = t, count, slop
-            reached[near] = False
-            if object_of[t] == mine and distance <= slop:
+            reached[near], away[near] = False, distance
+            if object_of[t] == mine and not masked[t] and distance <= slop:
                 has_area, c, gx, gy = key_plane(polygons[near], count)
                 if has_area and c + gx * x + gy * y > root_key:
                     root, root_key = near, c + gx * x + gy * y
             near += 1
         cover[index], hide[index], gap[index], lost[index] = 0.0, np.inf, np.inf, False
-        if root < 0:
+        if root < 0 or near > most_around:
             lost[index] = True
             continue
         # Grow the patch across shared edges within the radius; the others are its rim.
@@ -335,10 +321,12 @@ def _examine(
                 closed = False
                 if tags[k, i] != CLIPPED:
                     for other in range(near):
-                        if object_of[places[other]] == mine and other != k:
+                        if object_of[places[other]] == mine and (
+                            other != k and not masked[places[other]]
+                        ):
                             edge = np.int64(tags[k, i])
                             p, q = corners[places[k]], corners[places[other]]
-                            if _continues(p, edge, q, view):
+                            if continues(p, edge, q, view):
                                 closed = True
                                 if not reached[other]:
                                     reached[other] = True
@@ -347,6 +335,11 @@ def _examine(
                                 break
                 if not closed:
                     rim = min(rim, distance)
+        # Out of range the surface is there and not seen.
+        for k in range(near):
+            if reached[k] and not with_depth:
+                distance = distance_out_of_range(x, y, polygons[k], counts[k], view, scratch)
+                rim = min(rim, max(0.0, distance - slops[k]))
         cover[index] = rim
         # What else is here, and where it comes before the patch.
         step = 0.0
@@ -356,7 +349,8 @@ def _examine(
             lost[index] = greatest + doubt >= depth.first or least - doubt <= depth.last
         next_key = -np.inf
         for other in range(near):
-            if object_of[places[other]] == mine:
+            leaf = masked[places[other]]
+            if object_of[places[other]] == mine and not leaf:
                 continue
             count = counts[other]
             low, high = key_range(x, y, radius + slops[other], polygons[other], count)
@@ -367,22 +361,25 @@ def _examine(
                     lost[index] = True
                 continue
             has_area, c, gx, gy = key_plane(polygons[other], count)
-            distance = distance_to_polygon(x, y, polygons[other], count)
-            if has_area and distance <= slops[other]:
+            distance = away[other]
+            if has_area and distance <= slops[other] and object_of[places[other]] != mine:
                 key = c + gx * x + gy * y
                 if key <= root_key:
                     next_key = max(next_key, key)
-                elif distance == 0.0:
+                elif distance == 0.0 and not leaf:
                     next_key = root_key
             if not has_area or high < least:
                 continue
             for k in range(near):
                 if reached[k]:
-                    distance = distance_to_hiding(
+                    slop = slops[other] + slops[k]
+                    # Where the one lies over the other is no nearer than either.
+                    if max(distance, away[k]) - slop >= min(hide[index], cover[index]):
+                        continue
+                    covers = distance_to_hiding(
                         x, y, polygons[other], count, polygons[k], counts[k], scratch
                     )
-                    slop = slops[other] + slops[k]
-                    hide[index] = min(hide[index], max(0.0, distance - slop))
+                    hide[index] = min(hide[index], max(0.0, covers - slop))
         if view.perspective:
             gap[index] = root_key / next_key - 1.0 if next_key > 0.0 else np.inf
         elif next_key > -np.inf:

@@ -213,3 +213,37 @@ def distance_to_hiding(
         a, b = b, a
     distance: float = distance_to_polygon(x, y, a, count)
     return distance
+
+
+@njit(error_model="numpy")
+def distance_out_of_range(
+    x: float, y: float, polygon: NDArray[Any], count: int, view: View, scratch: NDArray[Any]
+) -> float:
+    """Pixels from a point to where a polygon, (n, 3), lies beyond far or the clip plane.
+
+    `scratch`: (2, MOST_CORNERS, 3) float64, overwritten.
+    """
+    has_area, c, gx, gy = key_plane(polygon, count)
+    if not has_area:
+        return np.inf
+    far = 1.0 / view.far if view.perspective else -view.far
+    beyond = clip_polygon(polygon, count, -gx, -gy, far - c, scratch[0])
+    distance: float = distance_to_polygon(x, y, scratch[0], beyond)
+    if view.clips:
+        # `View.clip` with the key's plane and a, b in pixels; its bound, outward.
+        of_key, fixed, of_a, of_b, per_key, bound = view.clip
+        size = 0.0
+        for i in range(count):
+            size = max(size, abs(polygon[i, 2]))
+        fixed -= of_a * (view.width - 1 - 2.0 * view.shift_x_px)
+        fixed += of_b * (view.height - 1 - 2.0 * view.shift_y_px)
+        beyond = clip_polygon(
+            polygon,
+            count,
+            -(of_key * gx + 2.0 * of_a),
+            -(of_key * gy - 2.0 * of_b),
+            -(of_key * c + fixed) + per_key * size + bound,
+            scratch[0],
+        )
+        distance = min(distance, distance_to_polygon(x, y, scratch[0], beyond))
+    return distance

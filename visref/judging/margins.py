@@ -10,17 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import Raster
-from visref.exact import ExactScene, resolves, surviving, witness_margins
+from visref.exact import REACH_PX, ExactScene, resolves, surviving, witness_margins
 from visref.judging.disputes import Rulings
 from visref.judging.frame import SettledFrame
 from visref.judging.rasters import JudgedRaster
 from visref.picking import distinct
-from visref.scene import Int32, Int64
+from visref.scene import Float64, Int32, Int64
 
 # How many of a missed object's samples are asked for their margins; the best one is reported.
 # Of a frame that misses hundreds of objects, fewer of each: a margin takes about a millisecond.
 MARGIN_SAMPLES = 64
 FRAME_MARGIN_SAMPLES = 2048
+# They are first asked how they hold for this many pixels. Those that do are asked for twice as
+# many, and so on up to `REACH_PX`; a step looks at four times the area, so that only the objects
+# that lose most are asked, each at few samples.
+FIRST_REACH_PX = 1.0
+FAR_SAMPLES = 8
+FRAME_FAR_SAMPLES = 64
 
 
 def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) -> Rulings:
@@ -36,7 +42,15 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
     each = min(MARGIN_SAMPLES, max(1, FRAME_MARGIN_SAMPLES // len(losing)))
     lost = _lost_pairs(frame)
     samples, objects = _picked(lost, each)
-    margin_px, margin_depth = witness_margins(exact, camera, samples, objects)
+    margin_px, margin_depth = witness_margins(
+        exact,
+        camera,
+        samples,
+        objects,
+        reach_px=FIRST_REACH_PX,
+        most_around=exact.scene.triangle_count,
+    )
+    _look_further(exact, frame, samples, objects, margin_px)
     within: set[int] = set()
     if raster is not None:
         judged = raster if isinstance(raster, JudgedRaster) else JudgedRaster(raster)
@@ -48,6 +62,30 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
         best.setdefault(int(objects[at]), int(samples[at]))
         margins.setdefault(int(objects[at]), (float(margin_px[at]), float(margin_depth[at])))
     return replace(rulings, within_raster=frozenset(within), best_sample=best, margins=margins)
+
+
+def _look_further(
+    exact: ExactScene, frame: SettledFrame, samples: Int64, objects: Int64, margin_px: Float64
+) -> None:
+    """Raise the margins, (k,), of samples that hold as far as was asked, in place. `samples` are
+    sorted by `objects`."""
+    reach = FIRST_REACH_PX
+    while reach < REACH_PX:
+        held = np.flatnonzero(margin_px >= reach)
+        if not len(held):
+            return
+        losing = distinct(objects[held])
+        most_lost = np.lexsort((losing, -frame.walk.lost[losing]))
+        asked = losing[most_lost[:FRAME_FAR_SAMPLES]]
+        held = held[np.isin(objects[held], asked)]
+        each = min(FAR_SAMPLES, FRAME_FAR_SAMPLES // len(asked))
+        held, _ = _picked((held, objects[held]), each)
+        reach = min(2.0 * reach, REACH_PX)
+        further, _ = witness_margins(
+            exact, frame.truth.camera, samples[held], objects[held], reach_px=reach
+        )
+        # Where too many triangles lie around, what held before still does.
+        margin_px[held] = np.maximum(margin_px[held], further)
 
 
 def _excused(

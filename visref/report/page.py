@@ -18,6 +18,7 @@ from visref.papers import tables_beside
 from visref.picking import evenly_picked
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
+from visref.report.crops import Crop, CropBudget
 from visref.report.embedded import data_uri
 from visref.report.environment import page_environment
 from visref.report.plots import STYLES, Plot, Series, on_scale
@@ -31,7 +32,8 @@ from visref.report.summary import (
 )
 from visref.report.tables import table_view
 from visref.run_folder.causes import Cause
-from visref.run_folder.layout import COUNTS
+from visref.run_folder.claims import surroundings_of
+from visref.run_folder.layout import COUNTS, MAX_MARGIN_PX
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FindingRow, FrameRow, LostObject, PictureSet, Witness
 from visref.wording import legible
@@ -81,6 +83,7 @@ class LostView:
     lost: LostObject
     command: str
     pictured: bool
+    crops: tuple[Crop, ...] = ()
 
     @property
     def worst(self) -> Witness:
@@ -186,7 +189,8 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         "breakable": _breakable,
     }
     status, exit_ = words.overall(runs)
-    views = [_run_view(run, index, out) for index, run in enumerate(runs)]
+    budget = CropBudget()
+    views = [_run_view(run, index, out, budget) for index, run in enumerate(runs)]
     return environment.get_template("report.html.j2").render(
         status=status,
         exit_status=int(exit_),
@@ -198,6 +202,7 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         no_fpr_px=NO_FPR_PX,
         causes=words.CAUSES,
         max_moved=MAX_MOVED,
+        max_margin=MAX_MARGIN_PX,
         words=words,
         elsewhere=_ELSEWHERE,
         benches=[_bench_view(bench, out) for bench in benches],
@@ -219,7 +224,7 @@ def _breakable(name: str) -> Markup:
     return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", legible(name)))
 
 
-def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
+def _run_view(run: RunFolder, index: int, out: Path, budget: CropBudget) -> dict[str, Any]:
     rows = [summarise(run, culler) for culler in run.cullers]
     frames, frames_left_out = _frame_views(run)
     pictured = {(view.frame, view.view, one.culler) for view in frames for one in view.cullers}
@@ -233,7 +238,7 @@ def _run_view(run: RunFolder, index: int, out: Path) -> dict[str, Any]:
         "columns": (columns := _columns(rows)),
         "cells": _cells(rows, columns),
         "lost": [
-            (row, [_lost_view(run, row, lost, pictured, out) for lost in row.lost[:MAX_LOST]])
+            (row, _lost_views(run, row, pictured, out, budget))
             for row in sorted(rows, key=lambda row: row.status is not Status.VIOLATION)
             if row.lost
         ],
@@ -358,16 +363,25 @@ def _parts(row: CullerSummary) -> str:
     return "\n".join(f"{words.count(number)} {name}" for number, name in parts if number)
 
 
-def _lost_view(
+def _lost_views(
     run: RunFolder,
     row: CullerSummary,
-    lost: LostObject,
     pictured: set[tuple[int, str, str]],
     out: Path,
-) -> LostView:
-    worst = lost.worst
-    command = words.replay_command(run, worst, out)
-    return LostView(lost, command, (worst.frame, worst.view, row.culler) in pictured)
+    budget: CropBudget,
+) -> list[LostView]:
+    listed = row.lost[:MAX_LOST]
+    keys = [(lost.worst.frame, lost.worst.view, lost.worst.object) for lost in listed]
+    witnesses = surroundings_of(run.folder, run.manifest, row.culler, set(keys))
+    return [
+        LostView(
+            lost,
+            words.replay_command(run, lost.worst, out),
+            (lost.worst.frame, lost.worst.view, row.culler) in pictured,
+            budget.crops(witnesses.get(key)),
+        )
+        for lost, key in zip(listed, keys, strict=True)
+    ]
 
 
 def _bench_view(bench: BenchFolder, out: Path) -> dict[str, Any]:

@@ -3,7 +3,7 @@ by field against `visref/schemas/witness.json` and against the manifest beside i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,17 @@ from visref.run_folder.checks import check_is_run, check_manifest
 from visref.run_folder.facts import FIX, read_definition, read_manifest
 from visref.run_folder.inside import json_inside, lines_inside, quoted
 from visref.run_folder.json_fields import Fields
-from visref.run_folder.layout import MANIFEST, MISS_KINDS, UNNAMED_VIEW, WITNESSES
+from visref.run_folder.layout import (
+    CLOSE_SIDE,
+    MANIFEST,
+    MAX_APPEARANCES,
+    MISS_KINDS,
+    OTHERS,
+    SHADES,
+    SURROUNDED_CELLS,
+    UNNAMED_VIEW,
+    WITNESSES,
+)
 from visref.run_folder.rows import Manifest
 from visref.scene import Alpha
 
@@ -48,6 +58,28 @@ def witnesses_of(
                 yield found
 
 
+def surroundings_of(
+    run: Path, manifest: Manifest, culler: str, wanted: Set[tuple[int, str, int]]
+) -> dict[tuple[int, str, int], Mapping[str, Any]]:
+    """A culler's witnesses with surroundings, of those `wanted` by frame, view and object.
+
+    Raises InputError where one of them is no witness of the run.
+    """
+    file = f"{WITNESSES}/{manifest.cullers[culler].slug}.jsonl"
+    result: dict[tuple[int, str, int], Mapping[str, Any]] = {}
+    if not wanted or not (run / file).exists():
+        return result
+    for place, value in lines_inside(run, file, FIX):
+        witness = Fields(value, f"{run / file}: {place}", FIX)
+        if not witness.has("surroundings"):
+            continue
+        key = witness.whole("frame"), witness.text("view"), witness.whole("object")
+        if key in wanted:
+            result[key] = read_witness(witness, manifest.version)
+            _check(witness, result[key], culler, manifest)
+    return result
+
+
 def read_witness(witness: Fields, version: int = 2) -> dict[str, Any]:
     """A witness as it was written, with `view` and `partly` also where version 1 has neither.
     Raises InputError for what the schema refuses."""
@@ -80,7 +112,31 @@ def read_witness(witness: Fields, version: int = 2) -> dict[str, Any]:
         if triangle.has("mask"):
             triangle.whole("mask", most=_MAX_MASK)
         triangle.hexadecimal_corners("vertices")
+    if witness.has("surroundings"):
+        _read_surroundings(witness.inner("surroundings"))
     return found
+
+
+def _read_surroundings(around: Fields) -> None:
+    """That a witness's surroundings are of the kind and the size that they must be."""
+    for name in ("x", "y"):
+        around.whole(name)
+    around.whole("step", least=1)
+    for name in ("width", "height"):
+        around.whole(name, least=1, most=SURROUNDED_CELLS)
+    for one in around.each("objects", most=2 * MAX_APPEARANCES):
+        one.whole("object")
+        one.text("name")
+    for one in around.each("appearances", most=MAX_APPEARANCES):
+        if not one.is_null("object"):
+            one.whole("object", least=OTHERS)
+        if not one.is_null("glass"):
+            one.whole("glass")
+        one.whole("shade", most=SHADES - 1)
+        one.flag("lost")
+    for name in ("truth", "drawn"):
+        around.whole_list(name, most=2 * SURROUNDED_CELLS**2)
+    around.whole_list("close", most=2 * CLOSE_SIDE**2)
 
 
 def _check(witness: Fields, found: Mapping[str, Any], culler: str, manifest: Manifest) -> None:
@@ -105,6 +161,26 @@ def _check(witness: Fields, found: Mapping[str, Any], culler: str, manifest: Man
         for name, count in (("object", "objects"), ("triangle", "triangles")):
             if one[name] >= getattr(manifest.scene, count):
                 raise witness.error(f"the scene has no {name} {one[name]}", f"{place}{name}")
+    if "surroundings" in found:
+        _check_surroundings(witness, found)
+
+
+def _check_surroundings(witness: Fields, found: Mapping[str, Any]) -> None:
+    """That the cells lie in the image, and that each has an appearance."""
+    around, one = witness.inner("surroundings"), found["surroundings"]
+    for name, side, cells in (("x", "width", one["width"]), ("y", "height", one["height"])):
+        if one[name] + one["step"] * (cells - 1) >= found["samples"][side]:
+            raise around.error("the cells leave the image", name)
+    for name, cells in (
+        ("truth", one["width"] * one["height"]),
+        ("drawn", one["width"] * one["height"]),
+        ("close", CLOSE_SIDE**2),
+    ):
+        runs = one[name]
+        if len(runs) % 2 or sum(runs[::2]) != cells:
+            raise around.error(f"its runs are not of {cells} cells", name)
+        if max(runs[1::2]) >= len(one["appearances"]):
+            raise around.error("it has an appearance that is none of the list", name)
 
 
 def no_such_witness(run: Path, frame: int, target: str) -> InputError:

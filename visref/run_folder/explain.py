@@ -22,6 +22,7 @@ from visref.files import replacing_file
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.run_folder.claims import no_such_witness, witnesses_of
 from visref.run_folder.layout import WITNESSES, explained_name
+from visref.run_folder.panels import composed, panels
 from visref.scene import Alpha, Float64
 
 # The picture shows this many pixels around the sample, each this many picture pixels wide.
@@ -180,12 +181,21 @@ def _ratio(hit: RayHit) -> str:
 
 
 def draw_neighbourhood(explanation: Explanation, file: Path) -> None:
-    """Draw the pixels around the witness, magnified, with the samples marked.
+    """Draw what lies around the witness: what ought to be seen, what was drawn, and the nearest
+    pixels at closer sight; where the witness has no surroundings, the pixels alone.
+    """
+    witness = explanation.witness
+    picture = composed(panels(witness)) if "surroundings" in witness else _pixels_alone(witness)
+    with replacing_file(file, begins=_PNG) as beside:
+        picture.save(beside, format="PNG", optimize=True)
+
+
+def _pixels_alone(witness: Mapping[str, Any]) -> Image.Image:
+    """The pixels around the witness, magnified, with the samples marked.
 
     Only the triangles of the witness are known, so only they are drawn; the missed object is
     vermilion. A pixel's own sample is the dot in its middle, the witness the ringed one.
     """
-    witness = explanation.witness
     side = (2 * AROUND_PX + 1) * MAGNIFICATION
     nearest = _nearest_by_point(witness, side)
     palette = _palette(witness)
@@ -209,8 +219,7 @@ def draw_neighbourhood(explanation: Explanation, file: Path) -> None:
             if (row, column) == (AROUND_PX, AROUND_PX):
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (255, 255, 255), 5)
                 pen.ellipse((x - 12, y - 12, x + 12, y + 12), None, (20, 20, 20), 2)
-    with replacing_file(file, begins=_PNG) as beside:
-        picture.save(beside, format="PNG", optimize=True)
+    return picture
 
 
 def _palette(witness: Mapping[str, Any]) -> list[tuple[int, int, int]]:

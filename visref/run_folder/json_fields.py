@@ -110,8 +110,10 @@ class Fields:
         for name in self._value:
             yield name, self.inner(name)
 
-    def each(self, name: str) -> list[Fields]:
-        """The JSON objects in a list."""
+    def each(self, name: str, *, most: int | None = None) -> list[Fields]:
+        """The JSON objects in a list, at `most` so many."""
+        if most is not None and len(self._list(name)) > most:
+            raise self.error(f"it holds more than {most}", name)
         return [
             Fields(value, self._source, self._fix, f"{self._at(name)}[{index}]")
             for index, value in enumerate(self._list(name))
@@ -124,9 +126,11 @@ class Fields:
             raise self.error("it holds what is no text", name)
         return tuple(values)
 
-    def whole_list(self, name: str) -> tuple[int, ...]:
-        """A list of whole numbers of 0 or more."""
+    def whole_list(self, name: str, *, most: int | None = None) -> tuple[int, ...]:
+        """A list of whole numbers of 0 or more, at `most` so many."""
         values = self._list(name)
+        if most is not None and len(values) > most:
+            raise self.error(f"it holds more than {most}", name)
         if not all(_is_whole(value) for value in values):
             raise self.error("it holds what is no whole number of 0 or more", name)
         return tuple(values)

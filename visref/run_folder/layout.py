@@ -161,6 +161,21 @@ OBJECTS_SCHEMA = pa.schema(
 # Columns of few different texts, each of which a reader of the table keeps once.
 OBJECTS_REPEATED = ("culler", "view", "kind", "name", "occluder_name")
 
+# How far `margin_px` is told: `visref.exact.REACH_PX`, which a reader of records need not import.
+MAX_MARGIN_PX = 16.0
+# What a witness says of its surroundings (`visref.run_folder.surroundings`): at most so many
+# samples in each direction, enough to tell a fence by and few enough for a line of some kilobytes;
+# and of the closer sight, so many pixels around the witness's, each so many cells wide.
+SURROUNDED_CELLS = 48
+CLOSE_PX = 3
+CLOSE_CELLS = 8
+CLOSE_SIDE = (2 * CLOSE_PX + 1) * CLOSE_CELLS
+MAX_APPEARANCES = 256
+# From the darkest to the brightest.
+SHADES = 16
+# The object of an appearance that stands for several.
+OTHERS = -1
+
 # Wide enough for half a laptop's screen; wider costs a page that carries dozens of pictures.
 PAGE_WIDTH_PX = 960
 

@@ -1,8 +1,7 @@
 """Pictures of a judged frame: the shaded scene, who was drawn for what, and what is missing.
 
 They are made from the visibility buffer alone, so they show what the verdict rests on and
-need no GL. Colours are Okabe and Ito's (2008), told apart by readers of every colour vision
-(https://jfly.uni-koeln.de/color/); hatching and rings say the same a second time.
+need no GL. Hatching and rings say a second time what the colours do.
 """
 
 from __future__ import annotations
@@ -19,16 +18,19 @@ from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict, MissKind
+from visref.run_folder.colours import (
+    MISSED_RGB,
+    MOVED_RGB,
+    SUPERFLUOUS_RGB,
+    pastel,
+    srgb,
+    vivid,
+)
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape, slug
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
-
-VISIBLE_RGB = (0x00, 0x72, 0xB2)
-SUPERFLUOUS_RGB = (0xE6, 0x9F, 0x00)
-MISSED_RGB = (0xD5, 0x5E, 0x00)
-MOVED_RGB = (0xCC, 0x79, 0xA7)
 
 # A missed patch smaller than this (page pixels) gets a ring, or nobody would find it.
 RING_BELOW_PX = 40
@@ -144,6 +146,12 @@ def _shade(scene: Scene, truth: FrameTruth) -> Float32:
 
 def _lit_colours(scene: Scene, camera: Camera, triangles: Int64) -> Float32:
     """(k, 3) float32 sRGB: the objects' colours under the light, two-sided."""
+    base = pastel(np.arange(scene.object_count))[scene.object_of_triangle[triangles]]
+    return srgb(base * light_on(scene, camera, triangles)[:, None]).astype(np.float32)
+
+
+def light_on(scene: Scene, camera: Camera, triangles: Int64) -> Float64:
+    """(k,) float64: how brightly triangles are lit, two-sided, from 0.26 to 1.04."""
     corners = scene.vertices[scene.triangles[triangles]].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1)
@@ -151,9 +159,8 @@ def _lit_colours(scene: Scene, camera: Camera, triangles: Int64) -> Float32:
     towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
     normal *= np.where((normal * towards).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
     in_camera = normal @ camera.world_from_camera[:3, :3]
-    light = 0.34 + 0.62 * np.maximum(in_camera @ _LIGHT, 0.0) + 0.08 * in_camera[:, 1]
-    base = _pastel(scene.object_count)[scene.object_of_triangle[triangles]]
-    return _srgb(base * light[:, None]).astype(np.float32)
+    light: Float64 = 0.34 + 0.62 * np.maximum(in_camera @ _LIGHT, 0.0) + 0.08 * in_camera[:, 1]
+    return light
 
 
 def _nearness_scale(camera: Camera, depth: NDArray[np.float64], hit: NDArray[np.bool_]) -> Float32:
@@ -311,7 +318,7 @@ def _blend(image: Float32, strength: Float32, rgb: tuple[int, int, int]) -> None
 
 
 def _id_picture(scene: Scene, truth: FrameTruth, shape: tuple[int, int]) -> Image.Image:
-    colours = np.concatenate([_vivid(scene.object_count), np.zeros((1, 3), np.uint8)])
+    colours = np.concatenate([vivid(np.arange(scene.object_count)), np.zeros((1, 3), np.uint8)])
     return Image.fromarray(colours[_owner_objects(scene, _nearest(truth.buffer.triangle, shape))])
 
 
@@ -327,61 +334,3 @@ def _errors(
     picture = Image.fromarray(index)
     picture.putpalette([14, 18, 23, 52, 62, 74, *MISSED_RGB, 255, 255, 255])
     return picture
-
-
-def _spread(count: int, ratio: float) -> NDArray[np.float64]:
-    """(count,) in 0…1: neighbours far apart, the same for an id in every scene."""
-    return np.mod(np.arange(count, dtype=np.float64) * ratio, 1.0)
-
-
-def _pastel(count: int) -> NDArray[np.float64]:
-    """(count, 3) linear RGB, a calm colour per object: hue by the golden ratio, lightness and
-    chroma by Roberts's R2 sequence."""
-    return _linear_from_oklch(
-        0.80 + 0.12 * _spread(count, 0.7548776662466927),
-        0.025 + 0.05 * _spread(count, 0.5698402909980532),
-        _spread(count, 0.6180339887498949),
-    )
-
-
-def _vivid(count: int) -> NDArray[np.uint8]:
-    """(count, 3) sRGB bytes, colours that tell neighbouring ids apart."""
-    linear = _linear_from_oklch(
-        0.52 + 0.36 * _spread(count, 0.7548776662466927),
-        0.07 + 0.08 * _spread(count, 0.5698402909980532),
-        _spread(count, 0.6180339887498949),
-    )
-    return np.round(_srgb(linear) * 255.0).astype(np.uint8)
-
-
-def _linear_from_oklch(
-    lightness: NDArray[np.float64], chroma: NDArray[np.float64], turn: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Linear sRGB from OKLCh (Ottosson 2020), hue in turns; clipped to the gamut."""
-    a, b = chroma * np.cos(2 * np.pi * turn), chroma * np.sin(2 * np.pi * turn)
-    cone = np.stack(
-        [
-            lightness + 0.3963377774 * a + 0.2158037573 * b,
-            lightness - 0.1055613458 * a - 0.0638541728 * b,
-            lightness - 0.0894841775 * a - 1.2914855480 * b,
-        ],
-        axis=1,
-    )
-    rgb_from_cone = np.array(
-        [
-            [4.0767416621, -3.3077115913, 0.2309699292],
-            [-1.2684380046, 2.6097574011, -0.3413193965],
-            [-0.0041960863, -0.7034186147, 1.7076147010],
-        ]
-    )
-    linear: NDArray[np.float64] = np.clip(cone**3 @ rgb_from_cone.T, 0.0, 1.0)
-    return linear
-
-
-def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The sRGB transfer curve, 0…1."""
-    linear = np.clip(linear, 0.0, 1.0)
-    curve: NDArray[np.float64] = np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
-    )
-    return curve

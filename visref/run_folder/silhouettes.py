@@ -29,18 +29,37 @@ class _Projection(NamedTuple):
     centre: Float64
 
 
+class Window(NamedTuple):
+    """A part of a camera's image: its left and top edge in samples, of which the first spans 0 to
+    1, and how many pixels it has for each."""
+
+    left: float
+    top: float
+    scale: float
+
+
 class UnitImage:
-    """An image of `shape` (height, width) that spans the camera's view; units are drawn into it.
+    """An image of `shape` (height, width) that spans the camera's view, or a `window` of it; units
+    are drawn into it.
 
     `owner`: int32, the nearest unit's id at each pixel, -1 where there is none. `nearness`:
     float32, 1 / view depth there, or minus the depth if orthographic; -inf where there is none.
     Triangles are clipped at the near plane, and cover the pixel centres inside them.
     """
 
-    def __init__(self, scene: Scene, camera: Camera, units: Units, shape: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        units: Units,
+        shape: tuple[int, int],
+        window: Window | None = None,
+    ) -> None:
         self._scene, self._units = scene, units
         self.owner: Int32 = np.full(shape, -1, np.int32)
         self.nearness: Float32 = np.full(shape, -np.inf, np.float32)
+        # Only what is farther off than this is drawn.
+        self.behind: Float32 = np.full(shape, np.inf, np.float32)
         per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
             2.0 * float(np.linalg.norm(camera.right_step))
         )
@@ -50,6 +69,16 @@ class UnitImage:
                 (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
             ]
         )
+        if window is not None:
+            one = 1.0 / (2.0 * float(np.linalg.norm(camera.right_step)))
+            per_unit = np.full(2, window.scale * one)
+            middle = np.array(
+                [
+                    camera.width / 2 - camera.shift_x_px - window.left,
+                    camera.height / 2 - camera.shift_y_px - window.top,
+                ]
+            )
+            centre = window.scale * middle
         self._projection = _Projection(
             camera.world_from_camera, camera.is_perspective, camera.near, per_unit, centre
         )
@@ -73,6 +102,7 @@ class UnitImage:
             marks_small,
             self.owner,
             self.nearness,
+            self.behind,
         )
 
 
@@ -97,6 +127,7 @@ def _rasterise(
     marks_small: bool,
     owner: NDArray[Any],
     nearness: NDArray[Any],
+    behind: NDArray[Any],
 ) -> None:
     world_from_camera, perspective, near, per_unit, centre = projection
     height, width = owner.shape
@@ -147,8 +178,8 @@ def _rasterise(
             if marks_small and high_x - low_x < 1.0 and high_y - low_y < 1.0:
                 px = int(min(max((x0 + x1 + x2) / 3.0, 0.0), width - 1.0))
                 py = int(min(max((y0 + y1 + y2) / 3.0, 0.0), height - 1.0))
-                near_here = (w0 + w1 + w2) / 3.0
-                if near_here > nearness[py, px]:
+                near_here = np.float32((w0 + w1 + w2) / 3.0)
+                if near_here > nearness[py, px] and near_here < behind[py, px]:
                     nearness[py, px] = near_here
                     owner[py, px] = unit_of[k]
                 continue
@@ -167,7 +198,7 @@ def _rasterise(
                     b2 = ((x1 - x0) * (cy - y0) - (cx - x0) * (y1 - y0)) / area
                     if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
                         continue
-                    near_here = w0 + b1 * (w1 - w0) + b2 * (w2 - w0)
-                    if near_here > nearness[py, px]:
+                    near_here = np.float32(w0 + b1 * (w1 - w0) + b2 * (w2 - w0))
+                    if near_here > nearness[py, px] and near_here < behind[py, px]:
                         nearness[py, px] = near_here
                         owner[py, px] = unit_of[k]

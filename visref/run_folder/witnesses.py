@@ -17,6 +17,8 @@ from visref.camera_path import CameraPath
 from visref.compiled import njit
 from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
+from visref.run_folder.cuts import CutKeeper
+from visref.run_folder.surroundings import Surroundings
 from visref.scene import Alpha, Int32, Int64, Scene
 from visref.timeline import Timeline
 from visref.visibility import mask_states
@@ -25,6 +27,9 @@ from visref.visibility import mask_states
 # samples lost, get all the triangles along their rays, and beyond them the worst of every object
 # that it is convicted of; every miss has a row in objects.parquet.
 WITNESSES_PER_CULLER = 200
+# What lies around a witness takes some milliseconds to draw: of the worst misses and of so many
+# objects, those that lose most over all frames.
+SURROUNDED_OBJECTS = 200
 
 UNIT_ROUNDOFF = 2.0**-53
 # d . (w_i x w_j) in float64, with w = v - o and d, o each a sum of three terms. Roundings on
@@ -173,12 +178,16 @@ def write_witnesses(
     path: CameraPath,
     record: CullerRecord,
     drawn: Callable[[int, str], NDArray[np.bool_]],
+    cuts: CutKeeper | None = None,
 ) -> None:
     """One JSON line for each of the culler's worst misses, at least one of every object with a
     confirmed one, by frame, view and object.
 
-    `drawn` gives the drawn triangles of a frame's view, (t,) bool.
+    `drawn` gives the drawn triangles of a frame's view, (t,) bool. `cuts`: what was kept around the
+    misses; the worst of them, and the worst of the objects that lose most, get their surroundings.
     """
+    most_lost = {miss.object for _, _, miss in record.losses()[:SURROUNDED_OBJECTS]}
+    surrounded: set[tuple[int, str, int]] = set()
     misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
     misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
@@ -187,6 +196,8 @@ def write_witnesses(
         first = miss.kind is MissKind.CONFIRMED and miss.object not in convicted
         if place < WITNESSES_PER_CULLER or first:
             by_view[frame, view].append(miss)
+        if place < WITNESSES_PER_CULLER or (first and miss.object in most_lost):
+            surrounded.add((frame, view, miss.object))
         if first:
             convicted.add(miss.object)
     scene: Scene | None = None
@@ -198,6 +209,7 @@ def write_witnesses(
                 scene = timeline.at(frame)
                 corners = scene.vertices[scene.triangles]
                 balls = _balls(corners)
+                around = Surroundings(scene, balls)
             chosen = sorted(by_view[frame, view], key=lambda miss: miss.object)
             shown = drawn(frame, view)
             along = _triangles_along(corners, balls, camera, [miss.sample for miss in chosen])
@@ -212,6 +224,13 @@ def write_witnesses(
                     _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))
                     for t, s in zip(triangles, state, strict=True)
                 ]
+                cut = None
+                if cuts is not None and (frame, view, miss.object) in surrounded:
+                    cut = cuts.get(frame, view, miss.object)
+                if cut is not None:
+                    witness["surroundings"] = around.record(
+                        camera, cut, miss.object, miss.sample, shown
+                    )
                 lines.write(json.dumps(witness, sort_keys=True) + "\n")
 
 

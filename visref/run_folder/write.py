@@ -22,6 +22,7 @@ from visref.judging.referee import Job, JudgedFrame
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
+from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
     FORMAT,
@@ -43,7 +44,7 @@ from visref.run_folder.motion import MotionRecord
 from visref.run_folder.objects import ObjectsWriter
 from visref.run_folder.pictures import draw_pictures
 from visref.run_folder.rows import PictureSet
-from visref.run_folder.witnesses import write_witnesses
+from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -91,6 +92,8 @@ class RunWriter:
         # where something was missed.
         self._drawn: dict[str, tuple[Units, dict[tuple[int, str], tuple[int, int]]]] = {}
         self._spool = Spool()
+        # By culler what is kept around its misses.
+        self._cuts: dict[str, CutKeeper] = {}
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         self._has_truth = True
@@ -127,6 +130,8 @@ class RunWriter:
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
             put = self._spool.put_set(np.sort(judged.drawn_units))
+            keeper = self._cuts.setdefault(job.spec, CutKeeper(WITNESSES_PER_CULLER))
+            keeper.add(record.frame, verdict.misses, judged.settled)
             for one in judged.settled:
                 drawn[record.frame, one.truth.camera.view] = put
         if judged.settled and self._plan.wants(job.spec, record.frame, verdict):
@@ -175,7 +180,8 @@ class RunWriter:
                 folder.mkdir(exist_ok=True)
                 file = folder / f"{slug(record.spec)}.jsonl"
                 drawn = self._drawn_in(record.spec)
-                write_witnesses(file, self._timeline, self._path, record, drawn)
+                cuts = self._cuts.get(record.spec)
+                write_witnesses(file, self._timeline, self._path, record, drawn, cuts)
 
     def _drawn_in(self, spec: str) -> Callable[[int, str], NDArray[np.bool_]]:
         units, drawn = self._drawn[spec]

@@ -1,0 +1,222 @@
+"""What is kept of a frame around a miss, while its truth is at hand.
+
+A *cut* is a lattice of at most `SURROUNDED_CELLS` samples in each direction that holds the miss's
+witness and what the object lost, with as much again around it. It keeps the truth's own owners,
+sample by sample; nothing is filtered. `visref.run_folder.surroundings` makes of it what a witness's
+line says.
+"""
+
+from __future__ import annotations
+
+import zlib
+from bisect import insort
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.judging.frame import SettledFrame
+from visref.judging.judge import Miss, MissKind
+from visref.run_folder.layout import SURROUNDED_CELLS
+from visref.scene import Int32, Int64
+
+# Of so many objects that a culler is convicted of the worst miss has its surroundings kept; it
+# takes about a kilobyte.
+MAX_OBJECTS = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """(h, w) arrays over a lattice of samples, of which the first is (x, y) and each further one
+    `step` samples on. `triangle` int32: the owner, -1 for the background. `glass` and
+    `glass_drawn` int32: the nearest glass seen before it, and the nearest that was drawn, -1 for
+    none. `lost` bool: lost to the miss's object; `gone` bool: nothing at the nearest depth was
+    drawn, whoever lost it."""
+
+    x: int
+    y: int
+    step: int
+    triangle: Int32
+    glass: Int32
+    glass_drawn: Int32
+    lost: NDArray[np.bool_]
+    gone: NDArray[np.bool_]
+
+    def packed(self) -> bytes:
+        flags = self.lost.astype(np.int32) + 2 * self.gone
+        layers = np.stack([self.triangle, self.glass, self.glass_drawn, flags])
+        head = np.array([self.x, self.y, self.step, *self.triangle.shape], np.int64)
+        return zlib.compress(head.tobytes() + layers.astype(np.int32).tobytes(), 1)
+
+    @classmethod
+    def unpacked(cls, data: bytes) -> Cut:
+        raw = zlib.decompress(data)
+        x, y, step, height, width = np.frombuffer(raw, np.int64, 5).tolist()
+        layers = np.frombuffer(raw, np.int32, offset=40).reshape(4, height, width)
+        triangle, glass, glass_drawn, flags = layers
+        return cls(x, y, step, triangle, glass, glass_drawn, (flags & 1) > 0, (flags & 2) > 0)
+
+
+class FrameCuts:
+    """One settled frame, to be cut at its misses."""
+
+    def __init__(self, settled: SettledFrame) -> None:
+        self._settled = settled
+
+    def of(self, miss: Miss) -> Cut:
+        """What lies around a miss of this frame's view."""
+        settled, camera = self._settled, self._settled.truth.camera
+        mine = np.append(self._lost_to(miss.object), miss.sample)
+        x, step_x = _lattice(mine % camera.width, miss.sample % camera.width, camera.width)
+        y, step_y = _lattice(mine // camera.width, miss.sample // camera.width, camera.height)
+        step = max(step_x, step_y)
+        if step > 1:
+            x, _ = _lattice(mine % camera.width, miss.sample % camera.width, camera.width, step)
+            y, _ = _lattice(mine // camera.width, miss.sample // camera.width, camera.height, step)
+        columns = np.arange(x, camera.width, step)[:SURROUNDED_CELLS]
+        rows = np.arange(y, camera.height, step)[:SURROUNDED_CELLS]
+        at = rows[:, None] * camera.width + columns
+        triangle = settled.truth.buffer.triangle[np.ix_(rows, columns)]
+        lost = np.isin(at, mine) if miss.kind is not MissKind.TIE else np.zeros(at.shape, np.bool_)
+        glass = _picked(self._glass, at)
+        glass_drawn = _picked(self._glass_drawn, at)
+        own = _picked(self._own_glass(miss.object), at)
+        glass = np.where(lost & (own >= 0), own, glass)
+        return Cut(
+            x, y, step, triangle, glass, glass_drawn, lost,
+            np.isin(at, settled.walk.lost_samples),
+        )  # fmt: skip
+
+    @cached_property
+    def _losers(self) -> tuple[Int64, Int64]:
+        """Every lost sample's owner, and the sample, by owner."""
+        settled = self._settled
+        lost, ties = settled.walk.lost_samples, settled.truth.ties
+        of_triangle = settled.scene.object_of_triangle
+        owning = of_triangle[settled.truth.buffer.triangle.reshape(-1)[lost]]
+        tied = np.isin(ties.sample, lost)
+        samples = [lost, ties.sample[tied]]
+        owners = [owning, of_triangle[ties.triangle[tied]]]
+        if len(settled.truth.blend.object):
+            blend = settled.truth.blend
+            at = np.isin(blend.sample, settled.walk.lost_blended_samples)
+            pairs = blend.sample * settled.scene.object_count + blend.object
+            # Glass is lost where none of the object's glass that is seen there was drawn.
+            shown = np.unique(pairs[settled.drawn[blend.triangle]])
+            at &= ~np.isin(pairs, shown)
+            samples.append(blend.sample[at])
+            owners.append(blend.object[at])
+        sample = np.concatenate(samples).astype(np.int64)
+        owner: Int64 = np.concatenate(owners).astype(np.int64)
+        order = np.argsort(owner, kind="stable")
+        return owner[order], sample[order]
+
+    def _lost_to(self, obj: int) -> Int64:
+        owner, sample = self._losers
+        low, high = np.searchsorted(owner, [obj, obj + 1])
+        return sample[low:high]
+
+    @cached_property
+    def _glass(self) -> tuple[Int64, Int32]:
+        return self._nearest_glass(np.ones(len(self._settled.truth.blend.object), np.bool_))
+
+    @cached_property
+    def _glass_drawn(self) -> tuple[Int64, Int32]:
+        return self._nearest_glass(self._settled.drawn[self._settled.truth.blend.triangle])
+
+    def _own_glass(self, obj: int) -> tuple[Int64, Int32]:
+        return self._nearest_glass(self._settled.truth.blend.object == obj)
+
+    def _nearest_glass(self, which: NDArray[np.bool_]) -> tuple[Int64, Int32]:
+        """The samples at which some of these hits are seen, ascending, and the nearest of each."""
+        blend = self._settled.truth.blend.where(which)
+        order = np.lexsort((blend.triangle, blend.depth, blend.sample))
+        sample, first = np.unique(blend.sample[order], return_index=True)
+        return sample, blend.triangle[order][first]
+
+
+def _picked(hits: tuple[Int64, Int32], at: Int64) -> Int32:
+    """The triangle of the hit at each sample of `at`, -1 for none."""
+    sample, triangle = hits
+    result = np.full(at.shape, -1, np.int32)
+    if len(sample):
+        place = np.minimum(np.searchsorted(sample, at), len(sample) - 1)
+        found = sample[place] == at
+        result[found] = triangle[place[found]]
+    return result
+
+
+def _lattice(lost: Int64, witness: int, side: int, step: int = 0) -> tuple[int, int]:
+    """Where along one side of an image the cells begin, and every how many-th sample has one: so
+    that they hold the witness and, with as much again around, all that is lost."""
+    low, high = int(lost.min()), int(lost.max())
+    if not step:
+        wanted = min(2 * (high - low + 1), side)
+        step = max(1, -(-wanted // SURROUNDED_CELLS))
+    # The samples that a cell can stand at, and the first cell: in the middle of what is lost, as
+    # far as the image goes.
+    phase = witness % step
+    cells = (side - 1 - phase) // step + 1
+    middle = ((low + high) // 2 - phase) // step
+    first = min(max(middle - SURROUNDED_CELLS // 2, 0), max(cells - SURROUNDED_CELLS, 0))
+    # The witness may lie off the middle of a lattice that is coarser than its own side needs.
+    place = (witness - phase) // step
+    first = min(max(first, place - SURROUNDED_CELLS + 1), place)
+    return phase + first * step, step
+
+
+Key = tuple[int, int, int, int]
+Place = tuple[int, str, int]
+
+
+class CutKeeper:
+    """Keeps the cuts that a culler's witnesses may need: of the `worst` misses, by samples lost,
+    and of the worst confirmed miss of each of at most `MAX_OBJECTS` objects."""
+
+    def __init__(self, worst: int) -> None:
+        self._worst = worst
+        self._top: list[tuple[Key, Place]] = []
+        self._best: dict[int, tuple[Key, Place]] = {}
+        self._cuts: dict[Place, bytes] = {}
+        self._added = 0
+
+    def add(self, frame: int, misses: tuple[Miss, ...], settled: tuple[SettledFrame, ...]) -> None:
+        """Add a frame's misses, each in one of the settled views."""
+        views = {one.truth.camera.view: FrameCuts(one) for one in settled}
+        for miss in misses:
+            self._added += 1
+            if miss.view not in views:
+                continue
+            entry = (
+                (-miss.samples, frame, miss.object, self._added),
+                (frame, miss.view, miss.object),
+            )
+            is_top = len(self._top) < self._worst or entry < self._top[-1]
+            is_best = miss.kind is MissKind.CONFIRMED and (
+                entry < self._best[miss.object]
+                if miss.object in self._best
+                else len(self._best) < MAX_OBJECTS
+            )
+            if not (is_top or is_best):
+                continue
+            self._cuts[entry[1]] = views[miss.view].of(miss).packed()
+            left = []
+            if is_top:
+                insort(self._top, entry)
+                left += self._top[self._worst :]
+                del self._top[self._worst :]
+            if is_best:
+                left += [self._best[miss.object]] if miss.object in self._best else []
+                self._best[miss.object] = entry
+            for other in left:
+                self._forget(other)
+
+    def _forget(self, entry: tuple[Key, Place]) -> None:
+        if entry not in self._top and self._best.get(entry[1][2]) != entry:
+            del self._cuts[entry[1]]
+
+    def get(self, frame: int, view: str, obj: int) -> Cut | None:
+        """The cut of a miss, None where it was not kept."""
+        data = self._cuts.get((frame, view, obj))
+        return None if data is None else Cut.unpacked(data)
