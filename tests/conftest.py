@@ -23,6 +23,10 @@ from visref.schemas import schema
 if os.environ.get("PYTEST_XDIST_WORKER"):
     os.environ.setdefault("LP_NUM_THREADS", "0")
 
+# What these runs print is no word to the CI server that runs the tests.
+for name in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
+    os.environ.pop(name, None)
+
 Report = pytest.TestReport | pytest.CollectReport
 
 

@@ -72,6 +72,26 @@ def replacing_file(path: Path | str, *, begins: bytes = b"") -> Iterator[Path]:
     What stands there already is replaced only if it is a file, and empty or one that `begins` so:
     never a folder, a device or a pipe.
     """
+    target = _file_to_replace(path, begins)
+    with _writing(target, target.parent, name=target.name) as folder:
+        written = folder / beside.WRITTEN / target.name
+        yield written
+        with _refusing(target):
+            beside.on_disk(written)
+            written.replace(target)
+            beside.names_on_disk(target.parent)
+
+
+def check_replacing(path: Path | str, *, begins: bytes = b"") -> None:
+    """Raises InputError where `replacing_file` would, before there is anything to write. What
+    stands there stays; the folder that it is to stand in is made."""
+    target = _file_to_replace(path, begins)
+    with _writing(target, target.parent, name=target.name):
+        pass
+
+
+def _file_to_replace(path: Path | str, begins: bytes) -> Path:
+    """Where a file leads that may be replaced; its folder is there."""
     with _refusing(Path(path)):
         target = _place(path)
         if target.is_dir():
@@ -84,13 +104,7 @@ def replacing_file(path: Path | str, *, begins: bytes = b"") -> Iterator[Path]:
                     raise _refuse(target, "what stands there is of another kind", "name a new file")
         target.parent.mkdir(parents=True, exist_ok=True)
         beside.sweep(target.parent)
-    with _writing(target, target.parent, name=target.name) as folder:
-        written = folder / beside.WRITTEN / target.name
-        yield written
-        with _refusing(target):
-            beside.on_disk(written)
-            written.replace(target)
-            beside.names_on_disk(target.parent)
+    return target
 
 
 @contextmanager

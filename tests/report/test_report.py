@@ -38,6 +38,7 @@ from tests.support.report_runs import (
 )
 from visref.errors import InputError
 from visref.report import write_report
+from visref.report.junit import REST
 from visref.report.plots import Series, on_scale, ticks
 from visref.report.words import percent, quantity
 
@@ -344,17 +345,37 @@ def test_junit_counts_violations_as_failures_and_doubt_as_errors(runs, pages):
     suite = ET.fromstring(pages["violation"][1]).find("testsuite")
     verdict = record(runs["violation"])
     statuses = {name: culler["status"] for name, culler in verdict["cullers"].items()}
-    assert suite.get("tests") == str(len(statuses))
-    assert suite.get("failures") == "1"
-    assert suite.get("errors") == "1"
-    for case in suite.iter("testcase"):
-        status = statuses[case.get("name")]
+    cases = {case.get("name"): case for case in suite.iter("testcase")}
+    assert suite.get("tests") == str(len(list(suite.iter("testcase"))))
+    for name, status in statuses.items():
+        case = cases[name]
         assert case.get("classname") == "squares.glb"
         assert (case.find("failure") is not None) == (status == "violation")
         assert (case.find("error") is not None) == (status == "inconclusive")
-    (failure,) = suite.iter("failure")
-    assert NASTY_SHOWN in failure.text
+        assert (case.find("skipped") is not None) == (status == "measured")
+    # The culler that is convicted, and the object that convicts it.
+    assert (suite.get("failures"), suite.get("errors")) == ("2", "1")
+    lost = cases[f"{NASTY_SHOWN}, object {NASTY_ID}"]
+    assert lost.get("classname") == f"squares.glb: {BROKEN}"
+    assert NASTY_SHOWN in lost.find("failure").text
     assert "it fell over <here>" in "".join(suite.itertext())
+
+
+def test_the_junit_cases_of_a_cullers_objects_add_up_to_the_scene(runs, pages):
+    suite = ET.fromstring(pages["violation"][1]).find("testsuite")
+    of = {}
+    for case in suite.iter("testcase"):
+        of.setdefault(case.get("classname"), []).append(case)
+    # What breaks down, or promises nothing, has no object that passes.
+    judged = (BROKEN, "tight", "none", "triangles")
+    assert set(of) == {"squares.glb", *(f"squares.glb: {one}" for one in judged)}
+    for culler, convicted in ((BROKEN, 1), ("tight", 0)):
+        *guilty, rest = of[f"squares.glb: {culler}"]
+        assert [case.find("failure") is not None for case in guilty] == [True] * convicted
+        assert rest.get("name") == REST
+        assert len(rest) == 1
+        said = f"{6 - convicted} of the scene's 6 objects"
+        assert said in rest.find("system-out").text
 
 
 def test_markdown_table_survives_any_name(runs, pages):

@@ -97,7 +97,7 @@ def test_a_finding_of_a_newer_version_is_shown_by_what_its_record_says(runs, tmp
 def test_the_junit_case_says_how_to_replay_and_the_rates(runs, tmp_path):
     write_report([runs["violation"]], tmp_path / "a" / "b")
     suite = ET.parse(tmp_path / "a" / "b" / "junit.xml").getroot()
-    (failure,) = suite.iter("failure")
+    _, failure = suite.iter("failure")
     command = re.search(r"visref explain (\S+) --frame \d+ --object \d+", failure.text)
     assert (tmp_path / "a" / "b" / command[1]).resolve() == runs["violation"].resolve()
     (case,) = [case for case in suite.iter("testcase") if case.get("name") == "tight"]

@@ -14,6 +14,7 @@ from visref.cli.arguments import (
     recorded_inputs_of,
 )
 from visref.cli.judged import judge
+from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
 from visref.culler import Promise
 from visref.errors import InputError
@@ -30,6 +31,7 @@ from visref.wording import counted
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene_arguments(parser)
     add_judging_arguments(parser)
+    add_report_arguments(parser)
     recorded = parser.add_mutually_exclusive_group(required=True)
     recorded.add_argument(
         "--recording",

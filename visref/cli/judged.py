@@ -17,6 +17,7 @@ from visref.judging.status import Status
 from visref.papers import contents as papers
 from visref.papers import tables_beside
 from visref.report import words
+from visref.report.misses import why_lines
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
@@ -52,6 +53,9 @@ def judge(
         )
     print_outcome(outcome)
     written = steady(given.out, lambda folder: read_run(folder, objects=False))
+    for culler, verdict in written.verdict.cullers.items():
+        for line in why_lines(verdict.causes):
+            OUT.line(f"{culler}: {line}")
     for paper, tables in tables_beside(written):
         for table in tables:
             _print_beside_published(paper.name, table)

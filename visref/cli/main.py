@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from visref.cli.breakdown import INTERRUPTED, broke_down
-from visref.cli.terminal import ERRORS, Parser, prepare
+from visref.cli.terminal import ERRORS, Parser, WrongArguments, prepare
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Exit
 
@@ -35,6 +35,9 @@ COMMANDS = {
     "doctor": "say what works on this machine",
 }
 
+# These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
+TELLING = ("run", "check")
+
 
 def main(
     arguments: Sequence[str] | None = None, *, ready: Callable[[], object] = lambda: None
@@ -44,42 +47,94 @@ def main(
     if arguments is None:
         prepare()
         arguments = sys.argv[1:]
-    given = argparse.Namespace(interrupted="nothing was written", in_process=False)
+    given = argparse.Namespace(asked=_asked(arguments), interrupted="nothing was written")
+    given.in_process = False
     try:
         parser = _parser(arguments)
     except InputError as error:
         return _said(f"error: {error}", Exit.BAD_INPUT)
     except SystemExit:  # a library's, as it was imported
-        return broke_down()
+        return _broke_down(given, arguments)
+    except Exception:
+        return _broke_down(given, arguments)
     # This leaves by SystemExit for help and for a wrong argument; nothing else may.
-    parser.parse_args(arguments, given)
+    try:
+        parser.parse_args(arguments, given)
+    except WrongArguments as wrong:
+        _tell(given, wrong.line, Exit.BAD_INPUT, arguments)
+        raise
     ready()
     if given.in_process:
         from visref.cli.supervised import supervised
 
-        return supervised(lambda: _run(given))
+        return supervised(lambda: _run(given), lambda line, status: _ended(given, line, status))
     return _run(given)
 
 
 def _run(given: argparse.Namespace) -> int:
     try:
-        return int(given.command(given))
+        if given.asked not in TELLING:
+            return int(given.command(given))
+        from visref.cli.reports import check_reports, write_reports
+
+        check_reports(given)
+        status = int(given.command(given))
+        write_reports(given)
+        return status
     except InputError as error:
-        return _said(f"error: {error}", Exit.BAD_INPUT)
+        return _ended(given, f"error: {error}", Exit.BAD_INPUT)
     except NothingToJudge as error:
-        return _said(f"nothing could be judged: {error}", Exit.NOTHING_JUDGED)
+        return _ended(given, f"nothing could be judged: {error}", Exit.NOTHING_JUDGED)
     except KeyboardInterrupt:
-        return _said(f"interrupted; {given.interrupted}", INTERRUPTED)
+        return _ended(given, f"interrupted; {given.interrupted}", INTERRUPTED)
     except OSError as error:
         # A full disk, say: nobody's bug.
-        return _said(f"error: {error}", Exit.BAD_INPUT)
+        return _ended(given, f"error: {error}", Exit.BAD_INPUT)
     except BaseException:
-        return broke_down()
+        return _broke_down(given)
 
 
 def _said(line: str, status: int) -> int:
     ERRORS.line(line)
     return int(status)
+
+
+def _ended(given: argparse.Namespace, line: str, status: int) -> int:
+    """Say why there is no verdict, to the CI server too; returns the status."""
+    ERRORS.line(line)
+    _tell(given, line, status)
+    return int(status)
+
+
+def _broke_down(given: argparse.Namespace, arguments: Sequence[str] | None = None) -> int:
+    """`broke_down`, to the CI server too: the error in hand, in a line."""
+    error = sys.exception()
+    status = broke_down()
+    name = type(error).__name__
+    line = " ".join(f"visref broke down, this is a bug in it: {name}: {error}".split())
+    _tell(given, line, status, arguments)
+    return status
+
+
+def _tell(
+    given: argparse.Namespace, line: str, status: int, arguments: Sequence[str] | None = None
+) -> None:
+    """Write the reports of a command that came to no verdict. `arguments`: its own, where they were
+    not parsed. Whatever goes wrong here, the status stays."""
+    if given.asked not in TELLING:
+        return
+    try:
+        from visref.cli.reports import arguments_alone, report_failure
+
+        where = given if arguments is None else arguments_alone(arguments)
+        report_failure(given.asked, where, line, status)
+    except BaseException as error:  # what was imported for it may be what broke down
+        ERRORS.line(f"no report was written: {type(error).__name__}: {error}")
+
+
+def _asked(arguments: Sequence[str]) -> str | None:
+    """The name of the command that is asked for."""
+    return next((argument for argument in arguments if not argument.startswith("-")), None)
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
@@ -90,7 +145,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    asked = next((argument for argument in arguments if not argument.startswith("-")), None)
+    asked = _asked(arguments)
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about)
         if name == asked:

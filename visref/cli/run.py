@@ -23,6 +23,7 @@ from visref.cli.commands import (
     with_commands,
 )
 from visref.cli.judged import judge
+from visref.cli.reports import add_report_arguments
 from visref.culler import Culler
 from visref.errors import InputError
 from visref.inputs import Inputs
@@ -35,6 +36,7 @@ from visref.plug_ins import Making, making_cullers
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene_arguments(parser)
     add_judging_arguments(parser)
+    add_report_arguments(parser)
     parser.add_argument(
         "--culler",
         action="append",

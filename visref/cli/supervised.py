@@ -13,12 +13,12 @@ import sys
 from collections.abc import Callable
 
 from visref.cli.breakdown import BROKE_DOWN
-from visref.cli.terminal import ERRORS
 
 
-def supervised(work: Callable[[], int]) -> int:
-    """The status that `work` returns; where its process ends before, another than 0 and 1, and a
-    line on standard error. `work` runs before any thread is started."""
+def supervised(work: Callable[[], int], lost: Callable[[str, int], int]) -> int:
+    """The status that `work` returns; where its process ends before, what `lost` makes of a line
+    that says so and of a status that is neither 0 nor 1. `work` runs before any thread is
+    started."""
     reading, writing = os.pipe()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -41,8 +41,8 @@ def supervised(work: Callable[[], int]) -> int:
         return said[0]
     code = os.waitstatus_to_exitcode(ended)
     how = f"by signal {-code}" if code < 0 else f"with status {code}"
-    ERRORS.line(f"the process ended {how} before there was a verdict")
-    return 128 - code if code < 0 else BROKE_DOWN
+    line = f"the process ended {how} before there was a verdict"
+    return lost(line, 128 - code if code < 0 else BROKE_DOWN)
 
 
 def _work(work: Callable[[], int], writing: int) -> None:

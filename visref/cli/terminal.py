@@ -77,6 +77,10 @@ class Printer:
         """Text of several lines, which are ours to break."""
         self._write("".join(f"{shown(line)}\n" for line in text.removesuffix("\n").split("\n")))
 
+    def commands(self, lines: Iterable[str]) -> None:
+        """Lines that a CI server is to obey, each one made for it (`visref.report.annotations`)."""
+        self._write("".join(f"{line}\n" for line in lines))
+
     def table(
         self, headings: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[str] = ()
     ) -> None:
@@ -164,6 +168,14 @@ OUT = Printer("stdout")
 ERRORS = Printer("stderr")
 
 
+class WrongArguments(SystemExit):
+    """Argparse's own way out, with the line that was said."""
+
+    def __init__(self, line: str) -> None:
+        super().__init__(2)
+        self.line = line
+
+
 class Parser(argparse.ArgumentParser):
     """A parser whose words go the same way: arguments may be names out of a scene."""
 
@@ -174,8 +186,9 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """The usage, and one line: a word that nobody asked for may hold line ends."""
         self.print_usage(sys.stderr)
-        ERRORS.line(f"{self.prog}: error: {message}")
-        self.exit(2)
+        line = f"{self.prog}: error: {message}"
+        ERRORS.line(line)
+        raise WrongArguments(line)
 
 
 def prepare() -> None:

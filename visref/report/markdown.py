@@ -8,18 +8,23 @@ from pathlib import Path
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
+from visref.report.misses import cause_of, object_misses, why_lines
 from visref.report.summary import RATES, CullerSummary, summarise
 from visref.report.tables import table_markdown
 from visref.run_folder.read import RunFolder
 
 _MAX_LOST = 5
 
+# How a file of ours begins, so that another is never replaced by it. A page of a CI server may hold
+# what other tools wrote, too.
+TITLE = "# visref: "
+
 
 def markdown_summary(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
     """The verdict, a table of the cullers, and the worst losses of each run. `out` is the folder
     it will stand in: replay commands start there."""
     status, _ = words.overall(runs)
-    lines = [f"# {words.GLYPHS[status]} {words.HEADLINES[status]}"]
+    lines = [f"{TITLE}{words.GLYPHS[status]} {words.HEADLINES[status]}"]
     for run in runs:
         lines += ["", *_run_lines(run, out)]
     for bench in benches:
@@ -27,6 +32,11 @@ def markdown_summary(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], 
         lines += ["", f"**Speed against error, {words.plain(bench.scene)}**: {headline}. "
                   f"{' '.join(sentences)}"]  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def markdown_of_failure(name: str, line: str) -> str:
+    """The summary of a command that came to no verdict: its name, and what it said."""
+    return f"{TITLE}✕ no verdict\n\n{words.code(f'visref {name}')}: {words.plain(line)}\n"
 
 
 def _run_lines(run: RunFolder, out: Path) -> list[str]:
@@ -57,6 +67,9 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
         ]
         lines.append(f"| {' | '.join(cells)} |")
     for row in rows:
+        if why := why_lines(run.verdict.cullers[row.culler].causes):
+            lines += ["", f"Why {words.plain(row.culler)} missed them:", ""]
+            lines += [f"- {words.plain(line)}" for line in why]
         if row.lost:
             lines += ["", *_loss_lines(run, row, out)]
         if row.hidden:
@@ -98,6 +111,7 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
 
 def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
     lines = [f"Lost by {words.plain(row.culler)}:", ""]
+    missed = object_misses(run, row.culler)
     for lost in row.lost[:_MAX_LOST]:
         worst = lost.worst
         lines.append(
@@ -106,6 +120,8 @@ def _loss_lines(run: RunFolder, row: CullerSummary, out: Path) -> list[str]:
             f"{words.counted(lost.frames, 'frame')} ({words.plain(words.frame_of(worst))}, pixel "
             f"{worst.x}, {worst.y}, depth {worst.depth:.6g})"
         )
+        if cause := cause_of(run, row.culler, missed.get(worst.object)):
+            lines[-1] += f": {words.plain(cause)}"
     if len(row.lost) > _MAX_LOST:
         lines.append(f"- … and {len(row.lost) - _MAX_LOST} more objects")
     lines += [

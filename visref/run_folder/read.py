@@ -196,8 +196,11 @@ class RunFolder:
         explained; empty where none was."""
         if not len(self.objects):
             return {}
-        mine = pc.and_(pc.equal(self.objects["culler"], culler), pc.is_valid(self.objects["cause"]))
-        counts = pc.value_counts(self.objects["cause"].filter(mine))
+        mine = pc.and_(
+            pc.equal(self.objects["culler"], culler),
+            pc.equal(self.objects["kind"], ObjectKind.SUPERFLUOUS.value),
+        )
+        counts = pc.value_counts(self.objects["cause"].filter(mine).drop_null())
         return {row["values"]: row["counts"] for row in counts.to_pylist()}
 
     def superfluous_units(self, culler: str) -> list[tuple[int, str, int]]:
