@@ -47,8 +47,8 @@ test-fast: setup
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
-	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto tests/mutants tests/property \
-	  -k "test_sound_method_conforms or test_culler_conforms_with_each_option"
+	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/mutants tests/property \
+	  tests/conformance tests/culling/test_plp.py -k "conforms or passes_the_cases_as_files"
 
 # Spoilt files of every kind, for so many seconds; `make test` holds a short run of each target.
 FUZZ_SECONDS := 600

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.culling_scenes import box, perspective, quad, random_camera, random_scene
+from tests.support.shares import share
 from visref.camera import Camera, look_at
 from visref.conformance import assert_conforms, conformance_checks
 from visref.culler import Promise, QueryStats
@@ -366,10 +367,11 @@ def test_ray_through_an_edge_that_cells_share_keeps_the_chain():
 
 @pytest.mark.slow
 @pytest.mark.gl
-@pytest.mark.parametrize("options", [OPTIONS[0], OPTIONS[2]], ids=str)
-@pytest.mark.parametrize("check", conformance_checks(moving=False), ids=str)
-def test_cplp_conforms(check, options):
-    assert_conforms(lambda: ConservativePLPCulling(leaf=8, budget=20, **options), checks=[check])
+@pytest.mark.parametrize("at", [0, 2])
+def test_cplp_conforms(at):
+    """To its share: `tests/mutants` has more ways to run it."""
+    checks = share(conformance_checks(moving=False), at)
+    assert_conforms(lambda: ConservativePLPCulling(leaf=8, budget=20, **OPTIONS[at]), checks=checks)
 
 
 # What it costs.

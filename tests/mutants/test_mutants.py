@@ -6,13 +6,13 @@ needs no line here, and ask for one of every culler that is registered.
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import pytest
 
 from tests.mutants.common import COMMON
 from tests.mutants.harness import Method, Mutant, departures, suites, unaccounted
+from tests.support.shares import share
 from visref.conformance import CheckResult, Status, assert_conforms, check_culler
 from visref.registry import CULLERS, available
 
@@ -96,10 +96,6 @@ def test_every_contract_can_be_broken_and_is_kept_by_a_sound_method():
         assert bool(suite.contracts) == bool(suite.keepers), module
 
 
-# Every check of so many, another share for each method; `VISREF_WHOLE=1` (`make soak`) runs all.
-SHARE = 1 if os.environ.get("VISREF_WHOLE") else 3
-
-
 @pytest.mark.parametrize(
     "at", range(len(METHODS)), ids=[f"{m}-{m.culler.__name__}" for m in METHODS]
 )
@@ -107,4 +103,4 @@ def test_sound_method_conforms(at: int):
     """To its share of the catalogue; an effect to its own scenes."""
     method = METHODS[at]
     checks = list(method.suite.checks.values())
-    assert_conforms(method.make, checks=checks[at % SHARE :: SHARE] or checks)
+    assert_conforms(method.make, checks=share(checks, at) or checks)

@@ -4,7 +4,6 @@ suite's scenes, not on scenes that hypothesis finds."""
 from __future__ import annotations
 
 import itertools
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 
 from tests.mutants.harness import mutant_named
 from tests.support import strategies
+from tests.support.shares import share
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.conformance import assert_conforms, conformance_checks, exact_truths, judge_on
@@ -93,16 +93,13 @@ QUIET = settings(derandomize=True, deadline=None, suppress_health_check=list(Hea
 
 
 VARIANTS = one_at_a_time()
-# With an option away from its default, every check of so many, another share for each variant;
-# `VISREF_WHOLE=1` (`make soak`) runs all.
-SHARE = 1 if os.environ.get("VISREF_WHOLE") else 3
 
 
 @pytest.mark.parametrize("at", range(len(VARIANTS)), ids=list(map(str, VARIANTS)))
 def test_culler_conforms_with_each_option(at):
-    """As it comes to the whole catalogue."""
+    """As it comes to the whole catalogue, with an option away from its default to a share."""
     variant, checks = VARIANTS[at], conformance_checks()
-    assert_conforms(variant.make, checks=checks[at % SHARE :: SHARE] if variant.chosen else checks)
+    assert_conforms(variant.make, checks=share(checks, at) if variant.chosen else checks)
 
 
 @settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
