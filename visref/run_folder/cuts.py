@@ -67,7 +67,7 @@ class FrameCuts:
     def of(self, miss: Miss) -> Cut:
         """What lies around a miss of this frame's view."""
         settled, camera = self._settled, self._settled.truth.camera
-        mine = np.append(self._lost_to(miss.object), miss.sample)
+        mine = np.unique(np.append(self._lost_to(miss.object), miss.sample))
         x, step_x = _lattice(mine % camera.width, miss.sample % camera.width, camera.width)
         y, step_y = _lattice(mine // camera.width, miss.sample // camera.width, camera.height)
         step = max(step_x, step_y)
@@ -78,14 +78,14 @@ class FrameCuts:
         rows = np.arange(y, camera.height, step)[:SURROUNDED_CELLS]
         at = rows[:, None] * camera.width + columns
         triangle = settled.truth.buffer.triangle[np.ix_(rows, columns)]
-        lost = np.isin(at, mine) if miss.kind is not MissKind.TIE else np.zeros(at.shape, np.bool_)
+        lost = _among(mine, at) & (miss.kind is not MissKind.TIE)
         glass = _picked(self._glass, at)
         glass_drawn = _picked(self._glass_drawn, at)
         own = _picked(self._own_glass(miss.object), at)
         glass = np.where(lost & (own >= 0), own, glass)
         return Cut(
             x, y, step, triangle, glass, glass_drawn, lost,
-            np.isin(at, settled.walk.lost_samples),
+            _among(settled.walk.lost_samples, at),
         )  # fmt: skip
 
     @cached_property
@@ -134,6 +134,14 @@ class FrameCuts:
         order = np.lexsort((blend.triangle, blend.depth, blend.sample))
         sample, first = np.unique(blend.sample[order], return_index=True)
         return sample, blend.triangle[order][first]
+
+
+def _among(some: Int64, at: Int64) -> NDArray[np.bool_]:
+    """Which of `at` are among `some`, ascending."""
+    if not len(some):
+        return np.zeros(at.shape, np.bool_)
+    found: NDArray[np.bool_] = some[np.minimum(np.searchsorted(some, at), len(some) - 1)] == at
+    return found
 
 
 def _picked(hits: tuple[Int64, Int32], at: Int64) -> Int32:

@@ -165,10 +165,12 @@ class Surroundings:
 
 def _from_behind(scene: Scene, camera: Camera, triangles: Int64) -> NDArray[np.bool_]:
     """Which one-sided triangles are seen from behind."""
+    behind = scene.one_sided[triangles].copy()
+    triangles = triangles[behind]
     corners = scene.vertices[scene.triangles[triangles]].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
-    behind: NDArray[np.bool_] = scene.one_sided[triangles] & ((normal * towards).sum(axis=1) <= 0.0)
+    behind[behind] = (normal * towards).sum(axis=1) <= 0.0
     return behind
 
 
@@ -203,19 +205,24 @@ def _encoded(
     share = (light_on(scene, camera, seen) - DARKEST) / (BRIGHTEST - DARKEST)
     light = np.clip(share, 0.0, 1.0)[place]
 
-    def objects(which: Int32) -> Int64:
-        return np.where(which >= 0, scene.object_of_triangle[which], -1).astype(np.int64)
-
+    # By place in a list of few, so that one number says all of a cell.
+    objects, glasses = (
+        np.unique(np.where(which >= 0, scene.object_of_triangle[which], -1), return_inverse=True)
+        for which in (triangle, glass)
+    )
     for shades in (SHADES, 4, 1):
         level = np.round(light * (shades - 1)) * ((SHADES - 1) // max(shades - 1, 1))
         if shades == 1:
             level = np.full(len(light), 2 * SHADES // 3)
         level = np.where(triangle >= 0, level, 0).astype(np.int64)
-        rows = np.stack([objects(triangle), level, objects(glass), lost], axis=1)
-        kinds, which, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-        which = which.reshape(-1)
-        if len(kinds) <= MAX_APPEARANCES:
+        key = (objects[1] * SHADES + level) * len(glasses[0]) + glasses[1]
+        unique, which, counts = np.unique(2 * key + lost, return_inverse=True, return_counts=True)
+        if len(unique) <= MAX_APPEARANCES:
             break
+    key, through = np.divmod(unique // 2, len(glasses[0]))
+    kinds = np.stack(
+        [objects[0][key // SHADES], key % SHADES, glasses[0][through], unique % 2], axis=1
+    )
     # What is not told apart any more: the rarest, and nothing of the object itself.
     own = (kinds[:, 0] == obj) | (kinds[:, 2] == obj)
     order = np.lexsort((-counts, ~own))[: MAX_APPEARANCES - 1]
