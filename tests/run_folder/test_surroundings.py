@@ -13,13 +13,19 @@ from visref.camera import Camera, look_at
 from visref.culler import Promise
 from visref.engines import make_engine
 from visref.errors import InputError
-from visref.exact import ExactScene
+from visref.exact import REACH_PX, ExactScene
 from visref.judging.judge import Miss, MissKind, judge
 from visref.judging.settle import settle
 from visref.run_folder.claims import _check_surroundings, _read_surroundings
 from visref.run_folder.cuts import Cut, CutKeeper, FrameCuts
 from visref.run_folder.json_fields import Fields
-from visref.run_folder.layout import CLOSE_SIDE, MAX_APPEARANCES, OTHERS, SURROUNDED_CELLS
+from visref.run_folder.layout import (
+    CLOSE_SIDE,
+    MAX_APPEARANCES,
+    MAX_MARGIN_PX,
+    OTHERS,
+    SURROUNDED_CELLS,
+)
 from visref.run_folder.panels import unrun
 from visref.run_folder.surroundings import Surroundings
 from visref.run_folder.witnesses import _balls
@@ -242,6 +248,10 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
     kept = {(number, miss.object) for number, miss in every if keeper.get(number, "", miss.object)}
     assert kept == wanted
     assert len(wanted) < len(every)
+
+
+def test_readers_know_how_far_a_margin_is_told() -> None:
+    assert MAX_MARGIN_PX == REACH_PX
 
 
 SPOILT = {

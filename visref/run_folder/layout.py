@@ -10,7 +10,8 @@ objects.parquet    one row per culler, frame, view and object that was missed, i
                    pictures, and with what hides it, where a promise forbids it
 truth.parquet      the truth, as `visref truth` writes it
 witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
-                   as hexadecimal floats, so that it replays without the scene
+                   as hexadecimal floats, so that it replays without the scene; and, for
+                   pictures, what is seen around it
 pictures/          PNGs of a few frames, listed in manifest.json
 
 `visref explain` adds PNGs to witnesses/, and `visref report` its three files where it is told to.
