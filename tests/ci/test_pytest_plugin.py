@@ -194,7 +194,8 @@ def test_it(visref_judge):
     visref_judge(cullers.Forgets()).assert_no_violation()
 """
     )
-    ran = project.runpytest_subprocess()
+    # On a CI server pytest tells the whole message again in its summary.
+    ran = project.runpytest_subprocess("-rN")
     (line,) = [line for line in ran.outlines if "explain it" in line]
     words = line.partition("visref ")[2].split()
     command = [sys.executable, "-m", "visref", *words]
