@@ -16,6 +16,7 @@ from visref.errors import InputError
 from visref.exact import REACH_PX, ExactScene
 from visref.judging.judge import Miss, MissKind, judge
 from visref.judging.settle import settle
+from visref.run_folder.balls import balls_about
 from visref.run_folder.claims import _check_surroundings, _read_surroundings
 from visref.run_folder.cuts import Cut, CutKeeper, FrameCuts
 from visref.run_folder.json_fields import Fields
@@ -28,7 +29,6 @@ from visref.run_folder.layout import (
 )
 from visref.run_folder.panels import unrun
 from visref.run_folder.surroundings import Surroundings
-from visref.run_folder.witnesses import _balls
 from visref.scene import Alpha, Scene
 from visref.visibility import FrameTruth, VisibilityBuffer
 
@@ -49,7 +49,7 @@ def frame_of(scene, camera, drawn, units=None):
 
 def record_of(scene: Scene, frame, miss: Miss) -> tuple[Cut, dict]:
     cut = FrameCuts(frame).of(miss)
-    around = Surroundings(scene, _balls(scene.vertices[scene.triangles]))
+    around = Surroundings(scene, balls_about(scene.vertices[scene.triangles]))
     return cut, around.record(frame.truth.camera, cut, miss.object, miss.sample, frame.drawn)
 
 

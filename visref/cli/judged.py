@@ -119,11 +119,9 @@ def print_outcome(outcome: RunOutcome) -> None:
 
 
 def _print_finding(finding: Finding) -> None:
-    frame = f"frame {finding.frame}" if finding.frame is not None else ""
-    where = ", ".join(filter(None, (finding.culler, frame, finding.object)))
     # A plug-in's error may bring lines of its own.
     message = " ".join(finding.message.split())
-    OUT.line(": ".join(filter(None, (finding.code, where, message))))
+    OUT.line(": ".join(filter(None, (finding.code, words.found_at(finding), message))))
 
 
 def _frames(record: CullerRecord) -> int:

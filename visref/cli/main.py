@@ -50,12 +50,10 @@ def main(
     given = argparse.Namespace(asked=_asked(arguments), interrupted="nothing was written")
     given.in_process = False
     try:
-        parser = _parser(arguments)
+        parser = _parser(given.asked)
     except InputError as error:
         return _said(f"error: {error}", Exit.BAD_INPUT)
-    except SystemExit:  # a library's, as it was imported
-        return _broke_down(given, arguments)
-    except Exception:
+    except (SystemExit, Exception):  # a library's too, as it was imported
         return _broke_down(given, arguments)
     # This leaves by SystemExit for help and for a wrong argument; nothing else may.
     try:
@@ -137,15 +135,14 @@ def _asked(arguments: Sequence[str]) -> str | None:
     return next((argument for argument in arguments if not argument.startswith("-")), None)
 
 
-def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """A parser that knows every command by name, and the arguments of the one in `arguments`."""
+def _parser(asked: str | None) -> argparse.ArgumentParser:
+    """A parser that knows every command by name, and the arguments of the one that is asked for."""
     parser = Parser(
         prog="visref",
         description="Is your occlusion culler safe, and what does it cost?",
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    asked = _asked(arguments)
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about)
         if name == asked:

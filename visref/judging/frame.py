@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from visref.judging.disputes import Rulings
 from visref.judging.superfluous import Superfluous, superfluous_units
 from visref.judging.walk import SampleWalk
-from visref.scene import Int32, Scene, Units
+from visref.picking import distinct
+from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
 
@@ -39,3 +40,16 @@ class SettledFrame:
     def superfluous(self) -> Int32:
         """The drawn units that show nowhere, ascending."""
         return superfluous_units(self.scene, self.truth, self.units, self.drawn_units)
+
+    @cached_property
+    def lost_pairs(self) -> tuple[Int64, Int64]:
+        """Every (sample, object) of a lost sample and an object that owns or shares it, sorted by
+        object, then sample; glass that is seen there is not among them."""
+        truth, scene, lost = self.truth, self.scene, self.walk.lost_samples
+        owner = truth.buffer.triangle.reshape(-1)[lost]
+        at = np.isin(truth.ties.sample, lost)
+        sample = np.concatenate([lost, truth.ties.sample[at]])
+        triangle = np.concatenate([owner, truth.ties.triangle[at]])
+        pairs = scene.object_of_triangle[triangle].astype(np.int64) * truth.camera.samples + sample
+        obj, sample = np.divmod(distinct(pairs), truth.camera.samples)
+        return sample, obj

@@ -40,7 +40,7 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
     if not len(losing):
         return rulings
     each = min(MARGIN_SAMPLES, max(1, FRAME_MARGIN_SAMPLES // len(losing)))
-    lost = _lost_pairs(frame)
+    lost = frame.lost_pairs
     samples, objects = _picked(lost, each)
     margin_px, margin_depth = witness_margins(
         exact,
@@ -143,19 +143,6 @@ def _of_units_that_show(
     owners = frame.walk.lost_triangle[units.triangles] & (undrawn & shows)[of_unit]
     theirs = frame.scene.object_of_triangle[units.triangles[owners]]
     return objects[np.isin(objects, theirs)]
-
-
-def _lost_pairs(frame: SettledFrame) -> tuple[Int64, Int64]:
-    """Every (sample, object) of a lost sample and an object that owns or shares it, sorted by
-    object, then sample."""
-    truth, scene, lost = frame.truth, frame.scene, frame.walk.lost_samples
-    owner = truth.buffer.triangle.reshape(-1)[lost]
-    at = np.isin(truth.ties.sample, lost)
-    sample = np.concatenate([lost, truth.ties.sample[at]])
-    triangle = np.concatenate([owner, truth.ties.triangle[at]])
-    pairs = scene.object_of_triangle[triangle].astype(np.int64) * truth.camera.samples + sample
-    obj, sample = np.divmod(distinct(pairs), truth.camera.samples)
-    return sample, obj
 
 
 def _picked(pairs: tuple[Int64, Int64], limit: int) -> tuple[Int64, Int64]:

@@ -27,6 +27,7 @@ from visref.report.words import (
     HEADLINES,
     accepted,
     culler_sentence,
+    found_at,
     hidden_line,
     hidden_name,
     replay_command,
@@ -94,9 +95,7 @@ def annotations_of(run: RunFolder, out: Path) -> list[Annotation]:
     for finding in run.verdict.findings:
         if finding.severity != "warning" or finding.code in _MISSES:
             continue
-        frame = f"frame {finding.frame}" if finding.frame is not None else ""
-        where = ", ".join(filter(None, (finding.culler, frame, finding.object)))
-        message = ": ".join(filter(None, (where, finding.message)))
+        message = ": ".join(filter(None, (found_at(finding), finding.message)))
         found.append(Annotation("warning", f"visref: {finding.code}", message))
     for row in rows:
         counts = row.counts

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from visref.culler import RasterTolerance
-from visref.findings import fails_run
+from visref.findings import Finding, fails_run
 from visref.judging.policy import Policy
 from visref.judging.status import MAX_UNDECIDED, Exit, Status, decide, run_status
 from visref.markdown import code as code
@@ -16,7 +16,7 @@ from visref.markdown import plain as plain
 from visref.report.summary import CullerSummary
 from visref.run_folder.causes import Cause
 from visref.run_folder.read import RunFolder
-from visref.run_folder.rows import HiddenUnit, LostObject, PolicyFacts, Witness
+from visref.run_folder.rows import FindingRow, HiddenUnit, LostObject, PolicyFacts, Witness
 from visref.wording import counted as counted
 
 HEADLINES = {
@@ -115,6 +115,12 @@ def path_from(out: Path, folder: Path) -> str:
 def frame_of(witness: Witness) -> str:
     """The frame of a witness, and its view where that has a name."""
     return f"frame {witness.frame}" + (f", view {witness.view}" if witness.view else "")
+
+
+def found_at(finding: Finding | FindingRow) -> str:
+    """What a finding is about: its culler, frame and object, as far as it names them."""
+    frame = f"frame {finding.frame}" if finding.frame is not None else ""
+    return ", ".join(filter(None, (finding.culler, frame, finding.object)))
 
 
 def ages_line(row: CullerSummary) -> str:

@@ -33,7 +33,7 @@ from visref.compiled import njit
 from visref.culler import DrawnSet
 from visref.exact.outside import certainly_outside
 from visref.picking import evenly_picked
-from visref.run_folder.silhouettes import UnitImage
+from visref.run_folder.silhouettes import UnitImage, from_behind
 from visref.scene import Alpha, Float32, Float64, Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth
 
@@ -130,11 +130,7 @@ def _occluders(scene: Scene, camera: Camera) -> NDArray[np.bool_] | None:
     """(t,) bool, the triangles that hide what is behind them in this view; None for all."""
     hides: NDArray[np.bool_] = scene.alpha == Alpha.OPAQUE
     one_sided = np.flatnonzero(scene.one_sided)
-    if len(one_sided):
-        corners = scene.vertices[scene.triangles[one_sided]].astype(np.float64)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
-        hides[one_sided] &= (normal * towards).sum(axis=1) > 0.0
+    hides[one_sided] &= ~from_behind(scene, camera, one_sided)
     return None if hides.all() else hides
 
 

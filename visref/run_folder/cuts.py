@@ -92,12 +92,7 @@ class FrameCuts:
     def _losers(self) -> tuple[Int64, Int64]:
         """Every lost sample's owner, and the sample, by owner."""
         settled = self._settled
-        lost, ties = settled.walk.lost_samples, settled.truth.ties
-        of_triangle = settled.scene.object_of_triangle
-        owning = of_triangle[settled.truth.buffer.triangle.reshape(-1)[lost]]
-        tied = np.isin(ties.sample, lost)
-        samples = [lost, ties.sample[tied]]
-        owners = [owning, of_triangle[ties.triangle[tied]]]
+        sample, owner = settled.lost_pairs
         if len(settled.truth.blend.object):
             blend = settled.truth.blend
             at = np.isin(blend.sample, settled.walk.lost_blended_samples)
@@ -105,10 +100,8 @@ class FrameCuts:
             # Glass is lost where none of the object's glass that is seen there was drawn.
             shown = np.unique(pairs[settled.drawn[blend.triangle]])
             at &= ~np.isin(pairs, shown)
-            samples.append(blend.sample[at])
-            owners.append(blend.object[at])
-        sample = np.concatenate(samples).astype(np.int64)
-        owner: Int64 = np.concatenate(owners).astype(np.int64)
+            sample = np.concatenate([sample, blend.sample[at]])
+            owner = np.concatenate([owner, blend.object[at]])
         order = np.argsort(owner, kind="stable")
         return owner[order], sample[order]
 

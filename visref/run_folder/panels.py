@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw
 from visref.run_folder.colours import BRIGHTEST, DARKEST, MISSED_RGB, pastel, srgb
 from visref.run_folder.labels import FONT_PX, Named, place, text, width_of, write
 from visref.run_folder.layout import CLOSE_CELLS, CLOSE_PX, CLOSE_SIDE, OTHERS, SHADES
+from visref.run_folder.silhouettes import borders
 from visref.scene import Float64, Int64
 
 # A panel's side. A cell is at most so wide, so that a picture of few samples looks like one.
@@ -186,7 +187,7 @@ def _panel(
     the panel's pixels a sample has."""
     pixels = np.round(view.grown(seen.colour, _MATTE) * 255.0).astype(np.uint8)
     objects = view.grown(np.where(seen.glass >= 0, seen.glass, seen.object), -3)
-    edge = _borders(objects) if view.zoom >= 3 else np.zeros(objects.shape, np.bool_)
+    edge = borders(objects) if view.zoom >= 3 else np.zeros(objects.shape, np.bool_)
     pixels[edge] = (pixels[edge] * 0.62).astype(np.uint8)
     region = view.grown(outlined, fill=False)
     # Two pixels of vermilion inside, one of white around it.
@@ -271,13 +272,6 @@ def _round_number(most: float) -> float:
         return 1.0
     power = 10.0 ** math.floor(math.log10(most))
     return max(m * power for m in (1.0, 2.0, 5.0) if m * power <= most)
-
-
-def _borders(ids: Int64) -> NDArray[np.bool_]:
-    result = np.zeros(ids.shape, np.bool_)
-    result[:, :-1] |= ids[:, :-1] != ids[:, 1:]
-    result[:-1] |= ids[:-1] != ids[1:]
-    return result
 
 
 def _grown(region: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ from visref.run_folder.colours import (
 )
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape, slug
 from visref.run_folder.rows import PictureSet
-from visref.run_folder.silhouettes import silhouettes
+from visref.run_folder.silhouettes import borders, silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene
 from visref.visibility import FrameTruth
 
@@ -200,15 +200,7 @@ def _owner_objects(scene: Scene, triangle: Int32) -> Int32:
 def _outline(scene: Scene, triangle: Int32) -> Float32:
     """(h, w) float32 factors: less than 1 where one object ends and another begins."""
     result = np.ones(triangle.shape, np.float32)
-    result[_borders(_owner_objects(scene, triangle))] = 0.72
-    return result
-
-
-def _borders(ids: Int32) -> NDArray[np.bool_]:
-    """True where the pixel to the right or below belongs to something else."""
-    result = np.zeros(ids.shape, np.bool_)
-    result[:, :-1] |= ids[:, :-1] != ids[:, 1:]
-    result[:-1] |= ids[:-1] != ids[1:]
+    result[borders(_owner_objects(scene, triangle))] = 0.72
     return result
 
 
@@ -239,7 +231,7 @@ def _with_moved(
         return picture
     owner = _owner_objects(scene, _nearest(truth.buffer.triangle, shape))
     owner = np.where(moved[owner] & (owner >= 0), owner, -1).astype(np.int32)
-    edge = _borders(owner)
+    edge = borders(owner)
     edge[1:] |= edge[:-1]
     edge[:, 1:] |= edge[:, :-1]
     image = np.asarray(picture, np.float32) / 255.0
@@ -298,7 +290,7 @@ def _overlay(
     image[~hit] = (0.955, 0.96, 0.965)
 
     inside = superfluous >= 0
-    edge = _borders(superfluous)
+    edge = borders(superfluous)
     y, x = np.indices(shape)
     line = (x + y) % 8 < 3
     strength = np.where(edge, 0.95, np.where(line & inside, 0.8, np.where(inside, 0.16, 0.0)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.compiled import njit
-from visref.scene import Float32, Float64, Int32, Scene, Units
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 
 
 class _Projection(NamedTuple):
@@ -60,25 +60,19 @@ class UnitImage:
         self.nearness: Float32 = np.full(shape, -np.inf, np.float32)
         # Only what is farther off than this is drawn.
         self.behind: Float32 = np.full(shape, np.inf, np.float32)
-        per_unit = np.array([shape[1] / camera.width, shape[0] / camera.height]) / (
-            2.0 * float(np.linalg.norm(camera.right_step))
-        )
-        centre = np.array(
+        # So many pixels for so many samples, to the right and down, from a corner.
+        left, top = (0.0, 0.0) if window is None else (window.left, window.top)
+        pixels, samples = np.array([shape[1], shape[0]]), np.array([camera.width, camera.height])
+        if window is not None:
+            pixels, samples = np.full(2, window.scale), np.ones(2)
+        per_unit = pixels / samples / (2.0 * float(np.linalg.norm(camera.right_step)))
+        middle = np.array(
             [
-                (camera.width / 2 - camera.shift_x_px) * shape[1] / camera.width,
-                (camera.height / 2 - camera.shift_y_px) * shape[0] / camera.height,
+                camera.width / 2 - camera.shift_x_px - left,
+                camera.height / 2 - camera.shift_y_px - top,
             ]
         )
-        if window is not None:
-            one = 1.0 / (2.0 * float(np.linalg.norm(camera.right_step)))
-            per_unit = np.full(2, window.scale * one)
-            middle = np.array(
-                [
-                    camera.width / 2 - camera.shift_x_px - window.left,
-                    camera.height / 2 - camera.shift_y_px - window.top,
-                ]
-            )
-            centre = window.scale * middle
+        centre = middle * pixels / samples
         self._projection = _Projection(
             camera.world_from_camera, camera.is_perspective, camera.near, per_unit, centre
         )
@@ -115,6 +109,26 @@ def silhouettes(
     image = UnitImage(scene, camera, units, shape)
     image.draw(unit_ids, marks_small=True)
     return image.owner
+
+
+def from_behind(scene: Scene, camera: Camera, triangles: Int64) -> NDArray[np.bool_]:
+    """(k,) bool: which of the triangles, (k,) ids, are one-sided and seen edge-on or from
+    behind."""
+    behind = scene.one_sided[triangles].copy()
+    triangles = triangles[behind]
+    corners = scene.vertices[scene.triangles[triangles]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
+    behind[behind] = (normal * towards).sum(axis=1) <= 0.0
+    return behind
+
+
+def borders(ids: NDArray[Any]) -> NDArray[np.bool_]:
+    """(h, w) bool: where the pixel to the right or below belongs to something else."""
+    result = np.zeros(ids.shape, np.bool_)
+    result[:, :-1] |= ids[:, :-1] != ids[:, 1:]
+    result[:-1] |= ids[:-1] != ids[1:]
+    return result
 
 
 @njit()

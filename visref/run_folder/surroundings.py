@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.run_folder.balls import BLOCK
 from visref.run_folder.colours import BRIGHTEST, DARKEST
 from visref.run_folder.cuts import Cut
 from visref.run_folder.layout import (
@@ -30,7 +31,7 @@ from visref.run_folder.layout import (
     SHADES,
 )
 from visref.run_folder.pictures import light_on
-from visref.run_folder.silhouettes import UnitImage, Window
+from visref.run_folder.silhouettes import UnitImage, Window, from_behind
 from visref.scene import Alpha, Float64, Int32, Int64, Scene, Units
 from visref.visibility import mask_states
 
@@ -38,8 +39,6 @@ from visref.visibility import mask_states
 NAME_LENGTH = 80
 # How many holes of masks and cut-away surfaces are looked through behind a lost sample.
 _LAYERS = 8
-
-_BLOCK = 64
 
 
 class _Cells(NamedTuple):
@@ -110,7 +109,7 @@ class Surroundings:
         if drawn is not None:
             kept &= drawn[triangles]
         triangles = triangles[kept]
-        triangles = triangles[~_from_behind(scene, camera, triangles)].astype(np.int32)
+        triangles = triangles[~from_behind(scene, camera, triangles)].astype(np.int32)
         image = UnitImage(scene, camera, self._units, at.shape, window)
         farthest = 1.0 / camera.far if camera.is_perspective else -camera.far
         for _ in range(_LAYERS):
@@ -159,19 +158,8 @@ class Surroundings:
                 inside = sign * (along[:, axis] - side * deep) * lengths[axis]
                 kept &= inside >= -radius * math.hypot(1.0, slope)
         blocks = np.flatnonzero(kept)
-        triangles = (blocks[:, None] * _BLOCK + np.arange(_BLOCK)).reshape(-1)
+        triangles = (blocks[:, None] * BLOCK + np.arange(BLOCK)).reshape(-1)
         return triangles[triangles < self._scene.triangle_count]
-
-
-def _from_behind(scene: Scene, camera: Camera, triangles: Int64) -> NDArray[np.bool_]:
-    """Which one-sided triangles are seen from behind."""
-    behind = scene.one_sided[triangles].copy()
-    triangles = triangles[behind]
-    corners = scene.vertices[scene.triangles[triangles]].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    towards = camera.eye - corners[:, 0] if camera.is_perspective else -camera.forward[None]
-    behind[behind] = (normal * towards).sum(axis=1) <= 0.0
-    return behind
 
 
 def _points(

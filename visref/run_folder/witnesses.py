@@ -17,6 +17,7 @@ from visref.camera_path import CameraPath
 from visref.compiled import njit
 from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
+from visref.run_folder.balls import BALL_ERROR, BLOCK, balls_about
 from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.surroundings import Surroundings
 from visref.scene import Alpha, Int32, Int64, Scene
@@ -41,12 +42,6 @@ _DEPTH_ERROR = 8.0 * 3.0 * UNIT_ROUNDOFF
 # An orthographic origin e + a R + b U has 4 roundings of its own.
 _ORIGIN_ERROR = 4.0 * UNIT_ROUNDOFF
 
-# Triangles that share a ball, which a ray tests first: neighbours in a mesh are near each other.
-_BLOCK = 64
-# The ball test takes some 20 roundings (2^-53) on the sizes of its terms, and |d| |w| is at most
-# three times the sums of components: far outward, since a ball too large only costs time.
-_BALL_ERROR = 2.0**-40
-
 
 @njit()
 def _along(
@@ -60,7 +55,7 @@ def _along(
     balls: NDArray[Any],
 ) -> NDArray[np.int64]:
     """Triangles that the ray may meet at or behind `near`. Outward: none that it meets is
-    left out. `balls`: centre and radius about each `_BLOCK` of the corners."""
+    left out. `balls`: centre and radius about each `BLOCK` of the corners."""
     found = np.empty(64, np.int64)
     count = 0
     w = np.empty((3, 3))
@@ -68,15 +63,15 @@ def _along(
     side = np.empty(3)
     passed = False
     for t in range(len(corners)):
-        if t % _BLOCK == 0:
+        if t % BLOCK == 0:
             # How far the ray's line passes the ball's centre: |d x w| / |d|.
             d0, d1, d2 = direction
-            ball = balls[t // _BLOCK]
+            ball = balls[t // BLOCK]
             w0, w1, w2 = ball[0] - origin[0], ball[1] - origin[1], ball[2] - origin[2]
             cross = (d1 * w2 - d2 * w1) ** 2 + (d2 * w0 - d0 * w2) ** 2 + (d0 * w1 - d1 * w0) ** 2
             length = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
             reach = ball[3] + 8.0 * origin_error
-            reach += _BALL_ERROR * (abs(w0) + abs(w1) + abs(w2) + ball[3])
+            reach += BALL_ERROR * (abs(w0) + abs(w1) + abs(w2) + ball[3])
             passed = math.sqrt(cross) > reach * length
         if passed:
             continue
@@ -118,19 +113,6 @@ def _along(
     return found[:count].copy()
 
 
-def _balls(corners: NDArray[Any]) -> NDArray[np.float64]:
-    """(blocks, 4) float64: a ball about the box of each `_BLOCK` triangles."""
-    starts = np.arange(0, len(corners), _BLOCK)
-    if not len(starts):
-        return np.zeros((0, 4))
-    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0).astype(np.float64)
-    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0).astype(np.float64)
-    # Half the diagonal; _BALL_ERROR covers the roundings of centre and radius.
-    centre, radius = (low + high) / 2.0, np.linalg.norm(high - low, axis=1) / 2.0
-    size = np.abs(centre).sum(axis=1) + radius
-    return np.column_stack([centre, radius + _BALL_ERROR * size])
-
-
 def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> list[Int64]:
     """For each sample (flat index) the triangles that its ray may meet: (n,) int64 ascending ids.
 
@@ -138,7 +120,7 @@ def triangles_along(scene: Scene, camera: Camera, samples: Sequence[int]) -> lis
     it passes closely may be listed too.
     """
     corners = scene.vertices[scene.triangles]
-    return _triangles_along(corners, _balls(corners), camera, samples)
+    return _triangles_along(corners, balls_about(corners), camera, samples)
 
 
 def _triangles_along(
@@ -208,7 +190,7 @@ def write_witnesses(
                 # Once for all frames that are alike: on a large scene these take longer than rays.
                 scene = timeline.at(frame)
                 corners = scene.vertices[scene.triangles]
-                balls = _balls(corners)
+                balls = balls_about(corners)
                 around = Surroundings(scene, balls)
             chosen = sorted(by_view[frame, view], key=lambda miss: miss.object)
             shown = drawn(frame, view)
