@@ -267,14 +267,20 @@ def test_floats_are_written_with_the_digits_that_a_float_needs(language, tmp_pat
     assert len(text) / (20 * 16) < 20
 
 
+def sources(folder):
+    """The files that someone copies of a recorder: all but its page and Python's compiled code."""
+    return [
+        file
+        for file in sorted(folder.rglob("*"))
+        if file.is_file() and file.suffix != ".md" and "__pycache__" not in file.parts
+    ]
+
+
 def test_every_source_is_short_and_every_folder_says_how_to_use_it():
     folders = [folder for folder in RECORDERS.iterdir() if folder.is_dir()]
     assert len(folders) == 6
     for folder in folders:
-        sources = [
-            file for file in folder.rglob("*") if file.is_file() and file.name != "README.md"
-        ]
-        for source in sources:
+        for source in sources(folder):
             assert len(source.read_text("utf-8").splitlines()) < 300, source
         readme = (folder / "README.md").read_text("utf-8")
         assert 8 <= len([line for line in readme.splitlines() if line.strip()]) <= 40
@@ -309,8 +315,7 @@ OTHERS = {"look_at_rh", "look_at_lh", "to_cols_array", "lookAt", "GlobalTransfor
 @pytest.mark.parametrize("folder", sorted(SPELLED))
 def test_calls_that_a_folder_s_documentation_names_exist(folder):
     call, defined = SPELLED[folder]
-    files = [file for file in (RECORDERS / folder).rglob("*") if file.suffix not in ("", ".md")]
-    source = "\n".join(file.read_text("utf-8") for file in files if file.is_file())
+    source = "\n".join(file.read_text("utf-8") for file in sources(RECORDERS / folder))
     readme = (RECORDERS / folder / "README.md").read_text("utf-8")
     named = {one for found in re.findall(call, readme) for one in found if one}
     assert len(named) > 4
