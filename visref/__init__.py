@@ -1,6 +1,8 @@
 """The public interface: what Python programs import, `from visref import Scene, Referee`.
 
 Each name is imported from its module at its first use, so that `import visref` costs nothing.
+pytest rewrites the assertions of a package that brings a plug-in, and warns if it was imported
+before; here there are none that a test would show: PYTEST_DONT_REWRITE.
 """
 
 from __future__ import annotations

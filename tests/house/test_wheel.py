@@ -142,3 +142,15 @@ def test_the_wheel_judges_ours_and_the_users_cullers_in_such_a_folder(elsewhere,
         (line,) = (line for line in lines if line.startswith(spec))
         assert line.endswith("no violation found")
     assert (folder / "run" / "verdict.json").is_file()
+
+
+def test_pytest_finds_the_wheels_plug_in_and_has_nothing_to_warn_of(elsewhere, tmp_path):
+    (tmp_path / "test_theirs.py").write_text("def test_it(visref_scene): visref_scene('a.glb')\n")
+    program = (
+        "import sys, visref, pytest\n"
+        "sys.exit(pytest.main(['-q', '-W', 'error', '-p', 'no:dash', '-p', 'no:cacheprovider']))"
+    )
+    command = [sys.executable, "-S", "-c", program]
+    ran = subprocess.run(command, cwd=tmp_path, env=elsewhere, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "1 passed" in ran.stdout
