@@ -1,0 +1,154 @@
+"""Boxes as a camera sees them: what every frustum or rectangle test starts from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.scene import Float64, Int32
+
+Bool = NDArray[np.bool_]
+
+_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """(k, 2, 3) float64 boxes, least and greatest corner, before a camera in the same space. A box
+    of infinities, of what is not there, lies nowhere."""
+
+    camera: Camera
+    boxes: Float64
+
+    @cached_property
+    def there(self) -> Bool:
+        found: Bool = np.isfinite(self.boxes).all(axis=(1, 2))
+        return found
+
+    @cached_property
+    def corners(self) -> Float64:
+        """(k, 8, 3) in the world."""
+        boxes = np.where(self.there[:, None, None], self.boxes, 0.0)
+        return np.stack([boxes[:, _CORNERS[:, axis], axis] for axis in range(3)], axis=2)
+
+    def local(self, points: Float64) -> Float64:
+        """(…, 3): to the right, up, and view depth."""
+        axes = self.camera.world_from_camera[:3, :3] * np.array([1.0, 1.0, -1.0])
+        found: Float64 = (points - self.camera.eye) @ axes
+        return found
+
+    @cached_property
+    def seen_from(self) -> Float64:
+        return self.local(self.corners)
+
+    @cached_property
+    def centres(self) -> Float64:
+        """(k, 3) local coordinates of the boxes' centres."""
+        return self.local(self.corners.mean(axis=1))
+
+    def beyond(self, local: Float64) -> Bool:
+        """(…, 6) bool: beyond the left, right, bottom, top, near and far plane."""
+        camera = self.camera
+        step = float(np.linalg.norm(camera.right_step))
+        # The image's edges, half a pixel beyond the outermost samples.
+        left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
+        top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+        x, y, z = local[..., 0], local[..., 1], local[..., 2]
+        scale = z if camera.is_perspective else np.ones_like(z)
+        return np.stack(
+            [
+                x < left * scale,
+                x > right * scale,
+                y < bottom * scale,
+                y > top * scale,
+                z < camera.near,
+                z > camera.far,
+            ],
+            axis=-1,
+        )
+
+    @cached_property
+    def planes(self) -> Bool:
+        """(k, 8, 6) bool, each corner against each plane."""
+        return self.beyond(self.seen_from)
+
+    @cached_property
+    def in_view(self) -> Bool:
+        """(k,) bool: no plane has all corners beyond it."""
+        found: Bool = ~self.planes.all(axis=1).any(axis=1) & self.there
+        return found
+
+    @cached_property
+    def depths(self) -> Float64:
+        """(k, 8) view depths of the corners."""
+        return np.asarray(self.seen_from[..., 2])
+
+    @cached_property
+    def nearest(self) -> Float64:
+        return np.asarray(self.depths.min(axis=1))
+
+    @cached_property
+    def crossing(self) -> Bool:
+        """(k,) bool: has a corner before the near plane."""
+        found: Bool = self.nearest <= self.camera.near
+        return found if self.camera.is_perspective else np.zeros_like(found)
+
+    @cached_property
+    def closest(self) -> Float64:
+        """(k, 3) in the world: the point of each box that is nearest to the eye, straight."""
+        boxes = np.where(self.there[:, None, None], self.boxes, 0.0)
+        return np.clip(self.camera.eye, boxes[:, 0], boxes[:, 1])
+
+    def pixels(self, local: Float64) -> Float64:
+        """(…, 2) pixel coordinates, whole numbers at samples."""
+        camera = self.camera
+        step = float(np.linalg.norm(camera.right_step))
+        scale = step * (local[..., 2] if camera.is_perspective else np.ones(local.shape[:-1]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = (local[..., 0] / scale - camera.column_a[0]) / 2.0
+            y = (camera.row_b[0] - local[..., 1] / scale) / 2.0
+        return np.stack([x, y], axis=-1)
+
+    @cached_property
+    def spans(self) -> Float64:
+        """(k, 4) float64: x0, y0, x1, y1 in pixels, of boxes that cross no near plane."""
+        return span(self.pixels(self.seen_from))
+
+    @cached_property
+    def rectangles(self) -> Int32:
+        """(k, 4) int32, the samples that a box may touch, outward, within the image."""
+        return within(self.camera, self.spans)
+
+
+def span(pixels: Float64) -> Float64:
+    """(k, 4) float64 x0, y0, x1, y1 about (k, m, 2) pixel coordinates."""
+    return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
+
+
+def within(camera: Camera, spans: Float64, *, texel: int = 1, inward: bool = False) -> Int32:
+    """(k, 4) int32 texels of `texel` samples a side that spans touch (or, `inward`, hold), clipped
+    to the image; empty where x1 < x0."""
+    width, height = -(-camera.width // texel), -(-camera.height // texel)
+    low, high = spans[:, :2] - 1e-6, spans[:, 2:] + 1e-6
+    # A sample stands for the pixel about it, half a pixel each way.
+    if inward:
+        first, last = np.ceil((low + 0.5) / texel), np.floor((high + 0.5) / texel) - 1
+    else:
+        first, last = np.floor(low) // texel, np.ceil(high) // texel
+    first = np.clip(np.nan_to_num(first, nan=0.0), 0, (width, height))
+    last = np.clip(np.nan_to_num(last, nan=-1.0), -1, (width - 1, height - 1))
+    return np.concatenate([first, last], axis=1).astype(np.int32)
+
+
+def half_angle(camera: Camera) -> float:
+    """tan(yfov / 2), or half the height."""
+    return float(np.linalg.norm(camera.right_step)) * camera.height
+
+
+def finite_far(camera: Camera, else_: float) -> float:
+    return camera.far if math.isfinite(camera.far) else else_

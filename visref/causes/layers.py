@@ -1,0 +1,260 @@
+"""Two depths per sample, and what they say of rectangles: for hypotheses only, no verdict rests on
+them.
+
+A culler asks about a box before its object is drawn, so the depth that it asks is that of all
+others. One pass over the triangles keeps, per sample, the nearest depth, whose it is, and the
+nearest depth of anybody else: with these every unit has the depth buffer without itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.compiled import njit
+from visref.scene import Float64, Int32, Int64, Scene
+
+Bool = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """(height, width) float64 view depths, inf for none: `nearest`, that of `owner` (int32, -1 for
+    none), and `second`, the nearest of all others."""
+
+    nearest: Float64
+    owner: Int32
+    second: Float64
+
+    @classmethod
+    def empty(cls, height: int, width: int) -> Layers:
+        shape = (height, width)
+        return cls(np.full(shape, np.inf), np.full(shape, -1, np.int32), np.full(shape, np.inf))
+
+    def picked(self, rows: Any, columns: Any) -> Layers:
+        """The layers at some rows and columns."""
+        return Layers(
+            *(np.ascontiguousarray(one[rows][:, columns]) for one in (self.nearest, self.owner, self.second))
+        )
+
+    def mapped(self, change: Any) -> Layers:
+        """The layers with both depths changed alike, an image at a time."""
+        return replace(self, nearest=change(self.nearest), second=change(self.second))
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """What rectangles hold of the depth of others: (k,) float64 `farthest` and `nearest` depth
+    (-inf and inf for an empty one), and (k,) int64, at how many samples it is at or behind the depth
+    asked for (`passing`), and strictly behind it (`beyond`)."""
+
+    farthest: Float64
+    nearest: Float64
+    passing: Int64
+    beyond: Int64
+
+
+def draw(
+    layers: Layers, scene: Scene, camera: Camera, triangles: Int64, unit_of: Int32
+) -> None:
+    """Draw `triangles`, (k,) ids, into the layers; `unit_of`, (t,) int32, says whose each is."""
+    plane = np.zeros(4) if camera.clip_plane is None else np.array(camera.clip_plane)
+    lens = np.array(
+        [
+            float(np.linalg.norm(camera.right_step)),
+            camera.column_a[0],
+            camera.row_b[0],
+            camera.near,
+            camera.far,
+        ]
+    )
+    _draw(
+        scene.vertices,
+        scene.triangles,
+        triangles,
+        unit_of,
+        np.asarray(camera.world_from_camera),
+        camera.is_perspective,
+        lens,
+        plane,
+        layers.nearest,
+        layers.owner,
+        layers.second,
+    )
+
+
+def draw_rectangles(layers: Layers, rectangles: Int32, depths: Float64, units: Int32) -> None:
+    """Fill (k, 4) rectangles (x0, y0, x1, y1, inclusive) with a depth each."""
+    _fill(rectangles, depths, units, layers.nearest, layers.owner, layers.second)
+
+
+def test(
+    layers: Layers, rectangles: Int32, depths: Float64, units: Int32, *, own: bool = False
+) -> Tested:
+    """Ask about (k, 4) int32 rectangles (x0, y0, x1, y1, inclusive, within the image; empty where
+    x1 < x0) at (k,) view depths, of units, (k,) int32. `own`: the unit's own depth counts too."""
+    count = len(rectangles)
+    found = Tested(
+        np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.int64), np.zeros(count, np.int64)
+    )
+    _test(
+        layers.nearest,
+        layers.owner,
+        layers.second,
+        rectangles,
+        depths,
+        units,
+        own,
+        found.farthest,
+        found.nearest,
+        found.passing,
+        found.beyond,
+    )
+    return found
+
+
+@njit()
+def _put(nearest: Any, owner: Any, second: Any, y: int, x: int, depth: float, unit: int) -> None:
+    if owner[y, x] == unit:
+        nearest[y, x] = min(nearest[y, x], depth)
+    elif depth < nearest[y, x]:
+        second[y, x] = nearest[y, x]
+        nearest[y, x] = depth
+        owner[y, x] = unit
+    else:
+        second[y, x] = min(second[y, x], depth)
+
+
+@njit()
+def _fill(
+    rectangles: NDArray[Any],
+    depths: NDArray[Any],
+    units: NDArray[Any],
+    nearest: NDArray[Any],
+    owner: NDArray[Any],
+    second: NDArray[Any],
+) -> None:
+    for k in range(len(rectangles)):
+        for y in range(rectangles[k, 1], rectangles[k, 3] + 1):
+            for x in range(rectangles[k, 0], rectangles[k, 2] + 1):
+                _put(nearest, owner, second, y, x, depths[k], units[k])
+
+
+@njit()
+def _test(
+    nearest: NDArray[Any],
+    owner: NDArray[Any],
+    second: NDArray[Any],
+    rectangles: NDArray[Any],
+    depths: NDArray[Any],
+    units: NDArray[Any],
+    own: bool,
+    farthest_found: NDArray[Any],
+    nearest_found: NDArray[Any],
+    passing: NDArray[Any],
+    beyond: NDArray[Any],
+) -> None:
+    for k in range(len(rectangles)):
+        far, near, at, behind = -np.inf, np.inf, 0, 0
+        depth = depths[k]
+        # A box that is compared with its own or a touching surface's depth is off by roundings.
+        least = depth - 1e-9 * abs(depth)
+        for y in range(rectangles[k, 1], rectangles[k, 3] + 1):
+            for x in range(rectangles[k, 0], rectangles[k, 2] + 1):
+                z = nearest[y, x]
+                if not own and owner[y, x] == units[k]:
+                    z = second[y, x]
+                far, near = max(far, z), min(near, z)
+                if z >= least:
+                    at += 1
+                if z > depth + 1e-9 * abs(depth):
+                    behind += 1
+        farthest_found[k], nearest_found[k], passing[k], beyond[k] = far, near, at, behind
+
+
+@njit()
+def _draw(
+    vertices: NDArray[Any],
+    corners: NDArray[Any],
+    triangles: NDArray[Any],
+    unit_of: NDArray[Any],
+    pose: NDArray[Any],
+    perspective: bool,
+    lens: NDArray[Any],
+    plane: NDArray[Any],
+    nearest: NDArray[Any],
+    owner: NDArray[Any],
+    second: NDArray[Any],
+) -> None:
+    step, first_a, first_b, near, far = lens
+    height, width = nearest.shape
+    cut = plane[0] != 0.0 or plane[1] != 0.0 or plane[2] != 0.0
+    local = np.empty((3, 3))
+    clipped = np.empty((4, 3))
+    # x, y in pixels (whole numbers are samples), and what falls linearly over the image.
+    screen = np.empty((4, 3))
+    for k in range(triangles.size):
+        unit = unit_of[triangles[k]]
+        for i in range(3):
+            v = corners[triangles[k], i]
+            dx = vertices[v, 0] - pose[0, 3]
+            dy = vertices[v, 1] - pose[1, 3]
+            dz = vertices[v, 2] - pose[2, 3]
+            for j in range(3):
+                sign = -1.0 if j == 2 else 1.0
+                local[i, j] = sign * (pose[0, j] * dx + pose[1, j] * dy + pose[2, j] * dz)
+        count = 0
+        for i in range(3):
+            j = (i + 1) % 3
+            if local[i, 2] >= near:
+                clipped[count] = local[i]
+                count += 1
+            if (local[i, 2] >= near) != (local[j, 2] >= near):
+                t = (near - local[i, 2]) / (local[j, 2] - local[i, 2])
+                clipped[count] = local[i] + t * (local[j] - local[i])
+                clipped[count, 2] = near
+                count += 1
+        if count < 3:
+            continue
+        for i in range(count):
+            scale = 1.0 / (step * clipped[i, 2]) if perspective else 1.0 / step
+            screen[i, 0] = (clipped[i, 0] * scale - first_a) / 2.0
+            screen[i, 1] = (first_b - clipped[i, 1] * scale) / 2.0
+            screen[i, 2] = 1.0 / clipped[i, 2] if perspective else clipped[i, 2]
+        for i in range(1, count - 1):
+            x0, y0, w0 = screen[0]
+            x1, y1, w1 = screen[i]
+            x2, y2, w2 = screen[i + 1]
+            low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
+            low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
+            if high_x < 0.0 or high_y < 0.0 or low_x > width - 1 or low_y > height - 1:
+                continue
+            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+            if area == 0.0:
+                continue
+            for y in range(int(np.ceil(max(low_y, 0.0))), int(min(high_y, height - 1.0)) + 1):
+                for x in range(int(np.ceil(max(low_x, 0.0))), int(min(high_x, width - 1.0)) + 1):
+                    b1 = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
+                    b2 = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
+                    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
+                        continue
+                    depth = w0 + b1 * (w1 - w0) + b2 * (w2 - w0)
+                    if perspective:
+                        depth = 1.0 / depth
+                    if depth > far:
+                        continue
+                    if cut:
+                        a, b = (2.0 * x + first_a) * step, (first_b - 2.0 * y) * step
+                        spread = depth if perspective else 1.0
+                        ahead = plane[3]
+                        for j in range(3):
+                            p = pose[j, 3] - depth * pose[j, 2]
+                            p += spread * (a * pose[j, 0] + b * pose[j, 1])
+                            ahead += plane[j] * p
+                        if ahead < 0.0:
+                            continue
+                    _put(nearest, owner, second, y, x, depth, unit)
