@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from visref.alignment import misaligned
 from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
+from visref.causes.evidence import Evidence
+from visref.causes.search import find_causes
 from visref.culler import Culler
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.engines.rays import RayEngine
@@ -130,12 +132,16 @@ def judge_to_folder(
         )
         answers = Answers()
         kept = [answers] if repeat > 1 else []
-        outcome = referee.run(inputs.path, frames, cullers, [writer, *kept, *listeners])
+        evidence = Evidence(scene)
+        outcome = referee.run(inputs.path, frames, cullers, [writer, evidence, *kept, *listeners])
         for _ in range(repeat - 1):
             assert anew is not None
             _ask_again(inputs, anew, answers, outcome)
         outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
         _ask_of_the_input(inputs, cullers, outcome, if_misaligned)
+        find_causes(
+            evidence, outcome.cullers, inputs.timeline, inputs.path, frames, inputs.make_engine
+        )
         writer.finish(outcome)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)

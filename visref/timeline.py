@@ -103,6 +103,20 @@ class Timeline:
         gone = self.still.absent
         return np.zeros(self.still.object_count, np.bool_) if gone is None else gone
 
+    def worlds(self, frame: int) -> Float64 | None:
+        """(n, 4, 4) float64, world_from_object of each object in a frame, in the world; None where
+        the scene's file has no transforms."""
+        if self._scene.rig is None:
+            return None
+        worlds = self._scene.rig.worlds.copy()
+        if self.moves:
+            pose = self._pose(frame)
+            for place, world in pose.worlds.items():
+                worlds[place] = world
+            for place, matrix in pose.before.items():
+                worlds[place] = compose(matrix[None], worlds[place][None])[0]
+        return worlds
+
     def _between(self, one: int, other: int) -> Bool:
         result = np.zeros(self._scene.object_count, np.bool_)
         a, b = self._pose(one), self._pose(other)

@@ -1,6 +1,4 @@
-"""Why was it missed? Causes of misses, each found by what would be seen if a rule were broken."""
+"""Why things were missed: hypotheses about the culler, held against what it drew and lost.
 
-from visref.causes.naming import CausesFound, Named
-from visref.causes.watching import Watching
-
-__all__ = ["CausesFound", "Named", "Watching"]
+No verdict rests on any of this. It is computed in float64 where the verdict is exact.
+"""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.compiled import njit
-from visref.scene import Float64, Int32, Int64, Scene
+from visref.scene import Float64, Int32, Int64
 
 Bool = NDArray[np.bool_]
 
@@ -38,7 +38,10 @@ class Layers:
     def picked(self, rows: Any, columns: Any) -> Layers:
         """The layers at some rows and columns."""
         return Layers(
-            *(np.ascontiguousarray(one[rows][:, columns]) for one in (self.nearest, self.owner, self.second))
+            *(
+                np.ascontiguousarray(one[rows][:, columns])
+                for one in (self.nearest, self.owner, self.second)
+            )
         )
 
     def mapped(self, change: Any) -> Layers:
@@ -59,9 +62,15 @@ class Tested:
 
 
 def draw(
-    layers: Layers, scene: Scene, camera: Camera, triangles: Int64, unit_of: Int32
+    layers: Layers,
+    vertices: NDArray[Any],
+    corners: Int32,
+    camera: Camera,
+    triangles: Int64,
+    unit_of: Int32,
 ) -> None:
-    """Draw `triangles`, (k,) ids, into the layers; `unit_of`, (t,) int32, says whose each is."""
+    """Draw `triangles`, (k,) ids of (t, 3) `corners` of (v, 3) `vertices`, into the layers;
+    `unit_of`, (t,) int32, says whose each is."""
     plane = np.zeros(4) if camera.clip_plane is None else np.array(camera.clip_plane)
     lens = np.array(
         [
@@ -73,8 +82,8 @@ def draw(
         ]
     )
     _draw(
-        scene.vertices,
-        scene.triangles,
+        vertices,
+        corners,
         triangles,
         unit_of,
         np.asarray(camera.world_from_camera),
@@ -87,21 +96,26 @@ def draw(
     )
 
 
-def draw_rectangles(layers: Layers, rectangles: Int32, depths: Float64, units: Int32) -> None:
-    """Fill (k, 4) rectangles (x0, y0, x1, y1, inclusive) with a depth each."""
-    _fill(rectangles, depths, units, layers.nearest, layers.owner, layers.second)
-
-
-def test(
-    layers: Layers, rectangles: Int32, depths: Float64, units: Int32, *, own: bool = False
+def ask(
+    layers: Layers,
+    rectangles: Int32,
+    depths: Float64,
+    units: Int32,
+    *,
+    own: bool = False,
+    whole: bool = False,
 ) -> Tested:
     """Ask about (k, 4) int32 rectangles (x0, y0, x1, y1, inclusive, within the image; empty where
-    x1 < x0) at (k,) view depths, of units, (k,) int32. `own`: the unit's own depth counts too."""
+    x1 < x0) at (k,) view depths, of units, (k,) int32. `own`: the unit's own depth counts too.
+    `whole`: look at every sample; otherwise at no more once one is strictly behind."""
     count = len(rectangles)
     found = Tested(
-        np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.int64), np.zeros(count, np.int64)
+        np.full(count, -np.inf),
+        np.full(count, np.inf),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
     )
-    _test(
+    _ask(
         layers.nearest,
         layers.owner,
         layers.second,
@@ -109,6 +123,7 @@ def test(
         depths,
         units,
         own,
+        whole,
         found.farthest,
         found.nearest,
         found.passing,
@@ -130,22 +145,7 @@ def _put(nearest: Any, owner: Any, second: Any, y: int, x: int, depth: float, un
 
 
 @njit()
-def _fill(
-    rectangles: NDArray[Any],
-    depths: NDArray[Any],
-    units: NDArray[Any],
-    nearest: NDArray[Any],
-    owner: NDArray[Any],
-    second: NDArray[Any],
-) -> None:
-    for k in range(len(rectangles)):
-        for y in range(rectangles[k, 1], rectangles[k, 3] + 1):
-            for x in range(rectangles[k, 0], rectangles[k, 2] + 1):
-                _put(nearest, owner, second, y, x, depths[k], units[k])
-
-
-@njit()
-def _test(
+def _ask(
     nearest: NDArray[Any],
     owner: NDArray[Any],
     second: NDArray[Any],
@@ -153,6 +153,7 @@ def _test(
     depths: NDArray[Any],
     units: NDArray[Any],
     own: bool,
+    whole: bool,
     farthest_found: NDArray[Any],
     nearest_found: NDArray[Any],
     passing: NDArray[Any],
@@ -164,6 +165,8 @@ def _test(
         # A box that is compared with its own or a touching surface's depth is off by roundings.
         least = depth - 1e-9 * abs(depth)
         for y in range(rectangles[k, 1], rectangles[k, 3] + 1):
+            if behind and not whole:
+                break
             for x in range(rectangles[k, 0], rectangles[k, 2] + 1):
                 z = nearest[y, x]
                 if not own and owner[y, x] == units[k]:

@@ -12,6 +12,7 @@ from collections.abc import Set
 from dataclasses import dataclass, field
 
 from visref.camera import ALL_VIEWS as ALL_VIEWS
+from visref.causes.named import CausesFound
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
@@ -51,7 +52,7 @@ class CullerRecord:
     by unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
     owned samples above which it is inconclusive. `unsteady`: it answered otherwise when it was
     asked again. `misaligned`: it fits another input, and nothing is concluded from it, as the user
-    chose."""
+    chose. `causes`: why it missed what it missed, where that was asked (`visref.causes`)."""
 
     spec: str
     promise: Promise
@@ -65,6 +66,7 @@ class CullerRecord:
     max_undecided: float = MAX_UNDECIDED
     unsteady: bool = False
     misaligned: bool = False
+    causes: CausesFound = field(default_factory=CausesFound)
 
     def judged_whole(self, frames: Set[int]) -> bool:
         """Whether it was judged in all these frames, and broke down in none."""
@@ -191,8 +193,7 @@ def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
             "unit_kind": record.unit_kind,
             **vars(record.totals),
             "ages": {str(age): count for age, count in record.ages().items()},
-            # Filled by what looks at the records afterwards.
-            "causes": [],
+            "causes": record.causes.grouped(),
             "worst": worst,
             "raster": raster_json(record),
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.causes.named import CausesFound
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
 from visref.judging.referee import Job, JudgedFrame
@@ -68,11 +69,24 @@ class ObjectsWriter:
         if sum(map(len, self._pending)) >= PENDING_ROWS:
             self._write()
 
-    def close(self) -> None:
-        """Write what is left, and the file if there was nothing at all."""
+    def close(self, causes: Mapping[str, CausesFound]) -> None:
+        """Write what is left, and the file if there was nothing at all. `causes`: by culler, why
+        it missed what it missed."""
         self._write()
         assert self._writer is not None
         self._writer.close()
+        if any(found.named for found in causes.values()):
+            self._name_causes(causes)
+
+    def _name_causes(self, causes: Mapping[str, CausesFound]) -> None:
+        """Write the file again, with the causes of misses. They are known only when every answer
+        was judged, and the rows are too many to be held until then."""
+        named = self._file.with_name(self._file.name + ".named")
+        with pq.ParquetFile(self._file) as read:
+            with pq.ParquetWriter(named, OBJECTS_SCHEMA, compression="zstd") as write:
+                for group in range(read.num_row_groups):
+                    write.write_table(_with_causes(read.read_row_group(group), causes))
+        named.replace(self._file)
 
     def _write(self) -> None:
         if self._writer is None:
@@ -112,3 +126,17 @@ class ObjectsWriter:
         names = np.full(len(units), None, object)
         names[np.searchsorted(units, list(causes))] = list(causes.values())
         return pa.array(names, pa.string())
+
+
+def _with_causes(rows: pa.Table, causes: Mapping[str, CausesFound]) -> pa.Table:
+    """The rows, those of misses with their likeliest cause."""
+    place = OBJECTS_SCHEMA.get_field_index("cause")
+    values = rows.column(place).to_pylist()
+    # Of a miss alone the pixels lost are known.
+    missed = np.flatnonzero(rows.column("pixels").is_valid().to_numpy(zero_copy_only=False))
+    columns = [rows.column(name) for name in ("culler", "frame", "view", "object")]
+    for row in missed.tolist():
+        culler, frame, view, obj = (column[row].as_py() for column in columns)
+        found = causes.get(culler, CausesFound()).of(frame, view, obj)
+        values[row] = found[0].cause if found else None
+    return rows.set_column(place, OBJECTS_SCHEMA.field(place), pa.array(values, pa.string()))

@@ -201,6 +201,10 @@ def write_witnesses(
                 )
                 witness: dict[str, Any] = witness_json(scene, frame, miss)
                 witness["culler"] = record.spec
+                witness["causes"] = [
+                    {"cause": one.cause, "text": one.text, "score": round(one.score, 3)}
+                    for one in record.causes.of(frame, view, miss.object)
+                ]
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
                     _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))

@@ -160,7 +160,7 @@ class RunWriter:
         ):
             table = pa.Table.from_pylist(rows, schema=schema)
             pq.write_table(table, folder / name, compression="zstd")
-        self._objects.close()
+        self._objects.close({record.spec: record.causes for record in outcome.cullers})
         if self._has_truth:
             self._truth.write(
                 folder / TRUTH,

@@ -1,0 +1,125 @@
+"""Hypotheses with a number in them: a near plane, a least count of samples. The number is chosen to
+fit, so that they need more to be believed: such a split of the data must not come by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.layers import Layers
+from visref.causes.rectangles import asked
+from visref.causes.sights import At, Sight
+from visref.scene import Float64
+
+Bool = NDArray[np.bool_]
+
+# A fit is believed only if a random order would give it in less than one of so many cases.
+ODDS = 1000
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A cause that a threshold makes: dropped where the value, (k,) float64 of an answer's units,
+    is below it (or above)."""
+
+    cause: str
+    variant: str
+    value: Callable[[At], Float64]
+    below: bool = True
+
+
+def near(at: At) -> Float64:
+    return np.asarray(at.boxes.depths.max(axis=1))
+
+
+def far(at: At) -> Float64:
+    return np.asarray(at.boxes.depths.min(axis=1))
+
+
+def samples(at: At) -> Float64:
+    return at.now.samples[at.ids].astype(np.float64)
+
+
+def passing(at: At) -> Float64:
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, whole=True).passing
+    return np.where(at.boxes.crossing, np.inf, found.astype(np.float64))
+
+
+def on_screen(at: At) -> Float64:
+    """The greater side of the box's rectangle, in pixels."""
+    spans = at.boxes.spans
+    side = np.maximum(spans[:, 2] - spans[:, 0], spans[:, 3] - spans[:, 1])
+    return np.where(at.boxes.crossing, np.inf, side)
+
+
+def gap(at: At) -> Float64:
+    """The side of the greatest square of pixels in which nothing else shows, told up to 8."""
+    return widths(at.now, at.sights.units.count)[at.ids]
+
+
+def widths(sight: Sight, units: int) -> Float64:
+    """(units,) float64: the side, in pixels, of the greatest square in which a unit alone shows,
+    told up to 8; 0 for what shows nowhere."""
+    layers: Layers = sight.layers(masks=True, glass=True)
+    owner = layers.owner
+    result = np.zeros(units + 1)
+    alike = owner
+    for side in range(1, 9):
+        if side > 1:
+            a, b = alike[:-1, :-1], owner[side - 1 :, side - 1 :]
+            # A square of this side is one of the side before and its three others beside it.
+            same = (a == alike[1:, :-1]) & (a == alike[:-1, 1:]) & (a == alike[1:, 1:])
+            alike = np.where(same & (a == b), a, -1)
+        if not alike.size:
+            break
+        result[alike.reshape(-1)] = side
+    return result[:-1]
+
+
+FITS = (
+    Fit("near-larger", "fitted", near),
+    Fit("far-nearer", "fitted", far, below=False),
+    Fit("too-few-samples", "owned", samples),
+    Fit("too-few-samples", "passing", passing),
+    Fit("too-few-samples", "size", on_screen),
+    Fit("gap-too-narrow", "", gap),
+)
+
+
+def threshold(values: Float64, lost: Bool, good: Bool, below: bool) -> float | None:
+    """The threshold below which (or above which) lost ones lie and good ones do not, the best by
+    lost less good; None where chance would do as well."""
+    signed = values if below else -values
+    known = (lost | good) & np.isfinite(signed)
+    signed, hit = signed[known], lost[known]
+    if not hit.any() or hit.all():
+        return None
+    order = np.argsort(signed, kind="stable")
+    signed, hit = signed[order], hit[order]
+    net = np.cumsum(np.where(hit, 1, -1))
+    ends = np.append(signed[1:] != signed[:-1], True)
+    net = np.where(ends, net, -len(net))
+    best = int(np.argmax(net))
+    taken, wrong = best + 1, int(np.count_nonzero(~hit[: best + 1]))
+    right, every = taken - wrong, len(hit)
+    all_lost = int(np.count_nonzero(hit))
+    if right == 0 or net[best] <= 0:
+        return None
+    # How likely is it that of `taken` picked at random so many are lost ones?
+    ways = sum(
+        comb(all_lost, i) * comb(every - all_lost, taken - i)
+        for i in range(right, min(taken, all_lost) + 1)
+        if taken - i <= every - all_lost
+    )
+    if ways * ODDS * len(FITS) > comb(every, taken):
+        return None
+    upper = signed[best + 1] if best + 1 < every else signed[best] + 1.0
+    middle = float((signed[best] + upper) / 2.0)
+    return middle if below else -middle
+
+
+Values = Mapping[str, Float64]

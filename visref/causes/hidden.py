@@ -1,0 +1,526 @@
+"""Wrong tests of what hides a box: a rectangle and a depth against the depth of others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.causes.boxes import Boxes, within
+from visref.causes.layers import Layers, draw
+from visref.causes.rectangles import asked
+from visref.causes.sights import At, Sight, Tell, Told
+from visref.scene import Float64, Int32
+
+Bool = NDArray[np.bool_]
+
+_FACES = np.array(
+    [
+        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+    ],
+    np.int32,
+)  # fmt: skip
+
+
+def _kept(at: At, passes: Bool) -> Bool:
+    """The test of depth after the right one of the view."""
+    boxes = at.boxes
+    return boxes.in_view & (boxes.crossing | passes) | ~boxes.there
+
+
+def by_box(at: At, layers: Layers) -> Bool:
+    """(k,) the right test against these depths."""
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers).passing > 0
+    return _kept(at, found)
+
+
+def by_sample(at: At, layers: Layers) -> Bool:
+    """(k,) bool: some sample shows the unit's own triangles, among these depths."""
+    owners = np.zeros(at.sights.units.count + 1, np.bool_)
+    owners[layers.owner.reshape(-1)] = True
+    return owners[at.ids] | ~at.boxes.there
+
+
+def other_depth(depth: Callable[[At], Float64]) -> Tell:
+    def tell(at: At) -> Told:
+        return _kept(at, asked(at, at.boxes.rectangles, depth(at)).passing > 0)
+
+    return tell
+
+
+def centre(at: At) -> Float64:
+    return np.asarray(at.boxes.centres[:, 2])
+
+
+def farthest(at: At) -> Float64:
+    return np.asarray(at.boxes.depths.max(axis=1))
+
+
+def straight(at: At) -> Float64:
+    return np.asarray(np.linalg.norm(at.boxes.closest - at.camera.eye, axis=1))
+
+
+def straight_corner(at: At) -> Float64:
+    away = np.linalg.norm(at.boxes.corners - at.camera.eye, axis=2)
+    return np.asarray(away.min(axis=1))
+
+
+def straight_centre(at: At) -> Float64:
+    away = np.linalg.norm(at.boxes.corners.mean(axis=1) - at.camera.eye, axis=1)
+    return np.asarray(away)
+
+
+def of_the_closest(at: At) -> Float64:
+    return np.asarray(at.boxes.local(at.boxes.closest)[:, 2])
+
+
+def straight_both(at: At) -> Told:
+    """The depth of others is straight distance, that of the box view depth."""
+    camera = at.camera
+    if not camera.is_perspective:
+        return None
+    step = float(np.linalg.norm(camera.right_step))
+    a, b = np.meshgrid(camera.column_a * step, camera.row_b * step)
+    longer = np.sqrt(1.0 + a * a + b * b)
+    near = at.now.layers()
+    layers = at.now.kept("shorter", lambda: near.mapped(lambda image: image / longer))
+    return by_box(at, layers)
+
+
+def some_of(pick: Callable[[Float64], Float64]) -> Tell:
+    """Some points of the rectangle; `pick`: from (k, 4) x0, y0, x1, y1 to (k, m, 2)."""
+
+    def tell(at: At) -> Told:
+        sides = at.boxes.rectangles.astype(np.float64)
+        filled = sides[:, 2] >= sides[:, 0]
+        points = np.floor(pick(sides)).astype(np.int32)
+        passes = np.zeros(len(sides), np.bool_)
+        for i in range(points.shape[1]):
+            one = np.concatenate([points[:, i], points[:, i]], axis=1)
+            one[~filled] = (0, 0, -1, -1)
+            passes |= asked(at, one, at.boxes.nearest).passing > 0
+        return _kept(at, passes)
+
+    return tell
+
+
+def _middle(sides: Float64) -> Float64:
+    return ((sides[:, :2] + sides[:, 2:]) / 2.0)[:, None]
+
+
+def _ends(sides: Float64) -> Float64:
+    return np.stack([sides[:, [x, y]] for x in (0, 2) for y in (1, 3)], axis=1)
+
+
+def _five(sides: Float64) -> Float64:
+    return np.concatenate([_middle(sides), _ends(sides)], axis=1)
+
+
+def rectangle(change: Callable[[Boxes], Int32]) -> Tell:
+    def tell(at: At) -> Told:
+        rectangles = change(at.boxes).astype(np.int32)
+        return _kept(at, asked(at, rectangles, at.boxes.nearest).passing > 0)
+
+    return tell
+
+
+def cut(columns: int, rows: int) -> Callable[[Boxes], Int32]:
+    def change(boxes: Boxes) -> Int32:
+        low, high = np.floor(boxes.spans[:, :2] + 0.5), np.ceil(boxes.spans[:, 2:] - 0.5)
+        sides = np.array([boxes.camera.width, boxes.camera.height])
+        low, high = np.clip(low, 0, sides), np.clip(high, -1, sides - 1)
+        return np.asarray(np.concatenate([low, high - (columns, rows)], axis=1), np.int32)
+
+    return change
+
+
+def inward(texel: int) -> Callable[[Boxes], Int32]:
+    def change(boxes: Boxes) -> Int32:
+        return within(boxes.camera, boxes.spans, texel=texel, inward=True)
+
+    return change
+
+
+def rounded_sides(boxes: Boxes) -> Int32:
+    low, high = np.rint(boxes.spans[:, :2] + 0.5), np.rint(boxes.spans[:, 2:] + 0.5) - 1
+    sides = np.array([boxes.camera.width, boxes.camera.height])
+    return np.asarray(
+        np.concatenate([np.clip(low, 0, sides), np.clip(high, -1, sides - 1)], axis=1)
+    )
+
+
+def half_rectangle(boxes: Boxes) -> Int32:
+    middle = (boxes.spans[:, :2] + boxes.spans[:, 2:]) / 2.0
+    half = (boxes.spans[:, 2:] - boxes.spans[:, :2]) / 4.0
+    return within(boxes.camera, np.concatenate([middle - half, middle + half], axis=1))
+
+
+def two_projected(boxes: Boxes) -> Int32:
+    ends = boxes.pixels(boxes.seen_from[:, [0, 7]])
+    return within(boxes.camera, np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1))
+
+
+def coarse_inward(texel: int) -> Tell:
+    """Texels that hold the farthest of their pixels, of which those within the rectangle."""
+
+    def tell(at: At) -> Told:
+        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        rectangles = within(at.camera, at.boxes.spans, texel=texel, inward=True)
+        return _kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
+
+    return tell
+
+
+def coarse_rounded(texel: int) -> Tell:
+    def tell(at: At) -> Told:
+        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        low = np.rint((at.boxes.spans[:, :2] + 0.5) / texel)
+        high = np.maximum(np.rint((at.boxes.spans[:, 2:] + 0.5) / texel), low + 1) - 1
+        sides = np.array(layers.owner.shape[::-1])
+        clipped = np.concatenate([np.clip(low, 0, sides), np.clip(high, -1, sides - 1)], axis=1)
+        found = asked(at, clipped.astype(np.int32), at.boxes.nearest, layers=layers)
+        return _kept(at, found.passing > 0)
+
+    return tell
+
+
+def blocks(layers: Layers, texel: int, how: Any, *, whole_only: bool = False) -> Layers:
+    """Depths of `texel` by `texel` samples taken together. Where a texel is of one owner, both
+    depths are kept apart; elsewhere nobody owns it. `whole_only`: without the texels of an odd
+    side's rest."""
+    height, width = layers.owner.shape
+
+    def reduced(image: Float64, fill: float) -> NDArray[Any]:
+        if whole_only:
+            image = image[: height // texel * texel, : width // texel * texel]
+        rows, columns = -(-image.shape[0] // texel), -(-image.shape[1] // texel)
+        wide = np.full((rows * texel, columns * texel), fill)
+        wide[: image.shape[0], : image.shape[1]] = image
+        return np.moveaxis(wide.reshape(rows, texel, columns, texel), 2, 1).reshape(
+            rows, columns, -1
+        )
+
+    with np.errstate(invalid="ignore"):
+        owner = reduced(layers.owner.astype(np.float64), np.nan)
+        low, high = np.nanmin(owner, axis=2), np.nanmax(owner, axis=2)
+        nearest, second = (
+            _over(reduced(one, np.nan), how) for one in (layers.nearest, layers.second)
+        )
+    alone = low == high
+    own = np.where(alone, low, -1).astype(np.int32)
+    return Layers(nearest, own, np.where(alone, second, nearest))
+
+
+def _over(texels: NDArray[Any], how: Any) -> Float64:
+    if how is np.max:
+        return np.asarray(np.nanmax(texels, axis=2))
+    if how is np.min:
+        return np.asarray(np.nanmin(texels, axis=2))
+    return np.asarray(np.nanmean(texels, axis=2))
+
+
+def coarse(texel: int, make: Callable[[At, int], Layers], key: str) -> Tell:
+    def tell(at: At) -> Told:
+        if min(at.camera.width, at.camera.height) < 2 * texel:
+            return None
+        layers = at.now.kept((key, texel), lambda: make(at, texel))
+        height, width = layers.owner.shape
+        rectangles = within(at.camera, at.boxes.spans, texel=texel)
+        rectangles[:, 2] = np.minimum(rectangles[:, 2], width - 1)
+        rectangles[:, 3] = np.minimum(rectangles[:, 3], height - 1)
+        return _kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
+
+    return tell
+
+
+def first_of_texel(at: At, texel: int) -> Layers:
+    return at.now.layers().picked(slice(None, None, texel), slice(None, None, texel))
+
+
+def middle_of_texel(at: At, texel: int) -> Layers:
+    start = texel // 2
+    layers = at.now.layers()
+    height, width = layers.owner.shape
+    rows = np.minimum(np.arange(-(-height // texel)) * texel + start, height - 1)
+    columns = np.minimum(np.arange(-(-width // texel)) * texel + start, width - 1)
+    return layers.picked(rows, columns)
+
+
+def last_of_texel(at: At, texel: int) -> Layers:
+    layers = at.now.layers()
+    height, width = layers.owner.shape
+    rows = np.minimum(np.arange(-(-height // texel)) * texel + texel - 1, height - 1)
+    columns = np.minimum(np.arange(-(-width // texel)) * texel + texel - 1, width - 1)
+    return layers.picked(rows, columns)
+
+
+def mean_of_texel(at: At, texel: int) -> Layers:
+    far = finite_far(at)
+    layers = at.now.layers().mapped(lambda image: np.minimum(image, far))
+    return blocks(layers, texel, np.mean)
+
+
+def window_mean_of_texel(at: At, texel: int) -> Layers:
+    """The mean of window depths."""
+    far = finite_far(at)
+    near = max(at.camera.near, 1e-9)
+
+    def there(image: Float64) -> Float64:
+        return np.asarray(1.0 / np.minimum(image, far))
+
+    if not at.camera.is_perspective:
+        return mean_of_texel(at, texel)
+    del near
+    mean = blocks(at.now.layers().mapped(there), texel, np.mean)
+    return mean.mapped(lambda image: np.asarray(1.0 / image))
+
+
+def nearest_of_texel(at: At, texel: int) -> Layers:
+    return blocks(at.now.layers(), texel, np.min)
+
+
+def whole_texels(at: At, texel: int) -> Layers:
+    return blocks(at.now.layers(), texel, np.max, whole_only=True)
+
+
+def finite_far(at: At) -> float:
+    """Far, or what lies behind everything."""
+    if math.isfinite(at.camera.far):
+        return at.camera.far
+    depths = at.now.layers().nearest
+    seen = depths[np.isfinite(depths)]
+    return 2.0 * float(seen.max()) if len(seen) else 2.0 * max(at.camera.near, 1.0)
+
+
+def smaller_image(by: int) -> Tell:
+    """What shows in an image of a fraction of the size."""
+
+    def tell(at: At) -> Told:
+        camera = at.camera
+        if min(camera.width, camera.height) < 2 * by:
+            return None
+        small = replace(
+            camera,
+            width=-(-camera.width // by),
+            height=-(-camera.height // by),
+            shift_x_px=camera.shift_x_px / by,
+            shift_y_px=camera.shift_y_px / by,
+        )
+        layers = at.now.kept(("small", by), lambda: _drawn(at.now, small))
+        return by_sample(at, layers) & at.boxes.in_view | ~at.boxes.there
+
+    return tell
+
+
+def _drawn(sight: Sight, camera: Camera) -> Layers:
+    return sight.layers(camera=camera, masks=True, glass=True)
+
+
+def odd_size(at: At, texel: int) -> bool:
+    return at.camera.width % texel != 0 or at.camera.height % texel != 0
+
+
+def odd(texel: int) -> Tell:
+    told = coarse(texel, whole_texels, "whole")
+
+    def tell(at: At) -> Told:
+        return told(at) if odd_size(at, texel) else None
+
+    return tell
+
+
+def nearest_of_rectangle(at: At) -> Told:
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, whole=True)
+    return _kept(at, found.nearest >= at.boxes.nearest * (1.0 - 1e-9))
+
+
+def flipped(x: bool, y: bool) -> Tell:
+    def tell(at: At) -> Told:
+        rows = slice(None, None, -1 if y else 1)
+        columns = slice(None, None, -1 if x else 1)
+        layers = at.now.kept(("flip", x, y), lambda: at.now.layers().picked(rows, columns))
+        return by_box(at, layers)
+
+    return tell
+
+
+def quantised(steps: int, how: Callable[[Any], Any], *, box: bool) -> Tell:
+    """Window depth in so many steps; `box`: the box's too."""
+
+    def tell(at: At) -> Told:
+        camera = at.camera
+        far = finite_far(at)
+        if not camera.is_perspective and not math.isfinite(camera.near):
+            return None
+
+        def read(image: Float64) -> Float64:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                if camera.is_perspective:
+                    span = 1.0 / camera.near - 1.0 / far
+                    window = (1.0 / camera.near - 1.0 / image) / span
+                    whole = np.clip(how(window * steps) / steps, 0.0, 1.0)
+                    back = 1.0 / (1.0 / camera.near - whole * span)
+                else:
+                    window = (image - camera.near) / (far - camera.near)
+                    whole = np.clip(how(window * steps) / steps, 0.0, 1.0)
+                    back = camera.near + whole * (far - camera.near)
+            return np.asarray(np.where(np.isinf(image), np.inf, back))
+
+        layers = at.now.kept(("bits", steps, how), lambda: at.now.layers().mapped(read))
+        depth = read(at.boxes.nearest) if box else at.boxes.nearest
+        return _kept(at, asked(at, at.boxes.rectangles, depth, layers=layers).passing > 0)
+
+    return tell
+
+
+def dilated(at: At) -> Told:
+    def widen(image: Float64) -> Float64:
+        wide = np.pad(image, 1, constant_values=np.inf)
+        h, w = image.shape
+        return np.asarray(
+            np.min([wide[i : i + h, j : j + w] for i in range(3) for j in range(3)], axis=0)
+        )
+
+    def make() -> Layers:
+        layers = at.now.layers()
+        # Nobody's: a neighbour's depth spreads over what was its own, and its own does not hide it.
+        return Layers(widen(layers.nearest), layers.owner, widen(layers.second))
+
+    layers = at.now.kept("dilated", make)
+    others = Layers(layers.nearest, layers.owner, layers.second)
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=others)
+    return _kept(at, found.passing > 0)
+
+
+def boxes_hide(at: At) -> Told:
+    def make() -> Layers:
+        place, camera = at.now.place, at.camera
+        some = np.flatnonzero(np.isfinite(place.bounds).all(axis=(1, 2))).astype(np.int32)
+        corners = Boxes(camera, place.bounds[some]).corners.reshape(-1, 3)
+        triangles = (_FACES[None] + 8 * np.arange(len(some))[:, None, None]).reshape(-1, 3)
+        layers = Layers.empty(camera.height, camera.width)
+        owner = np.repeat(some, 12)
+        draw(layers, corners, triangles.astype(np.int32), camera, np.arange(len(owner)), owner)
+        return layers
+
+    return by_box(at, at.now.kept("boxes", make))
+
+
+def own_depth(at: At) -> Told:
+    layers = at.now.layers(glass=True)
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers, own=True)
+    return _kept(at, found.beyond > 0)
+
+
+def equal_depth(at: At) -> Told:
+    return _kept(at, asked(at, at.boxes.rectangles, at.boxes.nearest).beyond > 0)
+
+
+def anything_covers(at: At) -> Told:
+    far = np.full(len(at.ids), np.finfo(np.float64).max)
+    return _kept(at, asked(at, at.boxes.rectangles, far).passing > 0)
+
+
+def background_hides(at: At) -> Told:
+    layers = at.now.kept(
+        "background",
+        lambda: at.now.layers().mapped(lambda image: np.where(np.isinf(image), 0.0, image)),
+    )
+    return by_box(at, layers)
+
+
+def among(**other: bool) -> dict[str, Tell]:
+    """Other occluders, asked about boxes and about samples."""
+
+    def box(at: At) -> Told:
+        return by_box(at, at.now.layers(**other)) if _differs(at, other) else None
+
+    def sample(at: At) -> Told:
+        if not _differs(at, other):
+            return None
+        return by_sample(at, at.now.layers(**other)) & at.boxes.in_view | ~at.boxes.there
+
+    return {"boxes": box, "samples": sample}
+
+
+def _differs(at: At, other: dict[str, bool]) -> bool:
+    scene = at.scene
+    if other.get("masks"):
+        return scene.has_mask
+    if other.get("glass"):
+        return scene.has_blend
+    if other.get("back_faces"):
+        return bool(scene.one_sided.any())
+    return True
+
+
+HIDDEN: dict[str, dict[str, Tell]] = {
+    "centre-depth": {"": other_depth(centre)},
+    "farthest-depth": {"": other_depth(farthest)},
+    "euclidean-depth": {
+        "nearest point": other_depth(straight),
+        "nearest corner": other_depth(straight_corner),
+        "centre": other_depth(straight_centre),
+        "depth of the nearest point": other_depth(of_the_closest),
+        "occluders": straight_both,
+    },
+    "own-depth": {"own": own_depth, "equal": equal_depth},
+    "few-samples": {
+        "middle": some_of(_middle),
+        "corners": some_of(_ends),
+        "five": some_of(_five),
+    },
+    "rectangle-too-small": {
+        "a row less": rectangle(cut(0, 1)),
+        "a column less": rectangle(cut(1, 0)),
+        "both less": rectangle(cut(1, 1)),
+        "inward": rectangle(inward(1)),
+        "rounded": rectangle(rounded_sides),
+        "two corners": rectangle(two_projected),
+        "half": rectangle(half_rectangle),
+        **{f"texels of {n} inward": coarse_inward(n) for n in (2, 4, 8, 16)},
+        **{f"texels of {n} rounded": coarse_rounded(n) for n in (2, 4, 8, 16)},
+    },
+    **{
+        f"coarse-depth-1/{n}": {
+            "first": coarse(n, first_of_texel, "first"),
+            "middle": coarse(n, middle_of_texel, "middle"),
+            "last": coarse(n, last_of_texel, "last"),
+            "mean": coarse(n, mean_of_texel, "mean"),
+            "mean of window depth": coarse(n, window_mean_of_texel, "window mean"),
+            "smaller image": smaller_image(n),
+        }
+        for n in (2, 4, 8, 16)
+    },
+    "odd-size-pyramid": {f"texels of {n}": odd(n) for n in (2, 4, 8, 16)},
+    "nearest-of-region": {
+        "rectangle": nearest_of_rectangle,
+        **{f"texels of {n}": coarse(n, nearest_of_texel, "nearest") for n in (2, 4, 8, 16)},
+    },
+    "flipped": {
+        "y": flipped(False, True),
+        "x": flipped(True, False),
+        "both": flipped(True, True),
+    },
+    "quantised-depth": {
+        f"{bits} bits, {name}{', box too' * box}": quantised((1 << bits) - 1, how, box=box)
+        for bits in (8, 16)
+        for name, how in (("nearest", np.rint), ("down", np.floor))
+        for box in (False, True)
+    },
+    "occluders-too-large": {"dilated": dilated, "boxes": boxes_hide},
+    "depth-not-compared": {"": anything_covers},
+    "empty-hides": {"": background_hides},
+    "wrong-occluder-clip": among(uncut=True),
+}
+MATERIALS: dict[str, dict[str, Tell]] = {
+    "masks-solid": among(masks=True),
+    "glass-solid": among(glass=True),
+    "back-faces": {f"hide, by {how}": tell for how, tell in among(back_faces=True).items()},
+}

@@ -1,0 +1,505 @@
+"""Wrong tests of what is in the view."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.causes.boxes import Boxes, within
+from visref.causes.rectangles import asked
+from visref.causes.sights import At, Sight, Tell, Told
+from visref.scene import Float64
+
+Bool = NDArray[np.bool_]
+
+LEFT, RIGHT, BOTTOM, TOP, NEAR, FAR = range(6)
+SIDES = [LEFT, RIGHT, BOTTOM, TOP]
+
+
+def corners_only(at: At) -> Told:
+    return ~at.boxes.planes.any(axis=2).all(axis=1) | ~at.boxes.there
+
+
+def corners_only_sides(at: At) -> Told:
+    """Near and far are tested as they should."""
+    planes = at.boxes.planes
+    inside = ~(planes[:, :, SIDES].any(axis=2) | (at.boxes.depths <= 0)).all(axis=1)
+    return (inside & ~planes[:, :, [NEAR, FAR]].all(axis=1).any(axis=1)) | ~at.boxes.there
+
+
+def centre_only(at: At) -> Told:
+    return ~at.boxes.beyond(at.boxes.centres).any(axis=1) | ~at.boxes.there
+
+
+def pivot(at: At) -> Told:
+    worlds = at.sights.moments.timeline.worlds(at.frame)
+    if worlds is None:
+        return None
+    objects = at.objects()
+    points = worlds[np.maximum(objects, 0), :3, 3] - at.scene.origin
+    known = (objects >= 0) & at.boxes.there
+    return ~at.boxes.beyond(at.boxes.local(points)).any(axis=1) | ~known
+
+
+def any_corner_behind(at: At) -> Told:
+    if not at.camera.is_perspective:
+        return None
+    return ~(at.boxes.depths < at.camera.near).any(axis=1) | ~at.boxes.there
+
+
+def any_corner_behind_eye(at: At) -> Told:
+    if not at.camera.is_perspective:
+        return None
+    return ~(at.boxes.depths <= 0.0).any(axis=1) | ~at.boxes.there
+
+
+def _image(boxes: Boxes, pixels: Float64, sane: Bool) -> Bool:
+    """(k,) whether the rectangle about pixels, (k, 8, 2), those `sane`, (k, 8), meets the image."""
+    low = np.where(sane[..., None], pixels, np.inf).min(axis=1)
+    high = np.where(sane[..., None], pixels, -np.inf).max(axis=1)
+    side = np.array([boxes.camera.width, boxes.camera.height])
+    found: Bool = ((high >= -0.5) & (low <= side - 0.5)).all(axis=1)
+    return found
+
+
+def wrongly_projected(boxes: Boxes, how: str) -> tuple[Float64, Bool]:
+    """(k, 8, 2) pixels of corners, those behind the eye `mirrored` (divided by their depth all the
+    same), `clamped` to near, `folded` to the front, or `dropped`, and (k, 8) which count."""
+    local = boxes.seen_from.copy()
+    depth = local[..., 2]
+    counts = np.ones(depth.shape, np.bool_)
+    if how == "clamped":
+        local[..., 2] = np.maximum(depth, boxes.camera.near)
+    elif how == "folded":
+        local[..., 2] = np.abs(depth)
+    elif how == "dropped":
+        counts = depth > 0.0
+    elif how == "dropped-at-near":
+        counts = depth >= boxes.camera.near
+    pixels = boxes.pixels(local)
+    return pixels, counts & np.isfinite(pixels).all(axis=2)
+
+
+def behind(how: str) -> Tell:
+    def tell(at: At) -> Told:
+        boxes = at.boxes
+        if not boxes.camera.is_perspective:
+            return None
+        pixels, counts = wrongly_projected(boxes, how)
+        in_image = _image(boxes, pixels, counts)
+        return (in_image | ~boxes.crossing) & boxes.in_view | ~boxes.there
+
+    return tell
+
+
+def behind_and_hidden(how: str) -> Tell:
+    """The same, and the rectangle is tested against depth."""
+
+    def tell(at: At) -> Told:
+        boxes = at.boxes
+        if not boxes.camera.is_perspective:
+            return None
+        pixels, counts = wrongly_projected(boxes, how)
+        counts = counts & boxes.crossing[:, None] | ~boxes.crossing[:, None]
+        low = np.where(counts[..., None], pixels, np.inf).min(axis=1)
+        high = np.where(counts[..., None], pixels, -np.inf).max(axis=1)
+        rectangles = within(boxes.camera, np.concatenate([low, high], axis=1))
+        depth = np.where(boxes.depths > 0.0, boxes.depths, np.inf).min(axis=1)
+        kept = asked(at, rectangles, depth).passing > 0
+        return kept & boxes.in_view | ~boxes.there
+
+    return tell
+
+
+def eye_inside(at: At) -> Told:
+    eye = at.camera.eye
+    inside = ((at.boxes.boxes[:, 0] <= eye) & (eye <= at.boxes.boxes[:, 1])).all(axis=1)
+    return ~inside
+
+
+def lens(change: Callable[[Camera], Camera | None]) -> Tell:
+    """The frustum of another camera, all corners beyond one plane of it."""
+
+    def tell(at: At) -> Told:
+        camera = change(at.camera)
+        if camera is None:
+            return None
+        boxes = at.now.boxes(at.ids, camera)
+        return boxes.in_view | ~boxes.there
+
+    return tell
+
+
+def shift(x: float, y: float) -> Callable[[Camera], Camera | None]:
+    def change(camera: Camera) -> Camera | None:
+        wanted = (camera.shift_x_px * x, camera.shift_y_px * y)
+        if wanted == (camera.shift_x_px, camera.shift_y_px):
+            return None
+        return replace(camera, shift_x_px=wanted[0], shift_y_px=wanted[1])
+
+    return change
+
+
+@dataclass(frozen=True, eq=False)
+class Extent(Boxes):
+    """Boxes before a frustum of its own half width and height at depth 1 (or of an orthographic
+    view), about the same axes."""
+
+    half: tuple[float, float]
+    perspective: bool
+
+    def beyond(self, local: Float64) -> Bool:
+        camera = self.camera
+        step = float(np.linalg.norm(camera.right_step))
+        x, y, z = local[..., 0], local[..., 1], local[..., 2]
+        scale = z if self.perspective else np.ones_like(z)
+        width, height = self.half
+        aside, up = 2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step
+        return np.stack(
+            [
+                x < (aside - width) * scale,
+                x > (aside + width) * scale,
+                y < (up - height) * scale,
+                y > (up + height) * scale,
+                z < camera.near,
+                z > camera.far,
+            ],
+            axis=-1,
+        )
+
+
+def extent(at: At, half: tuple[float, float], perspective: bool) -> Told:
+    boxes = Extent(at.camera, at.boxes.boxes, half, perspective)
+    return boxes.in_view | ~boxes.there
+
+
+def halves(camera: Camera) -> tuple[float, float]:
+    step = float(np.linalg.norm(camera.right_step))
+    return step * camera.width, step * camera.height
+
+
+def other_extent(change: Callable[[float, float], tuple[float, float]]) -> Tell:
+    def tell(at: At) -> Told:
+        w, h = halves(at.camera)
+        if math.isclose(w, h):
+            return None
+        return extent(at, change(w, h), at.camera.is_perspective)
+
+    return tell
+
+
+def scaled_extent(factor: float, *, perspective: bool | None = None) -> Tell:
+    def tell(at: At) -> Told:
+        if perspective is not None and perspective != at.camera.is_perspective:
+            return None
+        w, h = halves(at.camera)
+        return extent(at, (factor * w, factor * h), at.camera.is_perspective)
+
+    return tell
+
+
+def wide_as_pyramid(at: At) -> Told:
+    """An orthographic view as a pyramid of 45 degrees."""
+    camera = at.camera
+    if camera.is_perspective:
+        return None
+    half = math.tan(math.pi / 8)
+    return extent(at, (half * camera.width / camera.height, half), True)
+
+
+def ninety(at: At) -> Told:
+    if at.camera.is_perspective:
+        return None
+    return extent(at, (at.camera.width / at.camera.height, 1.0), True)
+
+
+def radians_as_degrees(at: At) -> Told:
+    camera = at.camera
+    if camera.yfov is None:
+        return None
+    half = math.tan(min(math.radians(math.radians(math.degrees(camera.yfov))), 3.0) / 2)
+    return extent(at, (half * camera.width / camera.height, half), True)
+
+
+def first_lens(at: At) -> Told:
+    first = at.then(at.sights.moments.frames[0])
+    if first is None or first.camera.is_perspective != at.camera.is_perspective:
+        return None
+    if np.allclose(halves(first.camera), halves(at.camera)):
+        return None
+    return extent(at, halves(first.camera), at.camera.is_perspective)
+
+
+def first_viewport(at: At) -> Told:
+    first = at.then(at.sights.moments.frames[0])
+    if first is None:
+        return None
+    was, camera = first.camera, at.camera
+    if was.width * camera.height == was.height * camera.width:
+        return None
+    _, h = halves(camera)
+    return extent(at, (h * was.width / was.height, h), camera.is_perspective)
+
+
+def rolled(camera: Camera) -> Camera | None:
+    """The same view, upright."""
+    back = camera.world_from_camera[:3, 2]
+    right = np.cross([0.0, 1.0, 0.0], back)
+    if np.linalg.norm(right) < 1e-9:
+        return None
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    if np.allclose(up, camera.world_from_camera[:3, 1], atol=1e-6):
+        return None
+    pose = camera.world_from_camera.copy()
+    pose[:3, 0], pose[:3, 1] = right, up
+    return replace(camera, world_from_camera=pose)
+
+
+def flat(at: At) -> Told:
+    sides = at.boxes.boxes[:, 1] - at.boxes.boxes[:, 0]
+    return (sides > 0.0).all(axis=1) | ~at.boxes.there
+
+
+def edge_on(at: At) -> Told:
+    """A flat box that is seen edge-on counts as empty: its rectangle has no area."""
+    spans = at.boxes.spans
+    thin = (spans[:, 2] - spans[:, 0] < 1e-6) | (spans[:, 3] - spans[:, 1] < 1e-6)
+    return ~thin | at.boxes.crossing | ~at.boxes.there
+
+
+def two_corners(at: At) -> Told:
+    ends = at.boxes.planes[:, [0, 7]]
+    return ~ends.all(axis=1).any(axis=1) | ~at.boxes.there
+
+
+def sphere(radius: Callable[[Float64], Float64]) -> Tell:
+    """A sphere about the box's centre that may be too small."""
+
+    def tell(at: At) -> Told:
+        boxes = at.boxes
+        sides = np.where(boxes.there[:, None], boxes.boxes[:, 1] - boxes.boxes[:, 0], 0.0)
+        r = radius(sides)
+        x, y, z = boxes.centres.T
+        camera = boxes.camera
+        step = float(np.linalg.norm(camera.right_step))
+        left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
+        top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+        outside = (z + r < camera.near) | (z - r > camera.far)
+        for side, across, sign in ((left, x, 1), (right, x, -1), (bottom, y, 1), (top, y, -1)):
+            if camera.is_perspective:
+                outside |= sign * (across - side * z) / math.hypot(1.0, side) < -r
+            else:
+                outside |= sign * (across - side) < -r
+        return ~outside | ~boxes.there
+
+    return tell
+
+
+def centroids(at: At) -> Told:
+    """Boxes hold their triangles' centroids."""
+    scene, units = at.scene, at.sights.units.take(at.ids)
+    middle = scene.vertices[scene.triangles[units.triangles]].astype(np.float64).mean(axis=1)
+    boxes = np.full((units.count, 2, 3), np.inf)
+    filled = units.sizes > 0
+    if filled.any():
+        starts = units.offsets[:-1][filled]
+        boxes[filled, 0] = np.minimum.reduceat(middle, starts)
+        boxes[filled, 1] = np.maximum.reduceat(middle, starts)
+    smaller = Boxes(at.camera, boxes)
+    return kept_by_depth(at, smaller) | ~at.boxes.there
+
+
+def half_size(at: At) -> Told:
+    """Boxes of half the size about their centres."""
+    centre = at.boxes.boxes.mean(axis=1, keepdims=True)
+    smaller = Boxes(at.camera, centre + (at.boxes.boxes - centre) / 2.0)
+    return kept_by_depth(at, smaller) | ~at.boxes.there
+
+
+def kept_by_depth(at: At, boxes: Boxes, sight: Sight | None = None) -> Bool:
+    """(k,) in the view, and not hidden by the right depth of others."""
+    found = asked(at, boxes.rectangles, boxes.nearest, sight=sight).passing > 0
+    return boxes.in_view & (boxes.crossing | found)
+
+
+def found_too_small(at: At) -> Told:
+    return ~at.too_small if at.too_small.any() else None
+
+
+def near_at(depth: Callable[[Camera], float]) -> Tell:
+    def tell(at: At) -> Told:
+        near = depth(at.camera)
+        return (
+            ~(at.boxes.depths < near).all(axis=1) | ~at.boxes.there
+            if near > at.camera.near
+            else None
+        )
+
+    return tell
+
+
+def far_at(depth: Callable[[Camera], float]) -> Tell:
+    def tell(at: At) -> Told:
+        far = depth(at.camera)
+        return (
+            ~(at.boxes.depths > far).all(axis=1) | ~at.boxes.there if far < at.camera.far else None
+        )
+
+    return tell
+
+
+def straight_far(at: At) -> Told:
+    camera = at.camera
+    if math.isinf(camera.far):
+        return None
+    away = np.linalg.norm(at.boxes.closest - camera.eye, axis=1)
+    return (away <= camera.far) | ~at.boxes.there
+
+
+def on_a_plane(at: At) -> Told:
+    """No corner lies farther in than a plane, up to roundings."""
+    boxes, camera = at.boxes, at.camera
+    local = boxes.seen_from
+    # The view shrunk by a hair.
+    step = float(np.linalg.norm(camera.right_step))
+    hair = 1e-9 * (np.abs(local).max(initial=1.0) + camera.near)
+    z = local[..., 2]
+    scale = z if camera.is_perspective else np.ones_like(z)
+    left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
+    top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+    x, y = local[..., 0], local[..., 1]
+    beyond = np.stack(
+        [
+            x <= left * scale + hair,
+            x >= right * scale - hair,
+            y <= bottom * scale + hair,
+            y >= top * scale - hair,
+            z <= camera.near + hair,
+            z >= camera.far - hair,
+        ],
+        axis=-1,
+    )
+    return ~beyond.all(axis=1).any(axis=1) | ~boxes.there
+
+
+def rounded(kind: type[np.floating], *, world: bool) -> Tell:
+    """Box and eye in floats, in the world or about the scene's origin."""
+
+    def tell(at: At) -> Told:
+        if world and not at.scene.origin.any():
+            return None
+        origin = at.scene.origin if world else np.zeros(3)
+        with np.errstate(over="ignore", invalid="ignore"):
+            boxes = (at.boxes.boxes + origin).astype(kind).astype(np.float64)
+            pose = at.camera.world_from_camera.copy()
+            pose[:3, 3] = (pose[:3, 3] + origin).astype(kind)
+        if not np.isfinite(pose).all():
+            return None
+        seen = Boxes(replace(at.camera, world_from_camera=pose, clip_plane=None), boxes)
+        return kept_by_depth(at, seen) | ~at.boxes.there
+
+    return tell
+
+
+def origin_forgotten(at: At) -> Told:
+    """The camera in the world, boxes about the scene's origin."""
+    if not at.scene.origin.any():
+        return None
+    pose = at.camera.world_from_camera.copy()
+    pose[:3, 3] += at.scene.origin
+    seen = Boxes(replace(at.camera, world_from_camera=pose), at.boxes.boxes)
+    return seen.in_view | ~at.boxes.there
+
+
+def small_on_screen(at: At) -> Told:
+    """A rectangle of less than a pixel's area, or side."""
+    spans = at.boxes.spans
+    area = (spans[:, 2] - spans[:, 0]) * (spans[:, 3] - spans[:, 1])
+    return (area >= 1.0) | at.boxes.crossing | ~at.boxes.there
+
+
+def narrow_on_screen(at: At) -> Told:
+    spans = at.boxes.spans
+    narrow = (spans[:, 2] - spans[:, 0] < 1.0) & (spans[:, 3] - spans[:, 1] < 1.0)
+    return ~narrow | at.boxes.crossing | ~at.boxes.there
+
+
+IN_VIEW: dict[str, dict[str, Tell]] = {
+    "corners-only": {"all planes": corners_only, "sides": corners_only_sides},
+    "centre-only": {"": centre_only},
+    "pivot": {"": pivot},
+    "corners-behind-eye": {
+        "any before near": any_corner_behind,
+        "any behind the eye": any_corner_behind_eye,
+        **{
+            how: behind(how)
+            for how in ("mirrored", "clamped", "folded", "dropped", "dropped-at-near")
+        },
+        **{
+            how + ", hidden": behind_and_hidden(how)
+            for how in ("mirrored", "clamped", "folded", "dropped", "dropped-at-near")
+        },
+    },
+    "eye-inside-box": {"": eye_inside},
+    "no-lens-shift": {
+        "both": lens(shift(0, 0)),
+        "x": lens(shift(0, 1)),
+        "y": lens(shift(1, 0)),
+    },
+    "lens-shift-reversed": {
+        "both": lens(shift(-1, -1)),
+        "x": lens(shift(-1, 1)),
+        "y": lens(shift(1, -1)),
+    },
+    "lens-shift-halved": {"": lens(shift(0.5, 0.5))},
+    "other-lens": {
+        "as wide as high": other_extent(lambda w, h: (h, h)),
+        "as high as wide": other_extent(lambda w, h: (w, w)),
+        "aspect inverted": other_extent(lambda w, h: (h * h / w, h)),
+        "horizontal for vertical": other_extent(lambda w, h: (h, h * h / w)),
+        "half": scaled_extent(0.5),
+        "pyramid of 45 degrees": wide_as_pyramid,
+        "pyramid of 90 degrees": ninety,
+        "degrees for radians": radians_as_degrees,
+        "first frame's": first_lens,
+        "first frame's viewport": first_viewport,
+    },
+    "roll-ignored": {"": lens(rolled)},
+    "flat-box": {"": flat, "edge-on": edge_on},
+    "bounds-too-small": {
+        "found": found_too_small,
+        "two corners": two_corners,
+        "sphere to the faces": sphere(lambda sides: np.asarray(sides.max(axis=1) / 2)),
+        "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
+        "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
+        "centroids": centroids,
+        "half": half_size,
+    },
+    "near-larger": {
+        "ten times": near_at(lambda camera: 10 * camera.near),
+        "twice": near_at(lambda camera: 2 * camera.near),
+        "0.1": near_at(lambda camera: 0.1),
+        "1": near_at(lambda camera: 1.0),
+    },
+    "far-nearer": {
+        "half": far_at(lambda camera: camera.far / 2),
+        "100": far_at(lambda camera: 100.0),
+        "1000": far_at(lambda camera: 1000.0),
+        "10000": far_at(lambda camera: 10000.0),
+    },
+    "distance-for-far": {"": straight_far},
+    "on-the-plane": {"": on_a_plane},
+    "rounded-coordinates": {
+        "float32 in the world": rounded(np.float32, world=True),
+        "float16": rounded(np.float16, world=False),
+        "float16 in the world": rounded(np.float16, world=True),
+        "origin forgotten": origin_forgotten,
+    },
+    "too-few-samples": {"less than a pixel": small_on_screen, "narrow": narrow_on_screen},
+}

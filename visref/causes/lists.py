@@ -1,0 +1,79 @@
+"""What hangs on all answers of a culler together: a list that is full, what is never drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.evidence import Answers
+from visref.causes.sights import At, Tell, Told
+from visref.judging.outcome import CullerRecord
+
+Bool = NDArray[np.bool_]
+
+# A unit is called never drawn if it was left out in so many answers.
+OFTEN = 3
+
+
+def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
+    """The hypotheses about one culler."""
+    count = answers.units.count
+    every = [*answers.lossy, *answers.clean]
+    drawn = np.zeros(count, np.int64)
+    most, fewest, last = 0, count, -1
+    for answer in every:
+        one = answer.drawn(count)
+        drawn += one
+        size = int(np.count_nonzero(one))
+        most = max(most, size)
+    sizes = [int(np.count_nonzero(one.drawn(count))) for one in answers.lossy]
+    fewest = min(sizes, default=0)
+    last = max((int(np.flatnonzero(one.drawn(count)).max(initial=-1)) for one in every), default=-1)
+    never = drawn == 0
+
+    def full(at: At) -> Told:
+        # Every answer that lost something is as long as the longest.
+        if most < 2 or fewest < most:
+            return None
+        return _drawn_now(at)
+
+    def _drawn_now(at: At) -> Told:
+        answer = next(
+            (one for one in every if one.frame == at.frame and one.view in (at.view, "")), None
+        )
+        if answer is None:
+            return None
+        return answer.drawn(count)[at.ids]
+
+    def beyond(at: At) -> Told:
+        """All that is drawn has ids below a number, and what is lost above."""
+        return at.ids <= last if last >= 0 else None
+
+    def never_drawn(at: At) -> Told:
+        return ~never[at.ids] if len(every) >= OFTEN else None
+
+    ignored = np.zeros(count, np.bool_)
+    ignored[list(record.ignored)] = True
+
+    def absent_level(at: At) -> Told:
+        scene = at.scene
+        group_of = {
+            obj: number
+            for number, group in enumerate(scene.groups)
+            if group.levels
+            for level in group.levels
+            for obj in level
+        }
+        if not group_of or not ignored.any():
+            return None
+        units = at.sights.units
+        first = np.minimum(units.offsets[:-1], max(len(units.triangles) - 1, 0))
+        objects = scene.object_of_triangle[units.triangles[first]]
+        wrong = {group_of.get(int(objects[unit])) for unit in np.flatnonzero(ignored)} - {None}
+        return np.array([group_of.get(int(obj)) not in wrong for obj in at.objects()])
+
+    return {
+        "absent-lod": {"": absent_level},
+        "never-drawn": {"": never_drawn},
+        "list-full": {"": full, "by id": beyond},
+    }

@@ -1,0 +1,344 @@
+"""A moment as one camera sees it, with what hypotheses ask of it: boxes, depths, who is visible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.camera import Camera
+from visref.camera_path import CameraPath
+from visref.causes.boxes import Boxes
+from visref.causes.evidence import Membership
+from visref.causes.layers import Layers, draw
+from visref.engines.base import TruthEngine
+from visref.scene import Alpha, Float64, Int32, Int64, Scene, Units
+from visref.timeline import Timeline
+
+Bool = NDArray[np.bool_]
+T = TypeVar("T")
+
+# Of so many moments the depths are kept; a hypothesis looks at two or three.
+KEPT = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """(k,) int32 `triangles` that own or share a sample of a view, or are or may be seen there
+    through a mask or as glass, ascending, and (k,) int64 at how many `samples` each."""
+
+    triangles: Int32
+    samples: Int64
+
+
+class Moments:
+    """The moments of a run, made when they are asked for. `path`: relative to the scene's origin.
+    `frames`: those that the cullers were asked about, in order."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        path: CameraPath,
+        frames: Sequence[int],
+        make_engine: Callable[[], TruthEngine],
+    ) -> None:
+        self.timeline, self.path = timeline, path
+        self.frames = tuple(frames)
+        self._place = {frame: i for i, frame in enumerate(self.frames)}
+        self._make_engine = make_engine
+        self._engine: TruthEngine | None = None
+        self._seen: dict[tuple[int, str], Shown] = {}
+
+    def before(self, frame: int, count: int) -> int | None:
+        """The frame that was asked about `count` frames before, None where there is none."""
+        at = self._place[frame] - count
+        return self.frames[at] if at >= 0 else None
+
+    def cameras(self, frame: int) -> tuple[Camera, ...]:
+        return self.path.views(frame)
+
+    def before_cut(self, frame: int) -> int | None:
+        """The frame before the last cut at or before this one, None without a cut."""
+        for at in range(self._place[frame], 0, -1):
+            if self.cameras(self.frames[at])[0].cut:
+                return self.frames[at - 1]
+        return None
+
+    def since_cut(self, frame: int) -> int:
+        """The first frame after the last cut at or before this one, or of all."""
+        for at in range(self._place[frame], 0, -1):
+            if self.cameras(self.frames[at])[0].cut:
+                return self.frames[at]
+        return self.frames[0]
+
+    def engine(self, scene: Scene) -> TruthEngine:
+        """The run's engine, on the scene of a moment."""
+        if self._engine is None:
+            self._engine = self._make_engine()
+        if self._engine.scene is not scene and scene.moving is not None:
+            self._engine.pose(scene)
+        return self._engine
+
+    def seen(self, frame: int, view: str) -> Shown:
+        """What shows in a view of a frame."""
+        if (frame, view) not in self._seen:
+            camera = next(one for one in self.cameras(frame) if one.view == view)
+            self._seen[frame, view] = self.cast(self.timeline.at(frame), camera)
+        return self._seen[frame, view]
+
+    def cast(self, scene: Scene, camera: Camera) -> Shown:
+        """What some camera sees of the scene of a moment."""
+        truth = self.engine(scene).frame(camera)
+        # The background's -1 is the first place.
+        samples = np.bincount(truth.buffer.triangle.reshape(-1) + 1, minlength=1)[1:]
+        samples = np.pad(samples, (0, scene.triangle_count - len(samples)))
+        for more in (truth.ties.triangle, truth.doubt.triangle, truth.blend.triangle):
+            samples += np.bincount(more, minlength=scene.triangle_count)
+        triangles = np.flatnonzero(samples).astype(np.int32)
+        return Shown(triangles, samples[triangles])
+
+    def close(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+            self._engine = None
+
+
+@dataclass(eq=False)
+class Place:
+    """A scene, and its units as one culler knows them."""
+
+    scene: Scene
+    units: Units
+    members: Membership
+
+    @cached_property
+    def bounds(self) -> Float64:
+        """(u, 2, 3) float64."""
+        return self.scene.bounds_of(self.units)
+
+    @cached_property
+    def unit_of(self) -> Int32:
+        return self.members.first_of(self.scene.triangle_count)
+
+    def samples(self, shown: Shown) -> Int64:
+        """(u,) int64, at how many samples each unit shows."""
+        unit, at = self.members.units(shown.triangles.astype(np.int64))
+        found = np.bincount(unit, shown.samples[at], minlength=self.units.count)
+        return found.astype(np.int64)
+
+
+@dataclass(eq=False)
+class Sight:
+    """One camera on a place. `seen`: (u,) bool, the units that show, by the truth; `samples`: (u,)
+    int64, at how many samples."""
+
+    camera: Camera
+    place: Place
+    shown: Callable[[], Shown]
+    _layers: dict[object, Layers] = field(default_factory=dict)
+
+    @cached_property
+    def seen(self) -> Bool:
+        return self.samples > 0
+
+    @cached_property
+    def samples(self) -> Int64:
+        return self.place.samples(self.shown())
+
+    def boxes(self, ids: Int32, camera: Camera | None = None) -> Boxes:
+        return Boxes(camera or self.camera, self.place.bounds[ids])
+
+    def layers(
+        self,
+        *,
+        camera: Camera | None = None,
+        masks: bool = False,
+        glass: bool = False,
+        back_faces: bool = False,
+        uncut: bool = False,
+    ) -> Layers:
+        """What hides, triangle by triangle: by default what is opaque and turned this way, between
+        near, far and clip plane."""
+        key = (id(camera), masks, glass, back_faces, uncut)
+        if key not in self._layers:
+            taken = camera or self.camera
+            scene = self.place.scene
+            kinds = [Alpha.OPAQUE, *[Alpha.MASK] * masks, *[Alpha.BLEND] * glass]
+            solid = np.isin(scene.alpha, kinds)
+            if not back_faces and scene.one_sided.any():
+                solid &= ~(scene.one_sided & ~facing(scene, taken))
+            if uncut:
+                near = 1e-3 * taken.near if taken.is_perspective else taken.near - 1e6
+                taken = replace(taken, near=near, clip_plane=None)
+            layers = Layers.empty(taken.height, taken.width)
+            draw(
+                layers,
+                scene.vertices,
+                scene.triangles,
+                taken,
+                np.flatnonzero(solid),
+                self.place.unit_of,
+            )
+            self._layers[key] = layers
+        return self._layers[key]
+
+    def kept(self, key: object, make: Callable[[], Layers]) -> Layers:
+        """Other layers of this sight, made once."""
+        if key not in self._layers:
+            self._layers[key] = make()
+        return self._layers[key]
+
+    def forget(self) -> None:
+        self._layers.clear()
+
+
+def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = False) -> Bool:
+    """(t,) bool, the triangles whose front the camera sees. `axis`: asked of the view's axis in
+    place of the ray; `eye`: of the eye, whatever the projection."""
+    a, b, c = (scene.vertices[scene.triangles[:, i]].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    towards = camera.eye - a
+    if axis or not (camera.is_perspective or eye):
+        towards = np.broadcast_to(-camera.forward, a.shape)
+    found: Bool = np.einsum("ij,ij->i", normal, towards) > 0.0
+    return found
+
+
+class Sights:
+    """The sights of one culler's units, a few kept at a time."""
+
+    def __init__(self, moments: Moments, units: Units) -> None:
+        self.moments, self.units = moments, units
+        self._members = Membership(units)
+        self._places: dict[int, Place] = {}
+        self._sights: dict[tuple[int, str, int | None], Sight] = {}
+
+    def place(self, scene: Scene) -> Place:
+        known = self._places.get(id(scene))
+        if known is None or known.scene is not scene:
+            if len(self._places) > KEPT:
+                self._places.pop(next(iter(self._places)))
+            known = self._places[id(scene)] = Place(scene, self.units, self._members)
+        return known
+
+    def sight(self, frame: int, view: str, standing: int | None = None) -> Sight:
+        """A frame as one view sees it; `standing`: the scene of another frame before its camera."""
+        key = frame, view, standing
+        if key not in self._sights:
+            if len(self._sights) > KEPT:
+                self._sights.pop(next(iter(self._sights))).forget()
+            camera = next(one for one in self.moments.cameras(frame) if one.view == view)
+            scene = self.moments.timeline.at(frame if standing is None else standing)
+            self._sights[key] = Sight(
+                camera,
+                self.place(scene),
+                lambda: (
+                    self.moments.seen(frame, view)
+                    if standing is None
+                    else self.moments.cast(scene, camera)
+                ),
+            )
+        return self._sights[key]
+
+    def of(self, scene: Scene, camera: Camera) -> Sight:
+        """Any scene before any camera."""
+        return Sight(camera, self.place(scene), lambda: self.moments.cast(scene, camera))
+
+
+@dataclass(eq=False)
+class At:
+    """A view of an answer, for hypotheses: which of the units `ids` would be kept?
+
+    `frame`: the answer's. `too_small`: (k,) bool, units whose box was found not to hold them.
+    """
+
+    sights: Sights
+    frame: int
+    view: str
+    ids: Int32
+    too_small: Bool
+
+    @cached_property
+    def now(self) -> Sight:
+        return self.sights.sight(self.frame, self.view)
+
+    @property
+    def camera(self) -> Camera:
+        return self.now.camera
+
+    @property
+    def scene(self) -> Scene:
+        return self.now.place.scene
+
+    @cached_property
+    def boxes(self) -> Boxes:
+        return self.now.boxes(self.ids)
+
+    def before(self, count: int) -> Sight | None:
+        """The same view, so many frames before."""
+        return self.then(self.sights.moments.before(self.frame, count))
+
+    def then(self, frame: int | None) -> Sight | None:
+        if frame is None:
+            return None
+        views = [one.view for one in self.sights.moments.cameras(frame)]
+        return self.sights.sight(frame, self.view) if self.view in views else None
+
+    def other_views(self) -> list[Sight]:
+        cameras = self.sights.moments.cameras(self.frame)
+        return [self.sights.sight(self.frame, c.view) for c in cameras if c.view != self.view]
+
+    def objects(self) -> Int64:
+        """(k,) the object of each unit's first triangle, -1 for one without."""
+        units = self.sights.units
+        result = np.full(len(self.ids), -1, np.int64)
+        filled = units.sizes[self.ids] > 0
+        first = units.triangles[units.offsets[self.ids[filled]]]
+        result[filled] = self.scene.object_of_triangle[first]
+        return result
+
+    def any_triangle(self, flags: Bool) -> Bool:
+        """(k,) bool, whether a unit holds a triangle of (t,) flags."""
+        return self._over(flags, np.maximum)
+
+    def every_triangle(self, flags: Bool) -> Bool:
+        """(k,) bool, whether all of a unit's triangles are among (t,) flags; not of an empty one."""
+        filled: Bool = self.sights.units.sizes[self.ids] > 0
+        return ~self._over(~flags, np.maximum) & filled
+
+    def _over(self, flags: Bool, how: np.ufunc) -> Bool:
+        units = self.sights.units.take(self.ids)
+        result = np.zeros(units.count, np.bool_)
+        filled = units.sizes > 0
+        if filled.any():
+            values = flags[units.triangles].astype(np.uint8)
+            result[filled] = how.reduceat(values, units.offsets[:-1][filled]).astype(np.bool_)
+        return result
+
+
+Told = Bool | None
+# Which of the units a culler would keep that errs so, (k,) bool, None where it says nothing here.
+Tell = Callable[[At], Told]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A cause, in one of the ways in which a culler may err so (`variant`)."""
+
+    cause: str
+    variant: str
+    tell: Tell
+
+
+def by_code(*groups: Mapping[str, Mapping[str, Tell]]) -> list[Hypothesis]:
+    """Hypotheses from {cause: {variant: tell}}, in order."""
+    return [
+        Hypothesis(cause, variant, tell)
+        for group in groups
+        for cause, variants in group.items()
+        for variant, tell in variants.items()
+    ]
