@@ -3,7 +3,7 @@ fit, so that they need more to be believed: such a split of the data must not co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from visref.causes.layers import Layers
 from visref.causes.rectangles import asked
-from visref.causes.sights import At, Sight
+from visref.causes.sights import At, Sight, Tell
 from visref.scene import Float64
 
 Bool = NDArray[np.bool_]
 
 # A fit is believed only if a random order would give it in less than one of so many cases.
-ODDS = 1000
+ODDS = 100
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,10 @@ def gap(at: At) -> Float64:
     return widths(at.now, at.sights.units.count)[at.ids]
 
 
+def number(at: At) -> Float64:
+    return at.ids.astype(np.float64)
+
+
 def widths(sight: Sight, units: int) -> Float64:
     """(units,) float64: the side, in pixels, of the greatest square in which a unit alone shows,
     told up to 8; 0 for what shows nowhere."""
@@ -87,6 +91,7 @@ FITS = (
     Fit("too-few-samples", "passing", passing),
     Fit("too-few-samples", "size", on_screen),
     Fit("gap-too-narrow", "", gap),
+    Fit("list-full", "by id", number, below=False),
 )
 
 
@@ -115,11 +120,21 @@ def threshold(values: Float64, lost: Bool, good: Bool, below: bool) -> float | N
         for i in range(right, min(taken, all_lost) + 1)
         if taken - i <= every - all_lost
     )
-    if ways * ODDS * len(FITS) > comb(every, taken):
+    if ways * ODDS > comb(every, taken):
         return None
     upper = signed[best + 1] if best + 1 < every else signed[best] + 1.0
     middle = float((signed[best] + upper) / 2.0)
     return middle if below else -middle
 
 
-Values = Mapping[str, Float64]
+def fewer(value: Callable[[At], Float64], count: int) -> Tell:
+    """What has fewer than so many is dropped."""
+    return lambda at: value(at) >= count
+
+
+FEW: dict[str, dict[str, Tell]] = {
+    "too-few-samples": {
+        **{f"{count} owned": fewer(samples, count) for count in (2, 4, 8, 16)},
+        **{f"{count} passing": fewer(passing, count) for count in (2, 4, 8, 16)},
+    },
+}

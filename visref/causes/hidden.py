@@ -132,10 +132,8 @@ def rectangle(change: Callable[[Boxes], Int32]) -> Tell:
 
 def cut(columns: int, rows: int) -> Callable[[Boxes], Int32]:
     def change(boxes: Boxes) -> Int32:
-        low, high = np.floor(boxes.spans[:, :2] + 0.5), np.ceil(boxes.spans[:, 2:] - 0.5)
-        sides = np.array([boxes.camera.width, boxes.camera.height])
-        low, high = np.clip(low, 0, sides), np.clip(high, -1, sides - 1)
-        return np.asarray(np.concatenate([low, high - (columns, rows)], axis=1), np.int32)
+        fewer = np.array([0, 0, columns, rows], np.int32)
+        return boxes.rectangles - fewer
 
     return change
 
@@ -461,8 +459,6 @@ def _differs(at: At, other: dict[str, bool]) -> bool:
 
 
 HIDDEN: dict[str, dict[str, Tell]] = {
-    "centre-depth": {"": other_depth(centre)},
-    "farthest-depth": {"": other_depth(farthest)},
     "euclidean-depth": {
         "nearest point": other_depth(straight),
         "nearest corner": other_depth(straight_corner),
@@ -470,6 +466,8 @@ HIDDEN: dict[str, dict[str, Tell]] = {
         "depth of the nearest point": other_depth(of_the_closest),
         "occluders": straight_both,
     },
+    "centre-depth": {"": other_depth(centre)},
+    "farthest-depth": {"": other_depth(farthest)},
     "own-depth": {"own": own_depth, "equal": equal_depth},
     "few-samples": {
         "middle": some_of(_middle),
@@ -517,10 +515,10 @@ HIDDEN: dict[str, dict[str, Tell]] = {
     "occluders-too-large": {"dilated": dilated, "boxes": boxes_hide},
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
-    "wrong-occluder-clip": among(uncut=True),
 }
 MATERIALS: dict[str, dict[str, Tell]] = {
     "masks-solid": among(masks=True),
     "glass-solid": among(glass=True),
+    "wrong-occluder-clip": among(uncut=True),
     "back-faces": {f"hide, by {how}": tell for how, tell in among(back_faces=True).items()},
 }

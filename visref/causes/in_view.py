@@ -431,6 +431,18 @@ def narrow_on_screen(at: At) -> Told:
 
 
 IN_VIEW: dict[str, dict[str, Tell]] = {
+    "no-lens-shift": {
+        "both": lens(shift(0, 0)),
+        "x": lens(shift(0, 1)),
+        "y": lens(shift(1, 0)),
+        "half": lens(shift(0.5, 0.5)),
+    },
+    "lens-shift-reversed": {
+        "both": lens(shift(-1, -1)),
+        "x": lens(shift(-1, 1)),
+        "y": lens(shift(1, -1)),
+    },
+    "roll-ignored": {"": lens(rolled)},
     "corners-only": {"all planes": corners_only, "sides": corners_only_sides},
     "centre-only": {"": centre_only},
     "pivot": {"": pivot},
@@ -447,40 +459,6 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         },
     },
     "eye-inside-box": {"": eye_inside},
-    "no-lens-shift": {
-        "both": lens(shift(0, 0)),
-        "x": lens(shift(0, 1)),
-        "y": lens(shift(1, 0)),
-    },
-    "lens-shift-reversed": {
-        "both": lens(shift(-1, -1)),
-        "x": lens(shift(-1, 1)),
-        "y": lens(shift(1, -1)),
-    },
-    "lens-shift-halved": {"": lens(shift(0.5, 0.5))},
-    "other-lens": {
-        "as wide as high": other_extent(lambda w, h: (h, h)),
-        "as high as wide": other_extent(lambda w, h: (w, w)),
-        "aspect inverted": other_extent(lambda w, h: (h * h / w, h)),
-        "horizontal for vertical": other_extent(lambda w, h: (h, h * h / w)),
-        "half": scaled_extent(0.5),
-        "pyramid of 45 degrees": wide_as_pyramid,
-        "pyramid of 90 degrees": ninety,
-        "degrees for radians": radians_as_degrees,
-        "first frame's": first_lens,
-        "first frame's viewport": first_viewport,
-    },
-    "roll-ignored": {"": lens(rolled)},
-    "flat-box": {"": flat, "edge-on": edge_on},
-    "bounds-too-small": {
-        "found": found_too_small,
-        "two corners": two_corners,
-        "sphere to the faces": sphere(lambda sides: np.asarray(sides.max(axis=1) / 2)),
-        "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
-        "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
-        "centroids": centroids,
-        "half": half_size,
-    },
     "near-larger": {
         "ten times": near_at(lambda camera: 10 * camera.near),
         "twice": near_at(lambda camera: 2 * camera.near),
@@ -493,13 +471,38 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         "1000": far_at(lambda camera: 1000.0),
         "10000": far_at(lambda camera: 10000.0),
     },
-    "distance-for-far": {"": straight_far},
-    "on-the-plane": {"": on_a_plane},
+    "origin-forgotten": {"": origin_forgotten},
     "rounded-coordinates": {
         "float32 in the world": rounded(np.float32, world=True),
         "float16": rounded(np.float16, world=False),
         "float16 in the world": rounded(np.float16, world=True),
-        "origin forgotten": origin_forgotten,
     },
+    "other-lens": {
+        "as wide as high": other_extent(lambda w, h: (h, h)),
+        "as high as wide": other_extent(lambda w, h: (w, w)),
+        "aspect inverted": other_extent(lambda w, h: (h * h / w, h)),
+        "horizontal for vertical": other_extent(lambda w, h: (h, h * h / w)),
+        "half": scaled_extent(0.5),
+        "pyramid of 45 degrees": wide_as_pyramid,
+        "pyramid of 90 degrees": ninety,
+        "degrees for radians": radians_as_degrees,
+        "first frame's": first_lens,
+        "first frame's viewport": first_viewport,
+    },
+    "bounds-too-small": {
+        "found": found_too_small,
+        "two corners": two_corners,
+        "sphere to the faces": sphere(lambda sides: np.asarray(sides.max(axis=1) / 2)),
+        "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
+        "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
+    },
+    "flat-box": {"": flat, "edge-on": edge_on},
+    "on-the-plane": {"": on_a_plane},
     "too-few-samples": {"less than a pixel": small_on_screen, "narrow": narrow_on_screen},
+}
+
+# Less ordinary, and tried last.
+SELDOM: dict[str, dict[str, Tell]] = {
+    "euclidean-depth": {"against far": straight_far},
+    "bounds-too-small": {"centroids": centroids, "half": half_size},
 }

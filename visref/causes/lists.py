@@ -15,12 +15,17 @@ Bool = NDArray[np.bool_]
 OFTEN = 3
 
 
+def _round(number: int) -> bool:
+    """Whether a list is likely to be as long: a power of two, or one digit and zeros."""
+    return number >= 8 and (number & (number - 1) == 0 or len(str(number).rstrip("0")) == 1)
+
+
 def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
     """The hypotheses about one culler."""
     count = answers.units.count
     every = [*answers.lossy, *answers.clean]
     drawn = np.zeros(count, np.int64)
-    most, fewest, last = 0, count, -1
+    most = 0
     for answer in every:
         one = answer.drawn(count)
         drawn += one
@@ -28,12 +33,11 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         most = max(most, size)
     sizes = [int(np.count_nonzero(one.drawn(count))) for one in answers.lossy]
     fewest = min(sizes, default=0)
-    last = max((int(np.flatnonzero(one.drawn(count)).max(initial=-1)) for one in every), default=-1)
     never = drawn == 0
 
     def full(at: At) -> Told:
-        # Every answer that lost something is as long as the longest.
-        if most < 2 or fewest < most:
+        # Every answer that lost something is as long as the longest, and that is a round number.
+        if fewest < most or not _round(most):
             return None
         return _drawn_now(at)
 
@@ -44,10 +48,6 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         if answer is None:
             return None
         return answer.drawn(count)[at.ids]
-
-    def beyond(at: At) -> Told:
-        """All that is drawn has ids below a number, and what is lost above."""
-        return at.ids <= last if last >= 0 else None
 
     def never_drawn(at: At) -> Told:
         return ~never[at.ids] if len(every) >= OFTEN else None
@@ -75,5 +75,5 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
     return {
         "absent-lod": {"": absent_level},
         "never-drawn": {"": never_drawn},
-        "list-full": {"": full, "by id": beyond},
+        "list-full": {"": full},
     }

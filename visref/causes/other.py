@@ -342,50 +342,20 @@ def not_first_of_name(at: At) -> Told:
     return first[np.maximum(at.objects(), 0)]
 
 
-OTHER: dict[str, dict[str, Tell]] = {
+# Without a look at what else is there.
+LEFT_OUT: dict[str, dict[str, Tell]] = {
     "masked-left-out": {"any": left_out(Alpha.MASK), "whole": left_out_whole(Alpha.MASK)},
     "glass-left-out": {"any": left_out(Alpha.BLEND), "whole": left_out_whole(Alpha.BLEND)},
-    "one-frame-late": late(1),
-    "two-frames-late": late(2),
-    "n-frames-late": {
-        f"{count} frames, {how}": tell
-        for count in (3, 4, 5, 6, 8)
-        for how, tell in late(count).items()
-    },
-    "last-view": {"": in_view_before},
-    "old-depth": {"then": old_depth, "not cleared": old_and_new_depth},
-    "first-answer-kept": answered(_first),
-    "across-a-cut": {
-        **answered(_before_cut),
-        **{f"since, {how}": tell for how, tell in answered(_since_cut).items()},
-    },
-    "rest-pose": {
-        "boxes": rest_boxes,
-        "view": rest_view,
-        "occluders": rest_hides,
-        "wholly": rest_wholly,
-        **{f"first frame's {how}": tell for how, tell in standing(_first_frame).items()},
-    },
-    "old-pose": standing(_frame_before),
-    "old-occluders": {
-        **hiding(_frame_before),
-        **{f"first frame, {how}": tell for how, tell in hiding(_first_frame).items()},
-    },
-    "removed-still-hides": {"": removed_hides},
-    "appeared-unknown": {"absent at first": absent_at_first, "absent before": absent_once},
-    "first-view-only": {**answered(_first_view), "view": _view_of(_first_view)},
-    "other-view": {
-        **answered(_other_view),
-        **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
-        "view": _view_of(_other_view),
-    },
-    "ids-shifted": {**neighbour(1), **neighbour(-1), "in order": neighbour_in_order},
-    "ids-wrap": {str(1 << bits): wraps(bits) for bits in (8, 16)},
     "same-names": {"": not_first_of_name},
+    "ids-wrap": {str(1 << bits): wraps(bits) for bits in (8, 16)},
+    "appeared-unknown": {"absent at first": absent_at_first, "absent before": absent_once},
+    "last-view": {"": in_view_before},
+    "first-view-only": {"view": _view_of(_first_view)},
+    "other-view": {"view": _view_of(_other_view)},
     "back-faces": {
-        "two-sided": turned_away(),
         "reversed": turned_away(reverse=True),
         "one-sided reversed": turned_away(reverse=True, one_sided_only=True),
+        "two-sided": turned_away(),
         "by the view's axis": turned_away(axis=True),
         "by the eye": turned_away(eye=True),
         "by the first triangle": turned_away(first=True),
@@ -393,4 +363,42 @@ OTHER: dict[str, dict[str, Tell]] = {
         "one-sided by the eye": turned_away(eye=True, one_sided_only=True),
         "one-sided by the first": turned_away(first=True, one_sided_only=True),
     },
+}
+# Boxes or occluders of another moment.
+MOVED: dict[str, dict[str, Tell]] = {
+    "removed-still-hides": {"": removed_hides},
+    "rest-pose": {
+        "boxes": rest_boxes,
+        "view": rest_view,
+        "wholly": rest_wholly,
+        **{f"first frame's {how}": tell for how, tell in standing(_first_frame).items()},
+    },
+    "old-pose": standing(_frame_before),
+    "old-occluders": {
+        **hiding(_frame_before),
+        "at rest": rest_hides,
+        **{f"first frame, {how}": tell for how, tell in hiding(_first_frame).items()},
+    },
+}
+# The answer of another moment or view, or to another question.
+ANSWERED: dict[str, dict[str, Tell]] = {
+    "one-frame-late": late(1),
+    "old-depth": {"then": old_depth, "not cleared": old_and_new_depth},
+    "first-view-only": answered(_first_view),
+    "other-view": {
+        **answered(_other_view),
+        **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
+    },
+    "first-answer-kept": answered(_first),
+    "two-frames-late": late(2),
+    "n-frames-late": {
+        f"{count} frames, {how}": tell
+        for count in (3, 4, 5, 6, 8)
+        for how, tell in late(count).items()
+    },
+    "across-a-cut": {
+        **answered(_before_cut),
+        **{f"since, {how}": tell for how, tell in answered(_since_cut).items()},
+    },
+    "ids-shifted": {**neighbour(1), **neighbour(-1), "in order": neighbour_in_order},
 }

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.causes.evidence import Answer, Answers, Evidence
-from visref.causes.fitted import FITS, Fit, threshold
+from visref.causes.fitted import FEW, FITS, Fit, threshold
 from visref.causes.hidden import HIDDEN, MATERIALS
-from visref.causes.in_view import IN_VIEW
+from visref.causes.in_view import IN_VIEW, SELDOM, kept_by_depth
 from visref.causes.lists import LISTS
-from visref.causes.named import CausesFound, Named, Where
-from visref.causes.other import OTHER
+from visref.causes.named import CODES, CausesFound, Named, Where
+from visref.causes.other import ANSWERED, LEFT_OUT, MOVED
 from visref.causes.sights import At, Hypothesis, Moments, Sights, by_code
 from visref.engines.base import TruthEngine
 from visref.judging.outcome import CullerRecord
@@ -39,10 +39,49 @@ LOST, SHOWN, IDLE = 192, 256, 96
 PRECISION = 0.8
 # Causes of one culler, and of one miss.
 MOST = 5
-# Scores this near are alike.
-ALIKE = 0.03
+# Scores this near are alike, and so much that does not hold of hidden units is no difference.
+ALIKE, CONTRADICTED = 0.03, 0.1
 
-HYPOTHESES = by_code(IN_VIEW, MATERIALS, OTHER, HIDDEN)
+HYPOTHESES = [
+    *by_code(LEFT_OUT, whole=False),
+    *by_code(MATERIALS, whole=True),
+    *by_code(MOVED, whole=True),
+    *by_code(ANSWERED, whole=True),
+    *by_code(IN_VIEW, whole=False),
+    *by_code(HIDDEN, whole=True),
+    *by_code(FEW, whole=False),
+    *by_code(SELDOM, whole=False, odd=True),
+]
+# Of hypotheses that fit alike, the first of these is named: the ordinary before the odd, and what
+# says something of few scenes before what might be said of any.
+ORDER = {cause: place for place, cause in enumerate(CODES)}
+
+
+def _keeps_all(at: At) -> Bool:
+    return np.ones(len(at.ids), np.bool_)
+
+
+def _in_view(at: At) -> Bool:
+    return at.boxes.in_view
+
+
+def _unhidden(at: At) -> Bool:
+    return kept_by_depth(at, at.boxes) | ~at.boxes.in_view
+
+
+def _shows(at: At) -> Bool:
+    return at.now.seen[at.ids]
+
+
+# What a culler may test rightly besides: nothing, the view, what hides, both, or samples.
+BASES = [
+    Hypothesis("", "nothing", _keeps_all),
+    Hypothesis("", "view", _in_view),
+    Hypothesis("", "hidden", _unhidden),
+    Hypothesis("", "boxes", lambda at: kept_by_depth(at, at.boxes)),
+    Hypothesis("", "samples", _shows),
+]
+OUTSIDE = 1
 
 
 @dataclass(eq=False)
@@ -119,19 +158,17 @@ class Search:
         return Looked(answer, at, ids, *(kind[ids] for kind in kinds))
 
     def _hypotheses(self) -> list[Hypothesis]:
-        return [*HYPOTHESES, *by_code(LISTS(self._answers, self._record))]
+        return [*HYPOTHESES, *by_code(LISTS(self._answers, self._record), whole=False)]
 
     def _choose(self, looked: Sequence[Looked], clean: Sequence[Looked]) -> list[Chosen]:
-        hypotheses = self._hypotheses()
-        tried = [Tried(one, looked, clean) for one in hypotheses]
+        bases = [_culled(base, looked)[0] for base in BASES]
+        tried = [Tried(one, looked, clean, bases) for one in self._hypotheses()]
         tried = [one for one in tried if one.says_something]
         lost = np.concatenate([one.lost for one in looked])
         open_ = lost.copy()
         chosen: list[Chosen] = []
         while len(chosen) < MOST and open_.any():
-            best = _best(tried, open_)
-            if best is None:
-                best = self._fit(looked, clean, open_)
+            best = _best([*tried, *self._fits(looked, clean, bases, open_)], open_)
             if best is None:
                 break
             chosen.append(best.chosen(open_))
@@ -139,15 +176,21 @@ class Search:
             tried = [one for one in tried if one.hypothesis.cause != best.hypothesis.cause]
         return chosen
 
-    def _fit(self, looked: Sequence[Looked], clean: Sequence[Looked], open_: Bool) -> Tried | None:
+    def _fits(
+        self,
+        looked: Sequence[Looked],
+        clean: Sequence[Looked],
+        bases: Sequence[Bool],
+        open_: Bool,
+    ) -> list[Tried]:
         lost, good = open_, np.concatenate([one.good for one in looked])
         found = []
         for fit in FITS:
             values = np.concatenate([one.value(fit) for one in looked])
             limit = threshold(values, lost, good, fit.below)
             if limit is not None:
-                found.append(Tried(_fitted(fit, limit), looked, clean))
-        return _best(found, open_)
+                found.append(Tried(_fitted(fit, limit), looked, clean, bases))
+        return found
 
     def _assign(self, chosen: Sequence[Chosen], looked: Sequence[Looked]) -> CausesFound:
         named: dict[Where, tuple[Named, ...]] = {}
@@ -178,7 +221,11 @@ class Tried:
     """What a hypothesis says of all units that were looked at."""
 
     def __init__(
-        self, hypothesis: Hypothesis, looked: Sequence[Looked], clean: Sequence[Looked]
+        self,
+        hypothesis: Hypothesis,
+        looked: Sequence[Looked],
+        clean: Sequence[Looked],
+        bases: Sequence[Bool],
     ) -> None:
         self.hypothesis = hypothesis
         self.culled, self.says_something = _culled(hypothesis, looked)
@@ -187,8 +234,13 @@ class Tried:
         self._hypothesis, self._clean = hypothesis, clean
         idle = np.concatenate([one.idle for one in looked])
         left = np.concatenate([one.left for one in looked])
-        self._idle = _share(self.culled, idle)
-        self._left = _share(~self.culled, left)
+        # A right test beside a wrong one leaves out more, and a test of depth may be without one of
+        # the view; what fits best is believed.
+        if hypothesis.whole:
+            answers = [self.culled, self.culled & ~bases[OUTSIDE]]
+        else:
+            answers = [self.culled | base for base in bases]
+        self._hidden = min(_share(one, idle) + _share(~one, left) for one in answers)
         self.says_something &= bool((self.culled & self._lost).any())
 
     @property
@@ -210,13 +262,13 @@ class Tried:
 
     @property
     def contradicted(self) -> float:
-        """How much of what it says of hidden units does not hold, 0 to 2, and of answers without a
-        miss."""
+        """How much of what it says of hidden units does not hold, 0 to 2, and of units that show in
+        answers without a miss, 0 to 1."""
         if not hasattr(self, "_clean_wrong"):
             culled, _ = _culled(self._hypothesis, self._clean)
             good = np.concatenate([np.zeros(0, np.bool_), *(one.good for one in self._clean)])
             self._clean_wrong = _share(culled, good)
-        return self._idle + 0.25 * self._left + self._clean_wrong
+        return self._hidden + self._clean_wrong
 
 
 def _share(flags: Bool, of: Bool) -> float:
@@ -249,8 +301,10 @@ def _best(tried: Sequence[Tried], open_: Bool) -> Tried | None:
     if not able:
         return None
     top = max(score for score, _ in able)
-    alike = [one for score, one in able if score >= top - ALIKE * max(top, 0.0)]
-    return min(alike, key=lambda one: round(one.contradicted, 2))
+    alike = [one for score, one in able if score >= top - ALIKE * top]
+    least = min(one.contradicted for one in alike)
+    alike = [one for one in alike if one.contradicted <= least + CONTRADICTED]
+    return min(alike, key=lambda one: (one.hypothesis.odd, ORDER[one.hypothesis.cause]))
 
 
 def _fitted(fit: Fit, limit: float) -> Hypothesis:
@@ -259,7 +313,7 @@ def _fitted(fit: Fit, limit: float) -> Hypothesis:
         kept: Bool = values >= limit if fit.below else values <= limit
         return kept
 
-    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell)
+    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, whole=False)
 
 
 def _covering(answers: Sequence[Answer], most: int) -> list[Answer]:

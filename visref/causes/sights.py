@@ -327,18 +327,23 @@ Tell = Callable[[At], Told]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A cause, in one of the ways in which a culler may err so (`variant`)."""
+    """A cause, in one of the ways in which a culler may err so (`variant`). `whole`: what it keeps
+    is the culler's whole answer; otherwise right tests may leave out more. `odd`: such a way is
+    seldom met."""
 
     cause: str
     variant: str
     tell: Tell
+    whole: bool = True
+    odd: bool = False
 
 
-def by_code(*groups: Mapping[str, Mapping[str, Tell]]) -> list[Hypothesis]:
+def by_code(
+    groups: Mapping[str, Mapping[str, Tell]], *, whole: bool, odd: bool = False
+) -> list[Hypothesis]:
     """Hypotheses from {cause: {variant: tell}}, in order."""
     return [
-        Hypothesis(cause, variant, tell)
-        for group in groups
-        for cause, variants in group.items()
+        Hypothesis(cause, variant, tell, whole, odd)
+        for cause, variants in groups.items()
         for variant, tell in variants.items()
     ]

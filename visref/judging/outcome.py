@@ -48,8 +48,9 @@ class FrameRecord:
 @dataclass
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
-    tolerance that its rasteriser declares (the loosest of its frames), None without one. `ignored`:
-    by unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
+    tolerance that its rasteriser declares (the loosest of its frames), None without one.
+    `too_small`: the units whose boxes did not hold them, where it `tells_boxes`. `ignored`: by
+    unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
     owned samples above which it is inconclusive. `unsteady`: it answered otherwise when it was
     asked again. `misaligned`: it fits another input, and nothing is concluded from it, as the user
     chose. `causes`: why it missed what it missed, where that was asked (`visref.causes`)."""
@@ -62,6 +63,7 @@ class CullerRecord:
     failed: bool = False
     raster: RasterTolerance | None = None
     too_small: list[BoundsTooSmall] = field(default_factory=list)
+    tells_boxes: bool = False
     ignored: dict[int, int] = field(default_factory=dict)
     max_undecided: float = MAX_UNDECIDED
     unsteady: bool = False

@@ -304,6 +304,7 @@ class Referee:
             with settings_restored():
                 boxes = job.culler.bounds()
             if boxes is not None:
+                job.record.tells_boxes = True
                 job.audit.look(frame, self._now, job.units, boxes, truths)
         except (InputError, KeyboardInterrupt):
             raise

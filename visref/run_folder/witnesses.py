@@ -19,6 +19,7 @@ from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.run_folder.balls import BALL_ERROR, BLOCK, balls_about
 from visref.run_folder.cuts import CutKeeper
+from visref.run_folder.miss_facts import miss_facts
 from visref.run_folder.surroundings import Surroundings
 from visref.scene import Alpha, Int32, Int64, Scene
 from visref.timeline import Timeline
@@ -213,6 +214,7 @@ def write_witnesses(
                 cut = None
                 if cuts is not None and (frame, view, miss.object) in surrounded:
                     cut = cuts.get(frame, view, miss.object)
+                witness["facts"] = miss_facts(scene, camera, record, miss, cut)
                 if cut is not None:
                     witness["surroundings"] = around.record(
                         camera, cut, miss.object, miss.sample, shown

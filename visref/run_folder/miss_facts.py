@@ -1,0 +1,121 @@
+"""The plain facts about a miss, as its witness's line tells them: where it lies, through how wide a
+gap it is seen and whose that is, how far it was."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from visref.camera import Camera
+from visref.judging.judge import Miss
+from visref.judging.outcome import CullerRecord
+from visref.run_folder.cuts import Cut
+from visref.scene import OBJECT, Int32, Int64, Scene
+from visref.visibility import hit_depths
+
+
+def miss_facts(
+    scene: Scene, camera: Camera, record: CullerRecord, miss: Miss, cut: Cut | None
+) -> dict[str, Any]:
+    """Null stands for what is not known.
+
+    `edge_px`: the witness's distance to the image's nearest edge. `eye_to_box`: the eye's straight
+    distance to the object's box, 0 within it, beside `near`. `age`: for how many frames it was in
+    view. `box_holds_it`: whether the box that the culler says it tested held the object. From what
+    was kept around the miss: `depth_min` and `depth_max` of the samples lost, `gap_px`, the side of
+    the greatest square of lost samples, in pixels; and `in_front`, of the objects beside and before
+    what was lost, the one that borders it most.
+    """
+    x, y = miss.sample % camera.width, miss.sample // camera.width
+    low, high = scene.object_bounds[miss.object]
+    away = np.linalg.norm(camera.eye - np.clip(camera.eye, low, high))
+    facts: dict[str, Any] = {
+        "edge_px": min(x, y, camera.width - 1 - x, camera.height - 1 - y),
+        "eye_to_box": float(away) if math.isfinite(away) else None,
+        "near": camera.near,
+        "age": miss.age,
+        "box_holds_it": _box_holds(record, miss.object),
+        "depth_min": None,
+        "depth_max": None,
+        "gap_px": None,
+        "in_front": None,
+    }
+    if cut is not None and cut.lost.any():
+        facts |= _around(scene, camera, miss, cut)
+    return facts
+
+
+def _box_holds(record: CullerRecord, obj: int) -> bool | None:
+    """None where the culler told no boxes, or of other units than objects."""
+    if not record.tells_boxes or record.unit_kind != OBJECT:
+        return None
+    return all(one.unit != obj for one in record.too_small)
+
+
+def _around(scene: Scene, camera: Camera, miss: Miss, cut: Cut) -> dict[str, Any]:
+    height, width = cut.triangle.shape
+    columns, rows = cut.x + cut.step * np.arange(width), cut.y + cut.step * np.arange(height)
+    sample = rows[:, None] * camera.width + columns
+    lost = cut.lost
+    triangle = np.where(lost & (cut.glass >= 0) & _other(scene, cut, miss), cut.glass, cut.triangle)
+    depth = np.full(lost.shape, np.inf)
+    hit = triangle >= 0
+    depth[hit] = hit_depths(scene, camera, sample[hit].astype(np.int64), triangle[hit])
+    mine = depth[lost & np.isfinite(depth)]
+    return {
+        "depth_min": float(mine.min()) if len(mine) else None,
+        "depth_max": float(mine.max()) if len(mine) else None,
+        "gap_px": greatest_square(lost) * cut.step,
+        "in_front": _in_front(scene, lost, depth, triangle, miss),
+    }
+
+
+def _other(scene: Scene, cut: Cut, miss: Miss) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Where the opaque owner is not the object that was missed."""
+    owner = scene.object_of_triangle[np.maximum(cut.triangle, 0)]
+    return (cut.triangle < 0) | (owner != miss.object)
+
+
+def greatest_square(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> int:
+    """The side of the greatest square of cells that are all set, of (h, w) bool."""
+    side, alike = 0, flags
+    while alike.any():
+        side += 1
+        # A square of the next side is four of this one.
+        alike = alike[:-1, :-1] & alike[1:, :-1] & alike[:-1, 1:] & alike[1:, 1:]
+    return side
+
+
+def _in_front(
+    scene: Scene,
+    lost: np.ndarray[Any, np.dtype[np.bool_]],
+    depth: np.ndarray[Any, np.dtype[np.float64]],
+    triangle: Int32,
+    miss: Miss,
+) -> dict[str, Any] | None:
+    """The object that most cells beside a lost one belong to, and before it."""
+    beside: list[Int64] = []
+    for axis in (0, 1):
+        for step in (1, -1):
+            here = lost & ~_edge(lost.shape, axis, step)
+            there = np.roll(here, step, axis=axis)
+            nearer = np.roll(depth, step, axis=axis)[there] > depth[there]
+            cells = triangle[there][nearer & (triangle[there] >= 0)]
+            owner = scene.object_of_triangle[cells]
+            beside.append(owner[owner != miss.object].astype(np.int64))
+    owners = np.concatenate(beside)
+    if not len(owners):
+        return None
+    first = int(np.bincount(owners).argmax())
+    return {"object": first, "name": scene.names[first]}
+
+
+def _edge(shape: tuple[int, ...], axis: int, step: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """The cells that a step along an axis would carry out of the image."""
+    result = np.zeros(shape, np.bool_)
+    last = [slice(None), slice(None)]
+    last[axis] = slice(-1, None) if step > 0 else slice(0, 1)
+    result[tuple(last)] = True
+    return result
