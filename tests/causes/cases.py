@@ -236,7 +236,7 @@ def rivets_on_a_plate() -> Case:
 
 CASES: dict[str, tuple[str, Callable[[], Case], type[Culler]]] = {
     "05-big-floor": ("one corner in the view", big_floor, OneCornerInView),
-    "06-near-plane": ("a corner behind drops the box", hedge_beside_the_eye, NothingBehindNear),
+    "06-near-plane": ("corners behind the eye", hedge_beside_the_eye, NothingBehindNear),
     "07-euclid-vs-depth": ("distance for depth", fence_behind_a_screen, StraightestPoint),
     "10-one-frame-late": ("answer a frame late", past_a_corner, FrameLate),
     "12-off-axis": ("lens shift left out", beside_the_axis, SymmetricView),

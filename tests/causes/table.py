@@ -14,34 +14,66 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 from tests.causes.catalogue import FAULTS
 from tests.causes.drawn import KEPT_BACK
 from tests.causes.families import FAMILIES
 from tests.causes.fault import Fault
+from visref.camera_path import CameraPath
+from visref.engines import TruthEngine
 from visref.engines.exact import ExactEngine
 from visref.judging.judge import MissKind
-from visref.judging.outcome import CullerRecord
-from visref.judging.referee import Referee
+from visref.judging.outcome import RunOutcome
+from visref.judging.referee import Listener, Referee
+from visref.scene import Scene
 from visref.stopwatch import Stopwatch
 from visref.timeline import Timeline
 
-# Of a convicted object, the causes named, best first.
-Naming = Callable[[CullerRecord, int, str, int], Sequence[str]]
+# Of a convicted object (frame, view, object), the causes named, best first.
+Naming = Callable[[int, str, int], Sequence[str]]
+
+
+class Causes(Protocol):
+    """What names causes: it listens to a run, and afterwards says what it found."""
+
+    listener: Listener
+
+    def find(self, outcome: RunOutcome, run: Run) -> Naming: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a fault is judged on. `engine` casts the truth."""
+
+    timeline: Timeline
+    path: CameraPath
+    engine: Callable[[], TruthEngine]
+
+
+class ByVisref:
+    """What visref names."""
+
+    def __init__(self, scene: Scene) -> None:
+        from visref.causes.evidence import Evidence
+
+        self.listener = Evidence(scene)
+
+    def find(self, outcome: RunOutcome, run: Run) -> Naming:
+        from visref.causes.search import find_causes
+
+        (record,) = outcome.cullers
+        frames = run.path.numbers
+        find_causes(self.listener, outcome.cullers, run.timeline, run.path, frames, run.engine)
+        return lambda *where: [one.cause for one in record.causes.of(*where)]
+
 
 NONE = "none"
 # An answer among the first so many is counted apart.
 FIRST = 3
-
-
-def named(record: CullerRecord, frame: int, view: str, object_id: int) -> Sequence[str]:
-    """What visref names."""
-    causes: Any = vars(record)["causes"]
-    return [one.cause for one in causes.of(frame, view, object_id)]
 
 
 @dataclass
@@ -73,19 +105,23 @@ class Row:
         self.among += not set(self.accepted).isdisjoint(causes[:FIRST])
 
 
-def judge(fault: Fault, naming: Naming = named) -> Row:
+def judge(fault: Fault, causes: Callable[[Scene], Causes] = ByVisref) -> Row:
     """Judge a fault by the exact truth, and count what is said of each object that it loses."""
     row = Row(fault.name, fault.family, sorted(fault.accepted))
     with Stopwatch() as watch:
         given = fault.make()
-        still = Timeline(given.scene, given.path.relative_to(given.scene.origin)).still
-        referee = Referee(given.scene, lambda: ExactEngine(still))
-        outcome = referee.run(given.path, given.path.numbers, [(fault.name, given.culler)])
+        scene, path = given.scene, given.path
+        timeline = Timeline(scene, path.relative_to(scene.origin))
+        run = Run(timeline, path, lambda: ExactEngine(timeline.still))
+        asked = causes(scene)
+        referee = Referee(scene, run.engine, timeline=timeline)
+        outcome = referee.run(path, path.numbers, [(fault.name, given.culler)], [asked.listener])
+        naming = asked.find(outcome, run)
         (record,) = outcome.cullers
         for frame in record.frames:
             for miss in frame.verdict.misses:
                 if miss.kind is MissKind.CONFIRMED:
-                    row.add(naming(record, frame.frame, miss.view, miss.object))
+                    row.add(naming(frame.frame, miss.view, miss.object))
     row.seconds = watch.ms / 1e3
     if record.failed:
         row.failed = "; ".join(one.message for one in outcome.findings if one.culler)
@@ -184,7 +220,9 @@ def chosen(only: str, *, back: bool) -> list[Fault]:
     ]
 
 
-def main(arguments: Sequence[str] | None = None, naming: Naming = named) -> int:
+def main(
+    arguments: Sequence[str] | None = None, causes: Callable[[Scene], Causes] = ByVisref
+) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.causes.table", description=__doc__)
     parser.add_argument("--kept-back", action="store_true", help="run the kept-back third alone")
     parser.add_argument("--only", default="*", metavar="GLOB", help="names of faults")
@@ -199,13 +237,13 @@ def main(arguments: Sequence[str] | None = None, naming: Naming = named) -> int:
         )
     rows = []
     for number, fault in enumerate(faults, start=1):
-        rows.append(judge(fault, naming))
+        rows.append(judge(fault, causes))
         told = rows[-1].failed or counts(rows[-1].given)
         sys.stderr.write(f"{number}/{len(faults)} {fault.name}: {told}\n")
     lines = [*confusion(rows), "", *each(rows), "", *totals(rows)]
     sys.stdout.write("\n".join(lines) + "\n")
     if asked.json:
-        asked.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
+        asked.json.write_text(json.dumps([vars(row) for row in rows], indent=1) + "\n")
     return 0
 
 
