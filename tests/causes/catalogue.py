@@ -1,0 +1,11 @@
+"""Every fault of the suite that loses objects."""
+
+from __future__ import annotations
+
+from tests.causes.cases import cases
+from tests.causes.fault import Fault
+from tests.causes.mutants import mutants
+from tests.causes.wrong import recordings, wrong
+
+EVERY = (*mutants(), *wrong(), *recordings(), *cases())
+FAULTS: dict[str, Fault] = {fault.name: fault for fault in sorted(EVERY, key=str)}

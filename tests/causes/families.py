@@ -1,0 +1,111 @@
+"""Kinds of mistakes, each with the causes that describe it.
+
+They were written down from what the code of each fault does, before any cause was looked for. A
+family has several causes only where each says truly what went wrong there, and none where no cause
+does: then naming none is right, and naming any is wrong.
+"""
+
+from __future__ import annotations
+
+
+def _told(causes: str) -> frozenset[str]:
+    return frozenset(causes.split())
+
+
+FAMILIES: dict[str, frozenset[str]] = {
+    # The view.
+    "one corner in the view": _told("corners-only"),
+    "centre in the view": _told("centre-only"),
+    "corners behind the eye": _told("corners-behind-eye"),
+    "eye inside the box": _told("eye-inside-box"),
+    "box without thickness": _told("flat-box"),
+    "box or sphere too small": _told("bounds-too-small"),
+    # The stale box is the one at rest, and by that too small.
+    "box at rest, too small": _told("bounds-too-small rest-pose"),
+    # Least above greatest: such a box holds nothing, and is left out at all times.
+    "box turned inside out": _told("bounds-too-small never-drawn"),
+    "lens shift left out": _told("no-lens-shift"),
+    "lens shift halved": _told("lens-shift-halved"),
+    # Where what the whole shift brings into view lies beyond the half of it.
+    "lens shift halved, all beyond": _told("lens-shift-halved no-lens-shift"),
+    "lens shift reversed": _told("lens-shift-reversed"),
+    "other lens": _told("other-lens"),
+    # A view narrower by a pixel each side is one row too few, and another field of view.
+    "view a pixel too small": _told("other-lens rectangle-too-small"),
+    "roll left out": _told("roll-ignored"),
+    "near too large": _told("near-larger"),
+    "far too near": _told("far-nearer"),
+    # The far plane becomes a sphere: nearer than the plane towards the sides.
+    "distance against far": _told("distance-for-far euclidean-depth far-nearer"),
+    "on a plane": _told("on-the-plane"),
+    "rounded coordinates": _told("rounded-coordinates"),
+    # So coarsely rounded that the box does not hold the object.
+    "rounded boxes": _told("rounded-coordinates bounds-too-small"),
+    "origin forgotten": _told(""),
+    # Depth.
+    "centre's depth": _told("centre-depth"),
+    "farthest depth": _told("farthest-depth"),
+    "distance for depth": _told("euclidean-depth"),
+    "some samples of the rectangle": _told("few-samples"),
+    "rectangle too small": _told("rectangle-too-small"),
+    # What the squares leave out of the rectangle is at one side of it, or in its middle.
+    "squares too small": _told("few-samples rectangle-too-small"),
+    "half the resolution": _told("coarse-depth-1/2"),
+    "quarter of the resolution": _told("coarse-depth-1/4"),
+    "nearest of the region": _told("nearest-of-region"),
+    # A cell that is covered in part hides as if it were covered wholly: what covers it grows, and
+    # the nearest of its depths stands for all.
+    "cell covered in part": _told("nearest-of-region occluders-too-large"),
+    "last texels left out": _told("odd-size-pyramid"),
+    "upside down": _told("flipped"),
+    "few bits": _told("quantised-depth"),
+    "occluders too large": _told("occluders-too-large"),
+    # What is asked writes depth: boxes hide what lies behind them.
+    "asked boxes hide": _told("occluders-too-large"),
+    "own depth": _told("own-depth"),
+    "no depth compared": _told("depth-not-compared"),
+    "background hides": _told("empty-hides"),
+    "depth reversed": _told(""),
+    "neighbours averaged": _told(""),
+    "another point of the pixel": _told(""),
+    "occluders not clipped": _told("wrong-occluder-clip"),
+    "clip plane left out": _told("wrong-occluder-clip"),
+    # Materials.
+    "masks solid": _told("masks-solid"),
+    "glass solid": _told("glass-solid"),
+    "masks left out": _told("masked-left-out"),
+    "glass left out": _told("glass-left-out"),
+    "front for back": _told("back-faces"),
+    "two-sided taken for one-sided": _told("back-faces"),
+    "one-sided taken for two-sided": _told("back-faces"),
+    # Time.
+    "answer a frame late": _told("one-frame-late"),
+    # Where nothing moves, the frame before differs by its view alone.
+    "answer a frame late, nothing moves": _told("one-frame-late last-view"),
+    "answer a frame late at cuts": _told("one-frame-late last-view across-a-cut"),
+    "earlier depth": _told("old-depth"),
+    "first answer kept": _told("first-answer-kept"),
+    # Image tiles that were done with once are not looked at again, whatever the view.
+    "tiles of the frame before": _told("first-answer-kept old-depth"),
+    # Moving.
+    "pose at rest": _told("rest-pose"),
+    "pose of the frame before": _told("old-pose"),
+    "occluders at their old place": _told("old-occluders"),
+    "occluders at rest": _told("rest-pose"),
+    "removed still hides": _told("removed-still-hides"),
+    "appeared unknown": _told("appeared-unknown"),
+    # Views.
+    "the other view": _told("other-view"),
+    "the first view": _told("first-view-only other-view"),
+    # Ids.
+    "answers shifted": _told("ids-shifted"),
+    "ids wrap": _told("ids-wrap"),
+    "same names": _told("same-names"),
+    # Sizes and lists.
+    "threshold of samples": _told("too-few-samples"),
+    "list cut short": _told("list-full"),
+    "parts in no list": _told("never-drawn"),
+    "parts left out": _told(""),
+    "answers lost": _told(""),
+    "traversal stops short": _told(""),
+}
