@@ -134,6 +134,8 @@ def within(camera: Camera, spans: Float64, *, texel: int = 1, inward: bool = Fal
     """(k, 4) int32 texels of `texel` samples a side that spans touch (or, `inward`, hold), clipped
     to the image; empty where x1 < x0."""
     width, height = -(-camera.width // texel), -(-camera.height // texel)
+    # Far beyond the image is as good as infinity, and no division's trouble.
+    spans = np.clip(np.nan_to_num(spans, nan=0.0), -1e9, 1e9)
     low, high = spans[:, :2] - 1e-6, spans[:, 2:] + 1e-6
     # A sample stands for the pixel about it, half a pixel each way.
     if inward:

@@ -1,10 +1,12 @@
-"""What a run keeps for the question why things were missed: each answer that lost something, and a
-few that lost nothing."""
+"""What a run keeps for the question why things were missed: who was drawn in each answer, and who
+was lost by it."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,47 +18,56 @@ from visref.picking import evenly_picked
 from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
-# So many answers that lost nothing are kept, evenly spread; twice as many for a while.
+# So many answers that lost nothing are looked at, evenly spread.
 CLEAN = 16
+NO_UNIT = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A culler's answer that was judged. `bits`: the units drawn, packed. `lost`: (k, 2) int32, the
-    pairs of a unit that was not drawn and an object that loses samples by it, sorted."""
+    """A culler's answer that was judged. `packed`: the units drawn, a bit each, compressed. `lost`:
+    (k, 2) int32, the pairs of a unit that was not drawn and an object that loses samples by it,
+    sorted; `NO_UNIT` where what was lost is in no unit."""
 
     frame: int
     view: str
-    bits: NDArray[np.uint8]
+    packed: bytes
     lost: Int32
+
+    @classmethod
+    def of(cls, frame: int, view: str, drawn: NDArray[np.bool_], lost: Int32) -> Answer:
+        return cls(frame, view, zlib.compress(np.packbits(drawn).tobytes(), 1), lost)
 
     def drawn(self, units: int) -> NDArray[np.bool_]:
         """(units,) bool."""
-        return np.unpackbits(self.bits, count=units).astype(np.bool_)
+        bits = np.frombuffer(zlib.decompress(self.packed), np.uint8)
+        return np.unpackbits(bits, count=units).astype(np.bool_)
 
 
 @dataclass(eq=False)
 class Answers:
-    """One culler's. `absent_drawn`: the units that it drew though they were not there."""
+    """One culler's, in order."""
 
     units: Units
-    lossy: list[Answer] = field(default_factory=list)
-    clean: list[Answer] = field(default_factory=list)
-    stride: int = 1
-    seen: int = 0
+    every: list[Answer] = field(default_factory=list)
 
-    def add(self, answer: Answer) -> None:
-        if len(answer.lost):
-            self.lossy.append(answer)
-            return
-        if self.seen % self.stride == 0:
-            self.clean.append(answer)
-            if len(self.clean) > 2 * CLEAN:
-                self.clean, self.stride = self.clean[::2], 2 * self.stride
-        self.seen += 1
+    @property
+    def lossy(self) -> list[Answer]:
+        return [answer for answer in self.every if len(answer.lost)]
 
     def some_clean(self) -> list[Answer]:
-        return [self.clean[i] for i in evenly_picked(len(self.clean), CLEAN)]
+        """Some of those that lost nothing, evenly spread."""
+        clean = [answer for answer in self.every if not len(answer.lost)]
+        return [clean[i] for i in evenly_picked(len(clean), CLEAN)]
+
+    @cached_property
+    def _by_place(self) -> dict[tuple[int, str], Answer]:
+        return {(answer.frame, answer.view): answer for answer in self.every}
+
+    def at(self, frame: int, view: str) -> NDArray[np.bool_] | None:
+        """(u,) bool, what was drawn in a view of a frame, None where there was no answer."""
+        found = self._by_place.get((frame, view)) or self._by_place.get((frame, ""))
+        return None if found is None else found.drawn(self.units.count)
 
 
 class Evidence:
@@ -81,7 +92,7 @@ class Evidence:
             if job.spec not in self._units_at:
                 self._units_at[job.spec] = Membership(job.units)
             lost = self._lost(judged.settled, self._units_at[job.spec], objects, drawn)
-        kept.add(Answer(record.frame, record.view, np.packbits(drawn), lost))
+        kept.every.append(Answer.of(record.frame, record.view, drawn, lost))
 
     def on_frame_done(self, frame: int) -> None:
         pass
@@ -100,7 +111,17 @@ class Evidence:
         lost = np.unique(np.concatenate([np.zeros(0, np.int64), *triangles]))
         lost = lost[counted[owner[lost]]]
         unit, at = of_triangle.units(lost)
-        pairs = np.stack([unit, owner[lost[at]]], axis=1)[~drawn[unit]]
+        left_out = ~drawn[unit]
+        unit, at = unit[left_out], at[left_out]
+        listed = np.zeros(len(lost), np.bool_)
+        listed[at] = True
+        nowhere = owner[lost[~listed]]
+        pairs = np.concatenate(
+            [
+                np.stack([unit, owner[lost[at]]], axis=1),
+                np.stack([np.full(len(nowhere), NO_UNIT), nowhere], axis=1),
+            ]
+        )
         return np.unique(pairs, axis=0).astype(np.int32).reshape(-1, 2)
 
 

@@ -18,7 +18,7 @@ from visref.scene import Float64
 Bool = NDArray[np.bool_]
 
 # A fit is believed only if a random order would give it in less than one of so many cases.
-ODDS = 100
+ODDS = 2000
 
 
 @dataclass(frozen=True)

@@ -301,8 +301,8 @@ def sphere(radius: Callable[[Float64], Float64]) -> Tell:
     return tell
 
 
-def centroids(at: At) -> Told:
-    """Boxes hold their triangles' centroids."""
+def of_centroids(at: At) -> Float64:
+    """Boxes that hold their triangles' centroids."""
     scene, units = at.scene, at.sights.units.take(at.ids)
     middle = scene.vertices[scene.triangles[units.triangles]].astype(np.float64).mean(axis=1)
     boxes = np.full((units.count, 2, 3), np.inf)
@@ -311,15 +311,26 @@ def centroids(at: At) -> Told:
         starts = units.offsets[:-1][filled]
         boxes[filled, 0] = np.minimum.reduceat(middle, starts)
         boxes[filled, 1] = np.maximum.reduceat(middle, starts)
-    smaller = Boxes(at.camera, boxes)
-    return kept_by_depth(at, smaller) | ~at.boxes.there
+    boxes[~at.boxes.there] = np.inf
+    return boxes
 
 
-def half_size(at: At) -> Told:
+def half_size(at: At) -> Float64:
     """Boxes of half the size about their centres."""
-    centre = at.boxes.boxes.mean(axis=1, keepdims=True)
-    smaller = Boxes(at.camera, centre + (at.boxes.boxes - centre) / 2.0)
-    return kept_by_depth(at, smaller) | ~at.boxes.there
+    boxes = at.boxes.boxes
+    with np.errstate(invalid="ignore"):
+        centre = boxes.mean(axis=1, keepdims=True)
+        return np.where(at.boxes.there[:, None, None], centre + (boxes - centre) / 2.0, np.inf)
+
+
+def smaller(make: Callable[[At], Float64], *, hidden: bool) -> Tell:
+    """Other boxes in the view, and (`hidden`) against the depth of others."""
+
+    def tell(at: At) -> Told:
+        boxes = Boxes(at.camera, make(at))
+        return (kept_by_depth(at, boxes) if hidden else boxes.in_view) | ~at.boxes.there
+
+    return tell
 
 
 def kept_by_depth(at: At, boxes: Boxes, sight: Sight | None = None) -> Bool:
@@ -388,7 +399,7 @@ def on_a_plane(at: At) -> Told:
     return ~beyond.all(axis=1).any(axis=1) | ~boxes.there
 
 
-def rounded(kind: type[np.floating], *, world: bool) -> Tell:
+def rounded(kind: type[np.floating], *, world: bool, hidden: bool = False) -> Tell:
     """Box and eye in floats, in the world or about the scene's origin."""
 
     def tell(at: At) -> Told:
@@ -402,7 +413,7 @@ def rounded(kind: type[np.floating], *, world: bool) -> Tell:
         if not np.isfinite(pose).all():
             return None
         seen = Boxes(replace(at.camera, world_from_camera=pose, clip_plane=None), boxes)
-        return kept_by_depth(at, seen) | ~at.boxes.there
+        return (kept_by_depth(at, seen) if hidden else seen.in_view) | ~at.boxes.there
 
     return tell
 
@@ -476,6 +487,8 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         "float32 in the world": rounded(np.float32, world=True),
         "float16": rounded(np.float16, world=False),
         "float16 in the world": rounded(np.float16, world=True),
+        "float32 in the world, hidden": rounded(np.float32, world=True, hidden=True),
+        "float16, hidden": rounded(np.float16, world=False, hidden=True),
     },
     "other-lens": {
         "as wide as high": other_extent(lambda w, h: (h, h)),
@@ -493,8 +506,6 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         "found": found_too_small,
         "two corners": two_corners,
         "sphere to the faces": sphere(lambda sides: np.asarray(sides.max(axis=1) / 2)),
-        "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
-        "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
     },
     "flat-box": {"": flat, "edge-on": edge_on},
     "on-the-plane": {"": on_a_plane},
@@ -504,5 +515,12 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
 # Less ordinary, and tried last.
 SELDOM: dict[str, dict[str, Tell]] = {
     "euclidean-depth": {"against far": straight_far},
-    "bounds-too-small": {"centroids": centroids, "half": half_size},
+    "bounds-too-small": {
+        "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
+        "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
+        "centroids": smaller(of_centroids, hidden=False),
+        "centroids, hidden": smaller(of_centroids, hidden=True),
+        "half": smaller(half_size, hidden=False),
+        "half, hidden": smaller(half_size, hidden=True),
+    },
 }

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.causes.evidence import Answers
+from visref.causes.evidence import NO_UNIT, Answers
 from visref.causes.sights import At, Tell, Told
 from visref.judging.outcome import CullerRecord
 
 Bool = NDArray[np.bool_]
 
 # A unit is called never drawn if it was left out in so many answers.
-OFTEN = 3
+OFTEN = 4
 
 
 def _round(number: int) -> bool:
@@ -23,7 +23,7 @@ def _round(number: int) -> bool:
 def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
     """The hypotheses about one culler."""
     count = answers.units.count
-    every = [*answers.lossy, *answers.clean]
+    every = answers.every
     drawn = np.zeros(count, np.int64)
     most = 0
     for answer in every:
@@ -33,7 +33,10 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         most = max(most, size)
     sizes = [int(np.count_nonzero(one.drawn(count))) for one in answers.lossy]
     fewest = min(sizes, default=0)
-    never = drawn == 0
+    missed = np.zeros(count, np.int64)
+    for answer in answers.lossy:
+        missed[np.unique(answer.lost[answer.lost[:, 0] != NO_UNIT, 0])] += 1
+    never = (drawn == 0) & (missed >= OFTEN)
 
     def full(at: At) -> Told:
         # Every answer that lost something is as long as the longest, and that is a round number.
@@ -42,15 +45,11 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         return _drawn_now(at)
 
     def _drawn_now(at: At) -> Told:
-        answer = next(
-            (one for one in every if one.frame == at.frame and one.view in (at.view, "")), None
-        )
-        if answer is None:
-            return None
-        return answer.drawn(count)[at.ids]
+        now = answers.at(at.frame, at.view)
+        return None if now is None else now[at.ids]
 
     def never_drawn(at: At) -> Told:
-        return ~never[at.ids] if len(every) >= OFTEN else None
+        return ~never[at.ids] if never.any() else None
 
     ignored = np.zeros(count, np.bool_)
     ignored[list(record.ignored)] = True

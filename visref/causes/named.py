@@ -36,8 +36,6 @@ CODES: Mapping[str, str] = {
     "eye-inside-box": "a box that holds the eye counts as outside",
     "centre-only": "an object counts as outside where its box's centre is",
     "pivot": "an object counts as outside where its origin is",
-    "near-larger": "the near plane lies farther out",
-    "far-nearer": "the far plane lies nearer",
     "bounds-too-small": "the box or sphere that is tested does not hold the object",
     # What hides it.
     "euclidean-depth": "straight distance is compared with a view depth",
@@ -59,6 +57,8 @@ CODES: Mapping[str, str] = {
     "empty-hides": "pixels in which nothing was drawn hide",
     "depth-not-compared": "whatever covers its pixels hides an object, nearer or not",
     # Sizes.
+    "near-larger": "the near plane lies farther out",
+    "far-nearer": "the far plane lies nearer",
     "too-few-samples": "objects that show in few samples are dropped",
     "gap-too-narrow": "what is seen through a narrow gap is dropped",
     # Lists.

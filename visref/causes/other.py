@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.causes.boxes import Boxes
 from visref.causes.hidden import by_box
 from visref.causes.in_view import kept_by_depth
 from visref.causes.layers import Layers, draw
@@ -71,7 +72,19 @@ def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
             return None
         return kept_by_depth(at, there.boxes(at.ids), there) | _gone(there, at)
 
-    return {"what shows": shown, "boxes": boxes}
+    def repeated(at: At) -> Told:
+        """The culler's own answer of then, where it is that of now too, as far as it was right
+        then."""
+        there = sight(at)
+        if there is None or there is at.now:
+            return None
+        then = at.sights.answers.at(there.frame, there.camera.view)
+        now = at.sights.answers.at(at.frame, at.view)
+        if then is None or now is None or not np.array_equal(then, now):
+            return None
+        return then[at.ids] | there.seen[at.ids]
+
+    return {"repeated": repeated, "what shows": shown, "boxes": boxes}
 
 
 def _gone(sight: Sight, at: At) -> Bool:
@@ -184,7 +197,7 @@ def rest(at: At) -> Sight | None:
     timeline = at.sights.moments.timeline
     if not timeline.moves:
         return None
-    return at.sights.of(timeline.still, at.camera)
+    return at.sights.of(at.frame, timeline.still, at.camera)
 
 
 def rest_boxes(at: At) -> Told:
@@ -195,6 +208,18 @@ def rest_boxes(at: At) -> Told:
 def rest_view(at: At) -> Told:
     there = rest(at)
     return None if there is None else there.boxes(at.ids).in_view | ~at.boxes.there
+
+
+def rest_moved(at: At) -> Told:
+    """Boxes of the rest pose, moved to where the object is."""
+    there = rest(at)
+    if there is None:
+        return None
+    then, now = there.boxes(at.ids).boxes, at.boxes.boxes
+    with np.errstate(invalid="ignore"):
+        moved = then + (now - then).mean(axis=1, keepdims=True)
+    boxes = Boxes(at.camera, np.where(np.isfinite(moved), moved, np.inf))
+    return kept_by_depth(at, boxes) | ~at.boxes.there
 
 
 def rest_hides(at: At) -> Told:
@@ -373,6 +398,7 @@ MOVED: dict[str, dict[str, Tell]] = {
         "wholly": rest_wholly,
         **{f"first frame's {how}": tell for how, tell in standing(_first_frame).items()},
     },
+    "bounds-too-small": {"rest pose's, moved": rest_moved},
     "old-pose": standing(_frame_before),
     "old-occluders": {
         **hiding(_frame_before),

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
-from visref.causes.evidence import Answer, Answers, Evidence
+from visref.causes.evidence import NO_UNIT, Answer, Answers, Evidence
 from visref.causes.fitted import FEW, FITS, Fit, threshold
 from visref.causes.hidden import HIDDEN, MATERIALS
 from visref.causes.in_view import IN_VIEW, SELDOM, kept_by_depth
@@ -37,51 +38,34 @@ CLOSELY, ALL = 24, 256
 LOST, SHOWN, IDLE = 192, 256, 96
 # Of what a hypothesis would leave out and that shows, so much must be lost.
 PRECISION = 0.8
-# Causes of one culler, and of one miss.
+# A cause explains so much of a culler's misses: a few of many are explained by chance.
+LEAST = 0.25
+# Causes of one culler.
 MOST = 5
-# Scores this near are alike, and so much that does not hold of hidden units is no difference.
-ALIKE, CONTRADICTED = 0.03, 0.1
+# What does not hold elsewhere counts so much beside what is explained, and results this near are
+# alike.
+CONTRADICTED, ALIKE = 0.25, 0.05
+# A culler that draws more than this share of what is hidden does not ask what hides. How cautious
+# it is is told by so many hidden units or more.
+ASKS, CAUTIOUS = 0.9, 5
+# So many causes are named that explain a miss alike.
+ALIKE_NAMED = 3
 
 HYPOTHESES = [
-    *by_code(LEFT_OUT, whole=False),
-    *by_code(MATERIALS, whole=True),
-    *by_code(MOVED, whole=True),
-    *by_code(ANSWERED, whole=True),
-    *by_code(IN_VIEW, whole=False),
-    *by_code(HIDDEN, whole=True),
-    *by_code(FEW, whole=False),
-    *by_code(SELDOM, whole=False, odd=True),
+    *by_code(LEFT_OUT),
+    *by_code(MATERIALS, depth=True),
+    *by_code(MOVED, depth=True),
+    *by_code(ANSWERED, answer=True),
+    *by_code(IN_VIEW),
+    *by_code(HIDDEN, depth=True),
+    *by_code(FEW),
+    *by_code(SELDOM, odd=True),
 ]
 # Of hypotheses that fit alike, the first of these is named: the ordinary before the odd, and what
 # says something of few scenes before what might be said of any.
+UNLISTED = -2
+LAST = ("never-drawn", "list-full")
 ORDER = {cause: place for place, cause in enumerate(CODES)}
-
-
-def _keeps_all(at: At) -> Bool:
-    return np.ones(len(at.ids), np.bool_)
-
-
-def _in_view(at: At) -> Bool:
-    return at.boxes.in_view
-
-
-def _unhidden(at: At) -> Bool:
-    return kept_by_depth(at, at.boxes) | ~at.boxes.in_view
-
-
-def _shows(at: At) -> Bool:
-    return at.now.seen[at.ids]
-
-
-# What a culler may test rightly besides: nothing, the view, what hides, both, or samples.
-BASES = [
-    Hypothesis("", "nothing", _keeps_all),
-    Hypothesis("", "view", _in_view),
-    Hypothesis("", "hidden", _unhidden),
-    Hypothesis("", "boxes", lambda at: kept_by_depth(at, at.boxes)),
-    Hypothesis("", "samples", _shows),
-]
-OUTSIDE = 1
 
 
 @dataclass(eq=False)
@@ -97,6 +81,17 @@ class Looked:
     good: Bool
     idle: Bool
     left: Bool
+
+    @cached_property
+    def boxes(self) -> Bool:
+        """(k,) bool: the right test of boxes keeps it, in some view."""
+        return np.any([kept_by_depth(at, at.boxes) for at in self.views], axis=0)
+
+    @cached_property
+    def hidden(self) -> Bool:
+        """(k,) bool: it is in the view, and hidden so that the right test of boxes finds it."""
+        in_view: Bool = np.any([at.boxes.in_view for at in self.views], axis=0)
+        return in_view & ~self.boxes & (self.idle | self.left)
 
     def kept(self, hypothesis: Hypothesis) -> Bool | None:
         """(k,) bool: kept in some view that the answer is for."""
@@ -126,7 +121,8 @@ class Search:
         closely = _covering(lossy, CLOSELY)
         looked = [self._look(answer) for answer in closely]
         clean = [self._look(answer) for answer in self._answers.some_clean()]
-        chosen = self._choose(looked, clean)
+        some = any(one.lost.any() for one in looked)
+        chosen = self._choose(looked, clean) if some else []
         rest = [lossy[i] for i in evenly_picked(len(lossy), ALL)]
         others = [self._look(one) for one in rest if all(one is not c for c in closely)]
         return self._assign(chosen, [*looked, *others])
@@ -145,7 +141,7 @@ class Search:
             first = np.minimum(units.offsets[:-1], max(len(units.triangles) - 1, 0))
             there &= ~scene.absent[scene.object_of_triangle[units.triangles[first]]]
         lost = np.zeros(units.count, np.bool_)
-        lost[answer.lost[:, 0]] = True
+        lost[answer.lost[answer.lost[:, 0] != NO_UNIT, 0]] = True
         kinds = (lost, seen & drawn, drawn & ~seen & there, ~drawn & ~seen & there)
         picked = [
             ids[evenly_picked(len(ids), most)]
@@ -158,20 +154,20 @@ class Search:
         return Looked(answer, at, ids, *(kind[ids] for kind in kinds))
 
     def _hypotheses(self) -> list[Hypothesis]:
-        return [*HYPOTHESES, *by_code(LISTS(self._answers, self._record), whole=False)]
+        return [*HYPOTHESES, *by_code(LISTS(self._answers, self._record))]
 
     def _choose(self, looked: Sequence[Looked], clean: Sequence[Looked]) -> list[Chosen]:
-        bases = [_culled(base, looked)[0] for base in BASES]
-        tried = [Tried(one, looked, clean, bases) for one in self._hypotheses()]
+        tried = [Tried(one, looked, clean) for one in self._hypotheses()]
         tried = [one for one in tried if one.says_something]
         lost = np.concatenate([one.lost for one in looked])
         open_ = lost.copy()
         chosen: list[Chosen] = []
         while len(chosen) < MOST and open_.any():
-            best = _best([*tried, *self._fits(looked, clean, bases, open_)], open_)
-            if best is None:
+            alike = _alike([*tried, *self._fits(looked, clean, open_)], open_)
+            if not alike:
                 break
-            chosen.append(best.chosen(open_))
+            best, *others = alike
+            chosen.append(best.chosen(others[: ALIKE_NAMED - 1]))
             open_ &= ~best.culled
             tried = [one for one in tried if one.hypothesis.cause != best.hypothesis.cause]
         return chosen
@@ -180,7 +176,6 @@ class Search:
         self,
         looked: Sequence[Looked],
         clean: Sequence[Looked],
-        bases: Sequence[Bool],
         open_: Bool,
     ) -> list[Tried]:
         lost, good = open_, np.concatenate([one.good for one in looked])
@@ -189,27 +184,32 @@ class Search:
             values = np.concatenate([one.value(fit) for one in looked])
             limit = threshold(values, lost, good, fit.below)
             if limit is not None:
-                found.append(Tried(_fitted(fit, limit), looked, clean, bases))
+                found.append(Tried(_fitted(fit, limit), looked, clean))
         return found
 
     def _assign(self, chosen: Sequence[Chosen], looked: Sequence[Looked]) -> CausesFound:
         named: dict[Where, tuple[Named, ...]] = {}
         examined: set[Where] = set()
         for one in looked:
-            kept = [one.kept(choice.hypothesis) for choice in chosen]
+            every = [each for choice in chosen for each in (choice, *choice.others)]
+            kept = [one.kept(each.hypothesis) for each in every]
             of_object: dict[int, list[int]] = defaultdict(list)
             place = {int(unit): i for i, unit in enumerate(one.ids)}
             for unit, obj in one.answer.lost.tolist():
-                of_object[obj].append(place.get(unit, -1))
+                of_object[obj].append(UNLISTED if unit == NO_UNIT else place.get(unit, -1))
             for obj, places in of_object.items():
                 where = (one.answer.frame, one.answer.view, obj)
+                if UNLISTED in places:
+                    examined.add(where)
+                    named[where] = (Named("never-drawn", 1.0),)
+                    continue
                 some = [i for i in places if i >= 0]
                 if not some:
                     continue
                 examined.add(where)
                 causes = [
-                    Named(choice.hypothesis.cause, choice.score)
-                    for choice, told in zip(chosen, kept, strict=True)
+                    Named(each.hypothesis.cause, each.score)
+                    for each, told in zip(every, kept, strict=True)
                     if told is not None and np.mean(~told[some]) >= 0.5
                 ]
                 if causes:
@@ -221,54 +221,73 @@ class Tried:
     """What a hypothesis says of all units that were looked at."""
 
     def __init__(
-        self,
-        hypothesis: Hypothesis,
-        looked: Sequence[Looked],
-        clean: Sequence[Looked],
-        bases: Sequence[Bool],
+        self, hypothesis: Hypothesis, looked: Sequence[Looked], clean: Sequence[Looked]
     ) -> None:
         self.hypothesis = hypothesis
         self.culled, self.says_something = _culled(hypothesis, looked)
         self._lost = np.concatenate([one.lost for one in looked])
         self._good = np.concatenate([one.good for one in looked])
-        self._hypothesis, self._clean = hypothesis, clean
-        idle = np.concatenate([one.idle for one in looked])
-        left = np.concatenate([one.left for one in looked])
-        # A right test beside a wrong one leaves out more, and a test of depth may be without one of
-        # the view; what fits best is believed.
-        if hypothesis.whole:
-            answers = [self.culled, self.culled & ~bases[OUTSIDE]]
-        else:
-            answers = [self.culled | base for base in bases]
-        self._hidden = min(_share(one, idle) + _share(~one, left) for one in answers)
+        self._looked, self._clean = looked, clean
         self.says_something &= bool((self.culled & self._lost).any())
 
     @property
     def right(self) -> int:
         return int(np.count_nonzero(self.culled & self._lost))
 
-    @property
-    def wrong(self) -> int:
-        return int(np.count_nonzero(self.culled & self._good))
+    @cached_property
+    def wrong(self) -> float:
+        """How many units that show and were drawn it would leave out, beyond those that the culler
+        draws out of caution: a coarse one draws a share of what is hidden, and so it would of what
+        it takes for hidden."""
+        wrong = int(np.count_nonzero(self.culled & self._good))
+        if not (self.hypothesis.depth or self.hypothesis.answer):
+            return wrong
+        hidden = np.concatenate([one.hidden for one in self._looked])
+        drawn = np.concatenate([one.idle for one in self._looked])
+        share = _share(drawn, hidden)
+        if np.count_nonzero(hidden) < CAUTIOUS or share > ASKS:
+            return wrong
+        return max(0.0, wrong - self.right * min(share / (1.0 - share), 1.0))
+
+    def explains(self, open_: Bool) -> float:
+        """The share of all that was lost which it explains and nothing has so far, less what it is
+        wrong about."""
+        gain = int(np.count_nonzero(self.culled & open_)) - self.wrong
+        return gain / int(np.count_nonzero(self._lost))
 
     def score(self, open_: Bool) -> float:
         explains = int(np.count_nonzero(self.culled & open_))
         return (explains - self.wrong) / max(int(np.count_nonzero(open_)), 1)
 
-    def chosen(self, open_: Bool) -> Chosen:
-        return Chosen(
-            self.hypothesis, (self.right - self.wrong) / int(np.count_nonzero(self._lost))
-        )
+    def chosen(self, others: Sequence[Tried] = ()) -> Chosen:
+        score = (self.right - self.wrong) / int(np.count_nonzero(self._lost))
+        return Chosen(self.hypothesis, score, tuple(one.chosen() for one in others))
 
-    @property
+    @cached_property
     def contradicted(self) -> float:
-        """How much of what it says of hidden units does not hold, 0 to 2, and of units that show in
-        answers without a miss, 0 to 1."""
-        if not hasattr(self, "_clean_wrong"):
-            culled, _ = _culled(self._hypothesis, self._clean)
-            good = np.concatenate([np.zeros(0, np.bool_), *(one.good for one in self._clean)])
-            self._clean_wrong = _share(culled, good)
-        return self._hidden + self._clean_wrong
+        """How much of what it says elsewhere does not hold: of units that show in answers without a
+        miss, 0 to 1; and of hidden units, 0 to 1 each way, as far as they tell anything: what the
+        right test of boxes leaves out too, a culler that asks for less may draw, and what it keeps,
+        a culler that asks for more may leave out."""
+        clean, _ = _culled(self.hypothesis, self._clean)
+        every = [*self._looked, *self._clean]
+        culled = np.concatenate([self.culled, clean])
+        none = [np.zeros(0, np.bool_)]
+        good = np.concatenate([*none, *(one.good for one in self._clean)])
+        idle = np.concatenate([one.idle & one.boxes for one in every])
+        left = np.concatenate([one.left for one in every])
+        boxes = np.concatenate([one.boxes for one in every])
+        found = _share(clean, good) + _share(culled, idle)
+        if self.hypothesis.answer:
+            found += _share(~culled, left)
+        else:
+            found += 0.25 * _share(~culled, left & boxes)
+        if self.hypothesis.depth:
+            # Of a culler that draws whatever is hidden nobody need ask what hides.
+            asks = np.concatenate([one.hidden for one in every])
+            drawn = np.concatenate([one.idle for one in every])
+            found += _share(drawn, asks) > ASKS
+        return found
 
 
 def _share(flags: Bool, of: Bool) -> float:
@@ -287,24 +306,29 @@ def _culled(hypothesis: Hypothesis, looked: Sequence[Looked]) -> tuple[Bool, boo
 
 @dataclass(frozen=True)
 class Chosen:
+    """A hypothesis that explains some misses, its score, and others that explain them alike."""
+
     hypothesis: Hypothesis
     score: float
+    others: tuple[Chosen, ...] = ()
 
 
-def _best(tried: Sequence[Tried], open_: Bool) -> Tried | None:
-    """The hypothesis that explains most and is wrong least; of those alike, the one that is
-    contradicted least by hidden units and answers without a miss, then the first."""
-    able = [
-        (one.score(open_), one) for one in tried if one.right >= PRECISION * (one.right + one.wrong)
-    ]
-    able = [(score, one) for score, one in able if score > 0.0]
+def _alike(tried: Sequence[Tried], open_: Bool) -> list[Tried]:
+    """The hypotheses that explain most and are wrong least, and of these those that are
+    contradicted least by hidden units and by answers without a miss: one per cause, the
+    likeliest first."""
+    able = [one for one in tried if one.right >= PRECISION * (one.right + one.wrong)]
+    able = [one for one in able if one.explains(open_) >= LEAST]
+    # What says no more than that it was missed is for what nothing else explains.
+    able = [one for one in able if one.hypothesis.cause not in LAST] or able
     if not able:
-        return None
-    top = max(score for score, _ in able)
-    alike = [one for score, one in able if score >= top - ALIKE * top]
-    least = min(one.contradicted for one in alike)
-    alike = [one for one in alike if one.contradicted <= least + CONTRADICTED]
-    return min(alike, key=lambda one: (one.hypothesis.odd, ORDER[one.hypothesis.cause]))
+        return []
+    worth = {id(one): one.score(open_) - CONTRADICTED * one.contradicted for one in able}
+    top = max(worth.values())
+    able = [one for one in able if worth[id(one)] >= top - ALIKE]
+    able.sort(key=lambda one: (one.hypothesis.odd, ORDER[one.hypothesis.cause]))
+    first = {one.hypothesis.cause: one for one in reversed(able)}
+    return sorted(first.values(), key=able.index)
 
 
 def _fitted(fit: Fit, limit: float) -> Hypothesis:
@@ -313,7 +337,7 @@ def _fitted(fit: Fit, limit: float) -> Hypothesis:
         kept: Bool = values >= limit if fit.below else values <= limit
         return kept
 
-    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, whole=False)
+    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, odd=True)
 
 
 def _covering(answers: Sequence[Answer], most: int) -> list[Answer]:
@@ -354,6 +378,6 @@ def find_causes(
         for record in records:
             answers = evidence.answers.get(record.spec)
             if answers is not None and answers.lossy:
-                record.causes = Search(Sights(moments, answers.units), answers, record).find()
+                record.causes = Search(Sights(moments, answers), answers, record).find()
     finally:
         moments.close()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.causes.boxes import Boxes
-from visref.causes.evidence import Membership
+from visref.causes.evidence import Answers, Membership
 from visref.causes.layers import Layers, draw
 from visref.engines.base import TruthEngine
 from visref.scene import Alpha, Float64, Int32, Int64, Scene, Units
@@ -136,6 +136,7 @@ class Sight:
     """One camera on a place. `seen`: (u,) bool, the units that show, by the truth; `samples`: (u,)
     int64, at how many samples."""
 
+    frame: int
     camera: Camera
     place: Place
     shown: Callable[[], Shown]
@@ -209,10 +210,11 @@ def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = Fals
 
 
 class Sights:
-    """The sights of one culler's units, a few kept at a time."""
+    """The sights of one culler's units, a few kept at a time, and its own answers."""
 
-    def __init__(self, moments: Moments, units: Units) -> None:
-        self.moments, self.units = moments, units
+    def __init__(self, moments: Moments, answers: Answers) -> None:
+        self.moments, self.answers, self.units = moments, answers, answers.units
+        units = answers.units
         self._members = Membership(units)
         self._places: dict[int, Place] = {}
         self._sights: dict[tuple[int, str, int | None], Sight] = {}
@@ -234,6 +236,7 @@ class Sights:
             camera = next(one for one in self.moments.cameras(frame) if one.view == view)
             scene = self.moments.timeline.at(frame if standing is None else standing)
             self._sights[key] = Sight(
+                frame,
                 camera,
                 self.place(scene),
                 lambda: (
@@ -244,9 +247,9 @@ class Sights:
             )
         return self._sights[key]
 
-    def of(self, scene: Scene, camera: Camera) -> Sight:
-        """Any scene before any camera."""
-        return Sight(camera, self.place(scene), lambda: self.moments.cast(scene, camera))
+    def of(self, frame: int, scene: Scene, camera: Camera) -> Sight:
+        """Any scene before any camera, in place of a frame's."""
+        return Sight(frame, camera, self.place(scene), lambda: self.moments.cast(scene, camera))
 
 
 @dataclass(eq=False)
@@ -327,23 +330,28 @@ Tell = Callable[[At], Told]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A cause, in one of the ways in which a culler may err so (`variant`). `whole`: what it keeps
-    is the culler's whole answer; otherwise right tests may leave out more. `odd`: such a way is
-    seldom met."""
+    """A cause, in one of the ways in which a culler may err so (`variant`). `odd`: such a way is
+    seldom met. `answer`: what it keeps is the culler's whole answer, of another moment or about
+    another thing. `depth`: it says what hides, so that it is about a culler that asks for that."""
 
     cause: str
     variant: str
     tell: Tell
-    whole: bool = True
     odd: bool = False
+    answer: bool = False
+    depth: bool = False
 
 
 def by_code(
-    groups: Mapping[str, Mapping[str, Tell]], *, whole: bool, odd: bool = False
+    groups: Mapping[str, Mapping[str, Tell]],
+    *,
+    odd: bool = False,
+    answer: bool = False,
+    depth: bool = False,
 ) -> list[Hypothesis]:
     """Hypotheses from {cause: {variant: tell}}, in order."""
     return [
-        Hypothesis(cause, variant, tell, whole, odd)
+        Hypothesis(cause, variant, tell, odd, answer, depth)
         for cause, variants in groups.items()
         for variant, tell in variants.items()
     ]
