@@ -48,6 +48,8 @@ FAMILIES: dict[str, frozenset[str]] = {
     "distance for depth": _told("euclidean-depth"),
     "some samples of the rectangle": _told("few-samples"),
     "rectangle too small": _told("rectangle-too-small"),
+    # Two corners of eight span a box, and so a rectangle, that does not hold the others.
+    "two corners of eight": _told("rectangle-too-small bounds-too-small"),
     # What the squares leave out of the rectangle is at one side of it, or in its middle.
     "squares too small": _told("few-samples rectangle-too-small"),
     "half the resolution": _told("coarse-depth-1/2"),

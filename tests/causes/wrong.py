@@ -60,7 +60,7 @@ LABELS = {
     "corners-behind-projected": "corners behind the eye",
     "sphere-of-half-the-side": "box or sphere too small",
     # The box in the camera's axes that two corners span does not hold the other six.
-    "two-corners": "box or sphere too small",
+    "two-corners": "two corners of eight",
     "shift-ignored": "lens shift left out",
     "shift-x-ignored": "lens shift left out",
     "shift-y-ignored": "lens shift left out",

@@ -14,6 +14,17 @@ from visref.scene import Float64, Int32
 
 Bool = NDArray[np.bool_]
 
+
+def every(flags: Bool, axis: int | tuple[int, ...]) -> Bool:
+    """Whether all are set, along an axis."""
+    return np.asarray(np.all(flags, axis=axis))
+
+
+def some(flags: Bool, axis: int | tuple[int, ...]) -> Bool:
+    """Whether any is set, along an axis."""
+    return np.asarray(np.any(flags, axis=axis))
+
+
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
@@ -27,8 +38,7 @@ class Boxes:
 
     @cached_property
     def there(self) -> Bool:
-        found: Bool = np.isfinite(self.boxes).all(axis=(1, 2))
-        return found
+        return every(np.isfinite(self.boxes), (1, 2))
 
     @cached_property
     def corners(self) -> Float64:
@@ -80,8 +90,7 @@ class Boxes:
     @cached_property
     def in_view(self) -> Bool:
         """(k,) bool: no plane has all corners beyond it."""
-        found: Bool = ~self.planes.all(axis=1).any(axis=1) & self.there
-        return found
+        return ~some(every(self.planes, 1), 1) & self.there
 
     @cached_property
     def depths(self) -> Float64:

@@ -61,10 +61,6 @@ def gap(at: At) -> Float64:
     return widths(at.now, at.sights.units.count)[at.ids]
 
 
-def number(at: At) -> Float64:
-    return at.ids.astype(np.float64)
-
-
 def widths(sight: Sight, units: int) -> Float64:
     """(units,) float64: the side, in pixels, of the greatest square in which a unit alone shows,
     told up to 8; 0 for what shows nowhere."""
@@ -91,7 +87,6 @@ FITS = (
     Fit("too-few-samples", "passing", passing),
     Fit("too-few-samples", "size", on_screen),
     Fit("gap-too-narrow", "", gap),
-    Fit("list-full", "by id", number, below=False),
 )
 
 
@@ -134,7 +129,7 @@ def fewer(value: Callable[[At], Float64], count: int) -> Tell:
 
 FEW: dict[str, dict[str, Tell]] = {
     "too-few-samples": {
-        **{f"{count} owned": fewer(samples, count) for count in (2, 4, 8, 16)},
-        **{f"{count} passing": fewer(passing, count) for count in (2, 4, 8, 16)},
+        **{f"{count} owned": fewer(samples, count) for count in (2, 4, 8)},
+        **{f"{count} passing": fewer(passing, count) for count in (2, 4, 8)},
     },
 }

@@ -15,6 +15,20 @@ from visref.causes.boxes import Boxes, within
 from visref.causes.layers import Layers, draw
 from visref.causes.rectangles import asked
 from visref.causes.sights import At, Sight, Tell, Told
+from visref.causes.texels import (
+    coarse,
+    coarse_inward,
+    coarse_rounded,
+    finite_far,
+    first_of_texel,
+    kept,
+    last_of_texel,
+    mean_of_texel,
+    middle_of_texel,
+    nearest_of_texel,
+    odd,
+    window_mean_of_texel,
+)
 from visref.scene import Float64, Int32
 
 Bool = NDArray[np.bool_]
@@ -28,16 +42,10 @@ _FACES = np.array(
 )  # fmt: skip
 
 
-def _kept(at: At, passes: Bool) -> Bool:
-    """The test of depth after the right one of the view."""
-    boxes = at.boxes
-    return boxes.in_view & (boxes.crossing | passes) | ~boxes.there
-
-
 def by_box(at: At, layers: Layers) -> Bool:
     """(k,) the right test against these depths."""
     found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers).passing > 0
-    return _kept(at, found)
+    return kept(at, found)
 
 
 def by_sample(at: At, layers: Layers) -> Bool:
@@ -49,7 +57,7 @@ def by_sample(at: At, layers: Layers) -> Bool:
 
 def other_depth(depth: Callable[[At], Float64]) -> Tell:
     def tell(at: At) -> Told:
-        return _kept(at, asked(at, at.boxes.rectangles, depth(at)).passing > 0)
+        return kept(at, asked(at, at.boxes.rectangles, depth(at)).passing > 0)
 
     return tell
 
@@ -105,7 +113,7 @@ def some_of(pick: Callable[[Float64], Float64]) -> Tell:
             one = np.concatenate([points[:, i], points[:, i]], axis=1)
             one[~filled] = (0, 0, -1, -1)
             passes |= asked(at, one, at.boxes.nearest).passing > 0
-        return _kept(at, passes)
+        return kept(at, passes)
 
     return tell
 
@@ -125,7 +133,7 @@ def _five(sides: Float64) -> Float64:
 def rectangle(change: Callable[[Boxes], Int32]) -> Tell:
     def tell(at: At) -> Told:
         rectangles = change(at.boxes).astype(np.int32)
-        return _kept(at, asked(at, rectangles, at.boxes.nearest).passing > 0)
+        return kept(at, asked(at, rectangles, at.boxes.nearest).passing > 0)
 
     return tell
 
@@ -164,138 +172,6 @@ def two_projected(boxes: Boxes) -> Int32:
     return within(boxes.camera, np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1))
 
 
-def coarse_inward(texel: int) -> Tell:
-    """Texels that hold the farthest of their pixels, of which those within the rectangle."""
-
-    def tell(at: At) -> Told:
-        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
-        rectangles = within(at.camera, at.boxes.spans, texel=texel, inward=True)
-        return _kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
-
-    return tell
-
-
-def coarse_rounded(texel: int) -> Tell:
-    def tell(at: At) -> Told:
-        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
-        low = np.rint((at.boxes.spans[:, :2] + 0.5) / texel)
-        high = np.maximum(np.rint((at.boxes.spans[:, 2:] + 0.5) / texel), low + 1) - 1
-        sides = np.array(layers.owner.shape[::-1])
-        clipped = np.concatenate([np.clip(low, 0, sides), np.clip(high, -1, sides - 1)], axis=1)
-        found = asked(at, clipped.astype(np.int32), at.boxes.nearest, layers=layers)
-        return _kept(at, found.passing > 0)
-
-    return tell
-
-
-def blocks(layers: Layers, texel: int, how: Any, *, whole_only: bool = False) -> Layers:
-    """Depths of `texel` by `texel` samples taken together. Where a texel is of one owner, both
-    depths are kept apart; elsewhere nobody owns it. `whole_only`: without the texels of an odd
-    side's rest."""
-    height, width = layers.owner.shape
-
-    def reduced(image: Float64, fill: float) -> NDArray[Any]:
-        if whole_only:
-            image = image[: height // texel * texel, : width // texel * texel]
-        rows, columns = -(-image.shape[0] // texel), -(-image.shape[1] // texel)
-        wide = np.full((rows * texel, columns * texel), fill)
-        wide[: image.shape[0], : image.shape[1]] = image
-        return np.moveaxis(wide.reshape(rows, texel, columns, texel), 2, 1).reshape(
-            rows, columns, -1
-        )
-
-    with np.errstate(invalid="ignore"):
-        owner = reduced(layers.owner.astype(np.float64), np.nan)
-        low, high = np.nanmin(owner, axis=2), np.nanmax(owner, axis=2)
-        nearest, second = (
-            _over(reduced(one, np.nan), how) for one in (layers.nearest, layers.second)
-        )
-    alone = low == high
-    own = np.where(alone, low, -1).astype(np.int32)
-    return Layers(nearest, own, np.where(alone, second, nearest))
-
-
-def _over(texels: NDArray[Any], how: Any) -> Float64:
-    if how is np.max:
-        return np.asarray(np.nanmax(texels, axis=2))
-    if how is np.min:
-        return np.asarray(np.nanmin(texels, axis=2))
-    return np.asarray(np.nanmean(texels, axis=2))
-
-
-def coarse(texel: int, make: Callable[[At, int], Layers], key: str) -> Tell:
-    def tell(at: At) -> Told:
-        if min(at.camera.width, at.camera.height) < 2 * texel:
-            return None
-        layers = at.now.kept((key, texel), lambda: make(at, texel))
-        height, width = layers.owner.shape
-        rectangles = within(at.camera, at.boxes.spans, texel=texel)
-        rectangles[:, 2] = np.minimum(rectangles[:, 2], width - 1)
-        rectangles[:, 3] = np.minimum(rectangles[:, 3], height - 1)
-        return _kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
-
-    return tell
-
-
-def first_of_texel(at: At, texel: int) -> Layers:
-    return at.now.layers().picked(slice(None, None, texel), slice(None, None, texel))
-
-
-def middle_of_texel(at: At, texel: int) -> Layers:
-    start = texel // 2
-    layers = at.now.layers()
-    height, width = layers.owner.shape
-    rows = np.minimum(np.arange(-(-height // texel)) * texel + start, height - 1)
-    columns = np.minimum(np.arange(-(-width // texel)) * texel + start, width - 1)
-    return layers.picked(rows, columns)
-
-
-def last_of_texel(at: At, texel: int) -> Layers:
-    layers = at.now.layers()
-    height, width = layers.owner.shape
-    rows = np.minimum(np.arange(-(-height // texel)) * texel + texel - 1, height - 1)
-    columns = np.minimum(np.arange(-(-width // texel)) * texel + texel - 1, width - 1)
-    return layers.picked(rows, columns)
-
-
-def mean_of_texel(at: At, texel: int) -> Layers:
-    far = finite_far(at)
-    layers = at.now.layers().mapped(lambda image: np.minimum(image, far))
-    return blocks(layers, texel, np.mean)
-
-
-def window_mean_of_texel(at: At, texel: int) -> Layers:
-    """The mean of window depths."""
-    far = finite_far(at)
-    near = max(at.camera.near, 1e-9)
-
-    def there(image: Float64) -> Float64:
-        return np.asarray(1.0 / np.minimum(image, far))
-
-    if not at.camera.is_perspective:
-        return mean_of_texel(at, texel)
-    del near
-    mean = blocks(at.now.layers().mapped(there), texel, np.mean)
-    return mean.mapped(lambda image: np.asarray(1.0 / image))
-
-
-def nearest_of_texel(at: At, texel: int) -> Layers:
-    return blocks(at.now.layers(), texel, np.min)
-
-
-def whole_texels(at: At, texel: int) -> Layers:
-    return blocks(at.now.layers(), texel, np.max, whole_only=True)
-
-
-def finite_far(at: At) -> float:
-    """Far, or what lies behind everything."""
-    if math.isfinite(at.camera.far):
-        return at.camera.far
-    depths = at.now.layers().nearest
-    seen = depths[np.isfinite(depths)]
-    return 2.0 * float(seen.max()) if len(seen) else 2.0 * max(at.camera.near, 1.0)
-
-
 def smaller_image(by: int) -> Tell:
     """What shows in an image of a fraction of the size."""
 
@@ -320,22 +196,9 @@ def _drawn(sight: Sight, camera: Camera) -> Layers:
     return sight.layers(camera=camera, masks=True, glass=True)
 
 
-def odd_size(at: At, texel: int) -> bool:
-    return at.camera.width % texel != 0 or at.camera.height % texel != 0
-
-
-def odd(texel: int) -> Tell:
-    told = coarse(texel, whole_texels, "whole")
-
-    def tell(at: At) -> Told:
-        return told(at) if odd_size(at, texel) else None
-
-    return tell
-
-
 def nearest_of_rectangle(at: At) -> Told:
     found = asked(at, at.boxes.rectangles, at.boxes.nearest, whole=True)
-    return _kept(at, found.nearest >= at.boxes.nearest * (1.0 - 1e-9))
+    return kept(at, found.nearest >= at.boxes.nearest * (1.0 - 1e-9))
 
 
 def flipped(x: bool, y: bool) -> Tell:
@@ -372,7 +235,7 @@ def quantised(steps: int, how: Callable[[Any], Any], *, box: bool) -> Tell:
 
         layers = at.now.kept(("bits", steps, how), lambda: at.now.layers().mapped(read))
         depth = read(at.boxes.nearest) if box else at.boxes.nearest
-        return _kept(at, asked(at, at.boxes.rectangles, depth, layers=layers).passing > 0)
+        return kept(at, asked(at, at.boxes.rectangles, depth, layers=layers).passing > 0)
 
     return tell
 
@@ -393,7 +256,7 @@ def dilated(at: At) -> Told:
     layers = at.now.kept("dilated", make)
     others = Layers(layers.nearest, layers.owner, layers.second)
     found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=others)
-    return _kept(at, found.passing > 0)
+    return kept(at, found.passing > 0)
 
 
 def boxes_hide(at: At) -> Told:
@@ -413,16 +276,24 @@ def boxes_hide(at: At) -> Told:
 def own_depth(at: At) -> Told:
     layers = at.now.layers(glass=True)
     found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers, own=True)
-    return _kept(at, found.beyond > 0)
+    return kept(at, found.beyond > 0)
+
+
+def all_hidden(at: At) -> Told:
+    """The objects themselves are compared with their own depth: nothing is drawn but what crosses
+    the near plane."""
+    now = at.sights.answers.at(at.frame, at.view)
+    kept = at.boxes.crossing | ~at.boxes.there
+    return None if now is None or (now[at.ids] & ~kept).any() else kept
 
 
 def equal_depth(at: At) -> Told:
-    return _kept(at, asked(at, at.boxes.rectangles, at.boxes.nearest).beyond > 0)
+    return kept(at, asked(at, at.boxes.rectangles, at.boxes.nearest).beyond > 0)
 
 
 def anything_covers(at: At) -> Told:
     far = np.full(len(at.ids), np.finfo(np.float64).max)
-    return _kept(at, asked(at, at.boxes.rectangles, far).passing > 0)
+    return kept(at, asked(at, at.boxes.rectangles, far).passing > 0)
 
 
 def background_hides(at: At) -> Told:
@@ -433,29 +304,34 @@ def background_hides(at: At) -> Told:
     return by_box(at, layers)
 
 
-def among(**other: bool) -> dict[str, Tell]:
+def among(
+    *, masks: bool = False, glass: bool = False, back_faces: bool = False, uncut: bool = False
+) -> dict[str, Tell]:
     """Other occluders, asked about boxes and about samples."""
 
+    def layers(at: At) -> Layers | None:
+        scene = at.scene
+        known = (
+            (masks and scene.has_mask)
+            or (glass and scene.has_blend)
+            or (back_faces and scene.one_sided.any())
+            or uncut
+        )
+        if not known:
+            return None
+        return at.now.layers(masks=masks, glass=glass, back_faces=back_faces, uncut=uncut)
+
     def box(at: At) -> Told:
-        return by_box(at, at.now.layers(**other)) if _differs(at, other) else None
+        found = layers(at)
+        return None if found is None else by_box(at, found)
 
     def sample(at: At) -> Told:
-        if not _differs(at, other):
+        found = layers(at)
+        if found is None:
             return None
-        return by_sample(at, at.now.layers(**other)) & at.boxes.in_view | ~at.boxes.there
+        return by_sample(at, found) & at.boxes.in_view | ~at.boxes.there
 
     return {"boxes": box, "samples": sample}
-
-
-def _differs(at: At, other: dict[str, bool]) -> bool:
-    scene = at.scene
-    if other.get("masks"):
-        return scene.has_mask
-    if other.get("glass"):
-        return scene.has_blend
-    if other.get("back_faces"):
-        return bool(scene.one_sided.any())
-    return True
 
 
 HIDDEN: dict[str, dict[str, Tell]] = {
@@ -468,7 +344,7 @@ HIDDEN: dict[str, dict[str, Tell]] = {
     },
     "centre-depth": {"": other_depth(centre)},
     "farthest-depth": {"": other_depth(farthest)},
-    "own-depth": {"own": own_depth, "equal": equal_depth},
+    "own-depth": {"own": own_depth, "equal": equal_depth, "samples": all_hidden},
     "few-samples": {
         "middle": some_of(_middle),
         "corners": some_of(_ends),
@@ -482,8 +358,8 @@ HIDDEN: dict[str, dict[str, Tell]] = {
         "rounded": rectangle(rounded_sides),
         "two corners": rectangle(two_projected),
         "half": rectangle(half_rectangle),
-        **{f"texels of {n} inward": coarse_inward(n) for n in (2, 4, 8, 16)},
-        **{f"texels of {n} rounded": coarse_rounded(n) for n in (2, 4, 8, 16)},
+        "texels of 2 inward": coarse_inward(2),
+        "texels of 4 inward": coarse_inward(4),
     },
     **{
         f"coarse-depth-1/{n}": {
@@ -492,7 +368,6 @@ HIDDEN: dict[str, dict[str, Tell]] = {
             "last": coarse(n, last_of_texel, "last"),
             "mean": coarse(n, mean_of_texel, "mean"),
             "mean of window depth": coarse(n, window_mean_of_texel, "window mean"),
-            "smaller image": smaller_image(n),
         }
         for n in (2, 4, 8, 16)
     },
@@ -515,6 +390,13 @@ HIDDEN: dict[str, dict[str, Tell]] = {
     "occluders-too-large": {"dilated": dilated, "boxes": boxes_hide},
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
+}
+SELDOM_HIDDEN: dict[str, dict[str, Tell]] = {
+    "rectangle-too-small": {
+        **{f"texels of {n} inward": coarse_inward(n) for n in (8, 16)},
+        **{f"texels of {n} rounded": coarse_rounded(n) for n in (2, 4, 8, 16)},
+    },
+    **{f"coarse-depth-1/{n}": {"smaller image": smaller_image(n)} for n in (2, 4, 8, 16)},
 }
 MATERIALS: dict[str, dict[str, Tell]] = {
     "masks-solid": among(masks=True),

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, within
+from visref.causes.boxes import Boxes, every, some, within
+from visref.causes.lenses import (
+    first_lens,
+    first_viewport,
+    lens,
+    ninety,
+    other_extent,
+    radians_as_degrees,
+    rolled,
+    scaled_extent,
+    shift,
+    wide_as_pyramid,
+)
 from visref.causes.rectangles import asked
 from visref.causes.sights import At, Sight, Tell, Told
 from visref.scene import Float64
@@ -22,14 +34,14 @@ SIDES = [LEFT, RIGHT, BOTTOM, TOP]
 
 
 def corners_only(at: At) -> Told:
-    return ~at.boxes.planes.any(axis=2).all(axis=1) | ~at.boxes.there
+    return ~every(some(at.boxes.planes, 2), 1) | ~at.boxes.there
 
 
 def corners_only_sides(at: At) -> Told:
     """Near and far are tested as they should."""
     planes = at.boxes.planes
-    inside = ~(planes[:, :, SIDES].any(axis=2) | (at.boxes.depths <= 0)).all(axis=1)
-    return (inside & ~planes[:, :, [NEAR, FAR]].all(axis=1).any(axis=1)) | ~at.boxes.there
+    inside = ~every(some(planes[:, :, SIDES], 2) | (at.boxes.depths <= 0), 1)
+    return (inside & ~some(every(planes[:, :, [NEAR, FAR]], 1), 1)) | ~at.boxes.there
 
 
 def centre_only(at: At) -> Told:
@@ -118,147 +130,8 @@ def behind_and_hidden(how: str) -> Tell:
 
 def eye_inside(at: At) -> Told:
     eye = at.camera.eye
-    inside = ((at.boxes.boxes[:, 0] <= eye) & (eye <= at.boxes.boxes[:, 1])).all(axis=1)
+    inside = every((at.boxes.boxes[:, 0] <= eye) & (eye <= at.boxes.boxes[:, 1]), 1)
     return ~inside
-
-
-def lens(change: Callable[[Camera], Camera | None]) -> Tell:
-    """The frustum of another camera, all corners beyond one plane of it."""
-
-    def tell(at: At) -> Told:
-        camera = change(at.camera)
-        if camera is None:
-            return None
-        boxes = at.now.boxes(at.ids, camera)
-        return boxes.in_view | ~boxes.there
-
-    return tell
-
-
-def shift(x: float, y: float) -> Callable[[Camera], Camera | None]:
-    def change(camera: Camera) -> Camera | None:
-        wanted = (camera.shift_x_px * x, camera.shift_y_px * y)
-        if wanted == (camera.shift_x_px, camera.shift_y_px):
-            return None
-        return replace(camera, shift_x_px=wanted[0], shift_y_px=wanted[1])
-
-    return change
-
-
-@dataclass(frozen=True, eq=False)
-class Extent(Boxes):
-    """Boxes before a frustum of its own half width and height at depth 1 (or of an orthographic
-    view), about the same axes."""
-
-    half: tuple[float, float]
-    perspective: bool
-
-    def beyond(self, local: Float64) -> Bool:
-        camera = self.camera
-        step = float(np.linalg.norm(camera.right_step))
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
-        scale = z if self.perspective else np.ones_like(z)
-        width, height = self.half
-        aside, up = 2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step
-        return np.stack(
-            [
-                x < (aside - width) * scale,
-                x > (aside + width) * scale,
-                y < (up - height) * scale,
-                y > (up + height) * scale,
-                z < camera.near,
-                z > camera.far,
-            ],
-            axis=-1,
-        )
-
-
-def extent(at: At, half: tuple[float, float], perspective: bool) -> Told:
-    boxes = Extent(at.camera, at.boxes.boxes, half, perspective)
-    return boxes.in_view | ~boxes.there
-
-
-def halves(camera: Camera) -> tuple[float, float]:
-    step = float(np.linalg.norm(camera.right_step))
-    return step * camera.width, step * camera.height
-
-
-def other_extent(change: Callable[[float, float], tuple[float, float]]) -> Tell:
-    def tell(at: At) -> Told:
-        w, h = halves(at.camera)
-        if math.isclose(w, h):
-            return None
-        return extent(at, change(w, h), at.camera.is_perspective)
-
-    return tell
-
-
-def scaled_extent(factor: float, *, perspective: bool | None = None) -> Tell:
-    def tell(at: At) -> Told:
-        if perspective is not None and perspective != at.camera.is_perspective:
-            return None
-        w, h = halves(at.camera)
-        return extent(at, (factor * w, factor * h), at.camera.is_perspective)
-
-    return tell
-
-
-def wide_as_pyramid(at: At) -> Told:
-    """An orthographic view as a pyramid of 45 degrees."""
-    camera = at.camera
-    if camera.is_perspective:
-        return None
-    half = math.tan(math.pi / 8)
-    return extent(at, (half * camera.width / camera.height, half), True)
-
-
-def ninety(at: At) -> Told:
-    if at.camera.is_perspective:
-        return None
-    return extent(at, (at.camera.width / at.camera.height, 1.0), True)
-
-
-def radians_as_degrees(at: At) -> Told:
-    camera = at.camera
-    if camera.yfov is None:
-        return None
-    half = math.tan(min(math.radians(math.radians(math.degrees(camera.yfov))), 3.0) / 2)
-    return extent(at, (half * camera.width / camera.height, half), True)
-
-
-def first_lens(at: At) -> Told:
-    first = at.then(at.sights.moments.frames[0])
-    if first is None or first.camera.is_perspective != at.camera.is_perspective:
-        return None
-    if np.allclose(halves(first.camera), halves(at.camera)):
-        return None
-    return extent(at, halves(first.camera), at.camera.is_perspective)
-
-
-def first_viewport(at: At) -> Told:
-    first = at.then(at.sights.moments.frames[0])
-    if first is None:
-        return None
-    was, camera = first.camera, at.camera
-    if was.width * camera.height == was.height * camera.width:
-        return None
-    _, h = halves(camera)
-    return extent(at, (h * was.width / was.height, h), camera.is_perspective)
-
-
-def rolled(camera: Camera) -> Camera | None:
-    """The same view, upright."""
-    back = camera.world_from_camera[:3, 2]
-    right = np.cross([0.0, 1.0, 0.0], back)
-    if np.linalg.norm(right) < 1e-9:
-        return None
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    if np.allclose(up, camera.world_from_camera[:3, 1], atol=1e-6):
-        return None
-    pose = camera.world_from_camera.copy()
-    pose[:3, 0], pose[:3, 1] = right, up
-    return replace(camera, world_from_camera=pose)
 
 
 def flat(at: At) -> Told:
@@ -275,7 +148,7 @@ def edge_on(at: At) -> Told:
 
 def two_corners(at: At) -> Told:
     ends = at.boxes.planes[:, [0, 7]]
-    return ~ends.all(axis=1).any(axis=1) | ~at.boxes.there
+    return ~some(every(ends, 1), 1) | ~at.boxes.there
 
 
 def sphere(radius: Callable[[Float64], Float64]) -> Tell:
@@ -296,7 +169,7 @@ def sphere(radius: Callable[[Float64], Float64]) -> Tell:
                 outside |= sign * (across - side * z) / math.hypot(1.0, side) < -r
             else:
                 outside |= sign * (across - side) < -r
-        return ~outside | ~boxes.there
+        return np.asarray(~outside | ~boxes.there)
 
     return tell
 
@@ -340,7 +213,10 @@ def kept_by_depth(at: At, boxes: Boxes, sight: Sight | None = None) -> Bool:
 
 
 def found_too_small(at: At) -> Told:
-    return ~at.too_small if at.too_small.any() else None
+    """As the boxes' audit found. Units that share triangles need not hold them, each by itself."""
+    if not at.too_small.any() or at.sights.shares_triangles:
+        return None
+    return ~at.too_small
 
 
 def near_at(depth: Callable[[Camera], float]) -> Tell:
@@ -370,7 +246,7 @@ def straight_far(at: At) -> Told:
     if math.isinf(camera.far):
         return None
     away = np.linalg.norm(at.boxes.closest - camera.eye, axis=1)
-    return (away <= camera.far) | ~at.boxes.there
+    return np.asarray((away <= camera.far) | ~at.boxes.there)
 
 
 def on_a_plane(at: At) -> Told:
@@ -396,7 +272,7 @@ def on_a_plane(at: At) -> Told:
         ],
         axis=-1,
     )
-    return ~beyond.all(axis=1).any(axis=1) | ~boxes.there
+    return ~some(every(beyond, 1), 1) | ~boxes.there
 
 
 def rounded(kind: type[np.floating], *, world: bool, hidden: bool = False) -> Tell:
@@ -498,7 +374,6 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         "half": scaled_extent(0.5),
         "pyramid of 45 degrees": wide_as_pyramid,
         "pyramid of 90 degrees": ninety,
-        "degrees for radians": radians_as_degrees,
         "first frame's": first_lens,
         "first frame's viewport": first_viewport,
     },
@@ -514,6 +389,7 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
 
 # Less ordinary, and tried last.
 SELDOM: dict[str, dict[str, Tell]] = {
+    "other-lens": {"degrees for radians": radians_as_degrees},
     "euclidean-depth": {"against far": straight_far},
     "bounds-too-small": {
         "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),

@@ -52,8 +52,8 @@ class Layers:
 @dataclass(frozen=True, eq=False)
 class Tested:
     """What rectangles hold of the depth of others: (k,) float64 `farthest` and `nearest` depth
-    (-inf and inf for an empty one), and (k,) int64, at how many samples it is at or behind the depth
-    asked for (`passing`), and strictly behind it (`beyond`)."""
+    (-inf and inf for an empty one), and (k,) int64, at how many samples it is at or behind the
+    depth asked for (`passing`), and strictly behind it (`beyond`)."""
 
     farthest: Float64
     nearest: Float64

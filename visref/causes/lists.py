@@ -17,7 +17,7 @@ OFTEN = 4
 
 def _round(number: int) -> bool:
     """Whether a list is likely to be as long: a power of two, or one digit and zeros."""
-    return number >= 8 and (number & (number - 1) == 0 or len(str(number).rstrip("0")) == 1)
+    return number >= 50 and (number & (number - 1) == 0 or len(str(number).rstrip("0")) == 1)
 
 
 def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:

@@ -16,15 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
+from visref.causes.answers import ANOTHER_VIEW, ANSWERED
+from visref.causes.boxes import some
 from visref.causes.evidence import NO_UNIT, Answer, Answers, Evidence
 from visref.causes.fitted import FEW, FITS, Fit, threshold
-from visref.causes.hidden import HIDDEN, MATERIALS
+from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN
 from visref.causes.in_view import IN_VIEW, SELDOM, kept_by_depth
 from visref.causes.lists import LISTS
-from visref.causes.named import CODES, CausesFound, Named, Where
-from visref.causes.other import ANSWERED, LEFT_OUT, MOVED
+from visref.causes.other import LEFT_OUT, MOVED, MOVED_IN_VIEW
 from visref.causes.sights import At, Hypothesis, Moments, Sights, by_code
 from visref.engines.base import TruthEngine
+from visref.judging.causes import CODES, CausesFound, Named, Where
 from visref.judging.outcome import CullerRecord
 from visref.picking import evenly_picked
 from visref.scene import Float64, Int32
@@ -44,7 +46,8 @@ LEAST = 0.25
 MOST = 5
 # What does not hold elsewhere counts so much beside what is explained, and results this near are
 # alike.
-CONTRADICTED, ALIKE = 0.25, 0.05
+CONTRADICTED, ALIKE = 0.25, 0.1
+FEW_UNITS = 4
 # A culler that draws more than this share of what is hidden does not ask what hides. How cautious
 # it is is told by so many hidden units or more.
 ASKS, CAUTIOUS = 0.9, 5
@@ -53,18 +56,21 @@ ALIKE_NAMED = 3
 
 HYPOTHESES = [
     *by_code(LEFT_OUT),
+    *by_code(ANOTHER_VIEW),
     *by_code(MATERIALS, depth=True),
+    *by_code(MOVED_IN_VIEW),
     *by_code(MOVED, depth=True),
     *by_code(ANSWERED, answer=True),
     *by_code(IN_VIEW),
     *by_code(HIDDEN, depth=True),
     *by_code(FEW),
     *by_code(SELDOM, odd=True),
+    *by_code(SELDOM_HIDDEN, odd=True, depth=True),
 ]
 # Of hypotheses that fit alike, the first of these is named: the ordinary before the odd, and what
 # says something of few scenes before what might be said of any.
 UNLISTED = -2
-LAST = ("never-drawn", "list-full")
+LAST = ("never-drawn",)
 ORDER = {cause: place for place, cause in enumerate(CODES)}
 
 
@@ -85,7 +91,7 @@ class Looked:
     @cached_property
     def boxes(self) -> Bool:
         """(k,) bool: the right test of boxes keeps it, in some view."""
-        return np.any([kept_by_depth(at, at.boxes) for at in self.views], axis=0)
+        return some(np.stack([kept_by_depth(at, at.boxes) for at in self.views]), 0)
 
     @cached_property
     def hidden(self) -> Bool:
@@ -249,6 +255,13 @@ class Tried:
             return wrong
         return max(0.0, wrong - self.right * min(share / (1.0 - share), 1.0))
 
+    @property
+    def precise(self) -> bool:
+        """Whether most of what it would leave out, and that shows, is lost. Little is seen of what
+        is lost, whatever the cause: a rule about little must be right throughout."""
+        few = self.hypothesis.cause in ("too-few-samples", "gap-too-narrow")
+        return self.right >= (1.0 if few else PRECISION) * (self.right + self.wrong)
+
     def explains(self, open_: Bool) -> float:
         """The share of all that was lost which it explains and nothing has so far, less what it is
         wrong about."""
@@ -277,11 +290,11 @@ class Tried:
         idle = np.concatenate([one.idle & one.boxes for one in every])
         left = np.concatenate([one.left for one in every])
         boxes = np.concatenate([one.boxes for one in every])
-        found = _share(clean, good) + _share(culled, idle)
+        found = _share(clean, good, FEW_UNITS) + _share(culled, idle, FEW_UNITS)
         if self.hypothesis.answer:
-            found += _share(~culled, left)
+            found += _share(~culled, left, FEW_UNITS)
         else:
-            found += 0.25 * _share(~culled, left & boxes)
+            found += 0.25 * _share(~culled, left & boxes, FEW_UNITS)
         if self.hypothesis.depth:
             # Of a culler that draws whatever is hidden nobody need ask what hides.
             asks = np.concatenate([one.hidden for one in every])
@@ -290,8 +303,9 @@ class Tried:
         return found
 
 
-def _share(flags: Bool, of: Bool) -> float:
-    count = int(np.count_nonzero(of))
+def _share(flags: Bool, of: Bool, few: int = 0) -> float:
+    """How much of some holds; of a few units less is believed."""
+    count = int(np.count_nonzero(of)) + few
     return np.count_nonzero(flags & of) / count if count else 0.0
 
 
@@ -317,7 +331,7 @@ def _alike(tried: Sequence[Tried], open_: Bool) -> list[Tried]:
     """The hypotheses that explain most and are wrong least, and of these those that are
     contradicted least by hidden units and by answers without a miss: one per cause, the
     likeliest first."""
-    able = [one for one in tried if one.right >= PRECISION * (one.right + one.wrong)]
+    able = [one for one in tried if one.precise]
     able = [one for one in able if one.explains(open_) >= LEAST]
     # What says no more than that it was missed is for what nothing else explains.
     able = [one for one in able if one.hypothesis.cause not in LAST] or able
@@ -327,6 +341,10 @@ def _alike(tried: Sequence[Tried], open_: Bool) -> list[Tried]:
     top = max(worth.values())
     able = [one for one in able if worth[id(one)] >= top - ALIKE]
     able.sort(key=lambda one: (one.hypothesis.odd, ORDER[one.hypothesis.cause]))
+    if able[0].hypothesis.odd:
+        # What is seldom met fits by chance more often than in truth: it is no more than an
+        # alternative.
+        return []
     first = {one.hypothesis.cause: one for one in reversed(able)}
     return sorted(first.values(), key=able.index)
 

@@ -219,6 +219,11 @@ class Sights:
         self._places: dict[int, Place] = {}
         self._sights: dict[tuple[int, str, int | None], Sight] = {}
 
+    @cached_property
+    def shares_triangles(self) -> bool:
+        """Whether a triangle is in two units."""
+        return len(np.unique(self.units.triangles)) < len(self.units.triangles)
+
     def place(self, scene: Scene) -> Place:
         known = self._places.get(id(scene))
         if known is None or known.scene is not scene:
@@ -309,7 +314,7 @@ class At:
         return self._over(flags, np.maximum)
 
     def every_triangle(self, flags: Bool) -> Bool:
-        """(k,) bool, whether all of a unit's triangles are among (t,) flags; not of an empty one."""
+        """(k,) bool, whether all of a unit's triangles are among (t,) flags, and there are some."""
         filled: Bool = self.sights.units.sizes[self.ids] > 0
         return ~self._over(~flags, np.maximum) & filled
 

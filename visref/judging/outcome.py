@@ -12,10 +12,10 @@ from collections.abc import Set
 from dataclasses import dataclass, field
 
 from visref.camera import ALL_VIEWS as ALL_VIEWS
-from visref.causes.named import CausesFound
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
+from visref.judging.causes import CausesFound
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
 from visref.judging.policy import Policy
 from visref.judging.status import (

@@ -75,7 +75,7 @@ def _around(scene: Scene, camera: Camera, miss: Miss, cut: Cut) -> dict[str, Any
 def _other(scene: Scene, cut: Cut, miss: Miss) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Where the opaque owner is not the object that was missed."""
     owner = scene.object_of_triangle[np.maximum(cut.triangle, 0)]
-    return (cut.triangle < 0) | (owner != miss.object)
+    return np.asarray((cut.triangle < 0) | (owner != miss.object))
 
 
 def greatest_square(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> int:

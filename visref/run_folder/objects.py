@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from visref.causes.named import CausesFound
+from visref.judging.causes import CausesFound
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
 from visref.judging.referee import Job, JudgedFrame
@@ -82,10 +82,12 @@ class ObjectsWriter:
         """Write the file again, with the causes of misses. They are known only when every answer
         was judged, and the rows are too many to be held until then."""
         named = self._file.with_name(self._file.name + ".named")
-        with pq.ParquetFile(self._file) as read:
-            with pq.ParquetWriter(named, OBJECTS_SCHEMA, compression="zstd") as write:
-                for group in range(read.num_row_groups):
-                    write.write_table(_with_causes(read.read_row_group(group), causes))
+        with (
+            pq.ParquetFile(self._file) as read,
+            pq.ParquetWriter(named, OBJECTS_SCHEMA, compression="zstd") as write,
+        ):
+            for group in range(read.num_row_groups):
+                write.write_table(_with_causes(read.read_row_group(group), causes))
         named.replace(self._file)
 
     def _write(self) -> None:

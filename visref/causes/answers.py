@@ -1,0 +1,203 @@
+"""The answer of another moment, of another view, or to another question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.hidden import by_box
+from visref.causes.in_view import kept_by_depth
+from visref.causes.rectangles import asked
+from visref.causes.sights import At, Sight, Tell, Told
+from visref.scene import Int32
+
+Bool = NDArray[np.bool_]
+
+
+def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
+    def shown(at: At) -> Told:
+        there = sight(at)
+        return None if there is None or there is at.now else there.seen[at.ids]
+
+    def boxes(at: At) -> Told:
+        there = sight(at)
+        if there is None or there is at.now:
+            return None
+        return kept_by_depth(at, there.boxes(at.ids), there) | _gone(there, at)
+
+    def repeated(at: At) -> Told:
+        """The culler's own answer of then, where it is that of now too, as far as it was right
+        then."""
+        there = sight(at)
+        if there is None or there is at.now:
+            return None
+        then = at.sights.answers.at(there.frame, there.camera.view)
+        now = at.sights.answers.at(at.frame, at.view)
+        if then is None or now is None or not np.array_equal(then, now):
+            return None
+        if not (now & there.seen & ~at.now.seen).any():
+            # Nothing that was seen then and is hidden now shows that the answer is an old one.
+            return None
+        return then[at.ids] | there.seen[at.ids]
+
+    return {"repeated": repeated, "what shows": shown, "boxes": boxes}
+
+
+def _gone(sight: Sight, at: At) -> Bool:
+    """(k,) none: what was not there was in no answer."""
+    return np.zeros(len(at.ids), np.bool_)
+
+
+def late(count: int) -> dict[str, Tell]:
+    return answered(lambda at: at.before(count))
+
+
+def in_view_before(at: At) -> Told:
+    before = at.before(1)
+    if before is None:
+        return None
+    return at.now.boxes(at.ids, before.camera).in_view | ~at.boxes.there
+
+
+def old_depth(at: At) -> Told:
+    before = at.before(1)
+    if before is None or (before.camera.width, before.camera.height) != (
+        at.camera.width,
+        at.camera.height,
+    ):
+        return None
+    return by_box(at, before.layers())
+
+
+def old_and_new_depth(at: At) -> Told:
+    """The depth before is drawn over in place of being cleared."""
+    before = at.before(1)
+    if before is None or before.layers().owner.shape != at.now.layers().owner.shape:
+        return None
+    then = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=before.layers()).passing > 0
+    now = by_box(at, at.now.layers())
+    return now & then | at.boxes.crossing | ~at.boxes.there
+
+
+def _first(at: At) -> Sight | None:
+    frame = at.sights.moments.frames[0]
+    return None if frame == at.frame else at.then(frame)
+
+
+def _since_cut(at: At) -> Sight | None:
+    frame = at.sights.moments.since_cut(at.frame)
+    first = frame == at.sights.moments.frames[0]
+    return None if frame == at.frame or first else at.then(frame)
+
+
+def _before_cut(at: At) -> Sight | None:
+    moments = at.sights.moments
+    if not moments.cameras(at.frame)[0].cut:
+        return None
+    return at.before(1)
+
+
+def _other_view(at: At) -> Sight | None:
+    others = at.other_views()
+    return others[0] if len(others) == 1 else None
+
+
+def _next_view(step: int) -> Callable[[At], Sight | None]:
+    def sight(at: At) -> Sight | None:
+        moments = at.sights.moments
+        views = [camera.view for camera in moments.cameras(at.frame)]
+        if len(views) < 2:
+            return None
+        place = views.index(at.view) + step
+        if 0 <= place < len(views):
+            return at.sights.sight(at.frame, views[place])
+        before = moments.before(at.frame, 1)
+        if before is None or place > 0:
+            return None
+        return at.sights.sight(before, views[-1])
+
+    return sight
+
+
+def _first_view(at: At) -> Sight | None:
+    views = [camera.view for camera in at.sights.moments.cameras(at.frame)]
+    return None if len(views) < 2 else at.sights.sight(at.frame, views[0])
+
+
+def _view_of(sight: Callable[[At], Sight | None]) -> Tell:
+    def tell(at: At) -> Told:
+        there = sight(at)
+        return None if there is None else there.boxes(at.ids).in_view | ~at.boxes.there
+
+    return tell
+
+
+def neighbour(step: int) -> dict[str, Tell]:
+    """The answer of the unit whose id is so many higher."""
+
+    def others(at: At) -> tuple[Int32, Bool]:
+        ids = at.ids + np.int32(step)
+        known = (ids >= 0) & (ids < at.sights.units.count)
+        return np.where(known, ids, 0).astype(np.int32), known
+
+    def of(told: Callable[[At], Bool]) -> Tell:
+        def tell(at: At) -> Told:
+            ids, known = others(at)
+            return told(replace(at, ids=ids)) & known
+
+        return tell
+
+    return {
+        f"{step:+d}, what shows": of(lambda at: at.now.seen[at.ids]),
+        f"{step:+d}, boxes": of(lambda at: kept_by_depth(at, at.boxes)),
+        f"{step:+d}, in the view": of(lambda at: at.boxes.in_view),
+    }
+
+
+def neighbour_in_order(at: At) -> Told:
+    """Front to back, the answer of the one before."""
+    every = np.arange(at.sights.units.count, dtype=np.int32)
+    if len(every) > 4096:
+        return None
+    everyone = replace(at, ids=every)
+    boxes = everyone.boxes
+    asked = np.flatnonzero(boxes.in_view)
+    order = asked[np.argsort(boxes.nearest[asked], kind="stable")]
+    answers = kept_by_depth(everyone, boxes)
+    kept = np.zeros(len(every), np.bool_)
+    kept[order[1:]] = answers[order[:-1]]
+    kept[order[:1]] = True
+    return kept[at.ids] | ~at.boxes.in_view
+
+
+# The frustum of another moment or view.
+ANOTHER_VIEW: dict[str, dict[str, Tell]] = {
+    "last-view": {"": in_view_before},
+    "first-view-only": {"view": _view_of(_first_view)},
+    "other-view": {"view": _view_of(_other_view)},
+}
+# The answer of another moment or view, or to another question.
+ANSWERED: dict[str, dict[str, Tell]] = {
+    "one-frame-late": late(1),
+    "old-depth": {"then": old_depth, "not cleared": old_and_new_depth},
+    "first-view-only": answered(_first_view),
+    "other-view": {
+        **answered(_other_view),
+        **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
+    },
+    "first-answer-kept": answered(_first),
+    "two-frames-late": late(2),
+    "n-frames-late": {
+        f"{count} frames, {how}": tell
+        for count in (3, 4, 5, 6, 8)
+        for how, tell in late(count).items()
+    },
+    "across-a-cut": {
+        **answered(_before_cut),
+        **{f"since, {how}": tell for how, tell in answered(_since_cut).items()},
+    },
+    "ids-shifted": {**neighbour(1), **neighbour(-1), "in order": neighbour_in_order},
+}

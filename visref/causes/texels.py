@@ -1,0 +1,169 @@
+"""Depth at lower resolution: texels of several samples, and how they may be got wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.boxes import within
+from visref.causes.layers import Layers
+from visref.causes.rectangles import asked
+from visref.causes.sights import At, Tell, Told
+from visref.scene import Float64
+
+Bool = NDArray[np.bool_]
+
+
+def kept(at: At, passes: Bool) -> Bool:
+    """The test of depth after the right one of the view."""
+    boxes = at.boxes
+    return boxes.in_view & (boxes.crossing | passes) | ~boxes.there
+
+
+def coarse_inward(texel: int) -> Tell:
+    """Texels that hold the farthest of their pixels, of which those within the rectangle."""
+
+    def tell(at: At) -> Told:
+        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        rectangles = within(at.camera, at.boxes.spans, texel=texel, inward=True)
+        return kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
+
+    return tell
+
+
+def coarse_rounded(texel: int) -> Tell:
+    def tell(at: At) -> Told:
+        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        low = np.rint((at.boxes.spans[:, :2] + 0.5) / texel)
+        high = np.maximum(np.rint((at.boxes.spans[:, 2:] + 0.5) / texel), low + 1) - 1
+        sides = np.array(layers.owner.shape[::-1])
+        clipped = np.concatenate([np.clip(low, 0, sides), np.clip(high, -1, sides - 1)], axis=1)
+        found = asked(at, clipped.astype(np.int32), at.boxes.nearest, layers=layers)
+        return kept(at, found.passing > 0)
+
+    return tell
+
+
+def blocks(layers: Layers, texel: int, how: Any, *, whole_only: bool = False) -> Layers:
+    """Depths of `texel` by `texel` samples taken together. Where a texel is of one owner, both
+    depths are kept apart; elsewhere nobody owns it. `whole_only`: without the texels of an odd
+    side's rest."""
+    height, width = layers.owner.shape
+
+    def reduced(image: Float64, fill: float) -> NDArray[Any]:
+        if whole_only:
+            image = image[: height // texel * texel, : width // texel * texel]
+        rows, columns = -(-image.shape[0] // texel), -(-image.shape[1] // texel)
+        wide = np.full((rows * texel, columns * texel), fill)
+        wide[: image.shape[0], : image.shape[1]] = image
+        return np.moveaxis(wide.reshape(rows, texel, columns, texel), 2, 1).reshape(
+            rows, columns, -1
+        )
+
+    with np.errstate(invalid="ignore"):
+        owner = reduced(layers.owner.astype(np.float64), np.nan)
+        low, high = np.nanmin(owner, axis=2), np.nanmax(owner, axis=2)
+        nearest, second = (
+            _over(reduced(one, np.nan), how) for one in (layers.nearest, layers.second)
+        )
+    alone = low == high
+    own = np.where(alone, low, -1).astype(np.int32)
+    return Layers(nearest, own, np.where(alone, second, nearest))
+
+
+def _over(texels: NDArray[Any], how: Any) -> Float64:
+    if how is np.max:
+        return np.asarray(np.nanmax(texels, axis=2))
+    if how is np.min:
+        return np.asarray(np.nanmin(texels, axis=2))
+    return np.asarray(np.nanmean(texels, axis=2))
+
+
+def coarse(texel: int, make: Callable[[At, int], Layers], key: str) -> Tell:
+    def tell(at: At) -> Told:
+        if min(at.camera.width, at.camera.height) < 2 * texel:
+            return None
+        layers = at.now.kept((key, texel), lambda: make(at, texel))
+        height, width = layers.owner.shape
+        rectangles = within(at.camera, at.boxes.spans, texel=texel)
+        rectangles[:, 2] = np.minimum(rectangles[:, 2], width - 1)
+        rectangles[:, 3] = np.minimum(rectangles[:, 3], height - 1)
+        return kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
+
+    return tell
+
+
+def first_of_texel(at: At, texel: int) -> Layers:
+    return at.now.layers().picked(slice(None, None, texel), slice(None, None, texel))
+
+
+def middle_of_texel(at: At, texel: int) -> Layers:
+    start = texel // 2
+    layers = at.now.layers()
+    height, width = layers.owner.shape
+    rows = np.minimum(np.arange(-(-height // texel)) * texel + start, height - 1)
+    columns = np.minimum(np.arange(-(-width // texel)) * texel + start, width - 1)
+    return layers.picked(rows, columns)
+
+
+def last_of_texel(at: At, texel: int) -> Layers:
+    layers = at.now.layers()
+    height, width = layers.owner.shape
+    rows = np.minimum(np.arange(-(-height // texel)) * texel + texel - 1, height - 1)
+    columns = np.minimum(np.arange(-(-width // texel)) * texel + texel - 1, width - 1)
+    return layers.picked(rows, columns)
+
+
+def mean_of_texel(at: At, texel: int) -> Layers:
+    far = finite_far(at)
+    layers = at.now.layers().mapped(lambda image: np.minimum(image, far))
+    return blocks(layers, texel, np.mean)
+
+
+def window_mean_of_texel(at: At, texel: int) -> Layers:
+    """The mean of window depths."""
+    far = finite_far(at)
+    near = max(at.camera.near, 1e-9)
+
+    def there(image: Float64) -> Float64:
+        return np.asarray(1.0 / np.minimum(image, far))
+
+    if not at.camera.is_perspective:
+        return mean_of_texel(at, texel)
+    del near
+    mean = blocks(at.now.layers().mapped(there), texel, np.mean)
+    return mean.mapped(lambda image: np.asarray(1.0 / image))
+
+
+def nearest_of_texel(at: At, texel: int) -> Layers:
+    return blocks(at.now.layers(), texel, np.min)
+
+
+def whole_texels(at: At, texel: int) -> Layers:
+    return blocks(at.now.layers(), texel, np.max, whole_only=True)
+
+
+def finite_far(at: At) -> float:
+    """Far, or what lies behind everything."""
+    if math.isfinite(at.camera.far):
+        return at.camera.far
+    depths = at.now.layers().nearest
+    seen = depths[np.isfinite(depths)]
+    return 2.0 * float(seen.max()) if len(seen) else 2.0 * max(at.camera.near, 1.0)
+
+
+def odd_size(at: At, texel: int) -> bool:
+    return at.camera.width % texel != 0 or at.camera.height % texel != 0
+
+
+def odd(texel: int) -> Tell:
+    told = coarse(texel, whole_texels, "whole")
+
+    def tell(at: At) -> Told:
+        return told(at) if odd_size(at, texel) else None
+
+    return tell
