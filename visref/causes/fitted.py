@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from math import comb
 
 import numpy as np
@@ -90,6 +91,18 @@ FITS = (
 )
 
 
+def odds(right: int, wrong: int, lost: int, shown: int) -> float:
+    """One in how many random choices of `right + wrong` units, of `shown` of which `lost` are lost,
+    holds so many lost ones."""
+    taken = right + wrong
+    ways = sum(
+        comb(lost, i) * comb(shown - lost, taken - i)
+        for i in range(right, min(taken, lost) + 1)
+        if taken - i <= shown - lost
+    )
+    return float(Fraction(comb(shown, taken), max(ways, 1)))
+
+
 def threshold(values: Float64, lost: Bool, good: Bool, below: bool) -> float | None:
     """The threshold below which (or above which) lost ones lie and good ones do not, the best by
     lost less good; None where chance would do as well."""
@@ -105,19 +118,12 @@ def threshold(values: Float64, lost: Bool, good: Bool, below: bool) -> float | N
     net = np.where(ends, net, -len(net))
     best = int(np.argmax(net))
     taken, wrong = best + 1, int(np.count_nonzero(~hit[: best + 1]))
-    right, every = taken - wrong, len(hit)
-    all_lost = int(np.count_nonzero(hit))
+    right = taken - wrong
     if right == 0 or net[best] <= 0:
         return None
-    # How likely is it that of `taken` picked at random so many are lost ones?
-    ways = sum(
-        comb(all_lost, i) * comb(every - all_lost, taken - i)
-        for i in range(right, min(taken, all_lost) + 1)
-        if taken - i <= every - all_lost
-    )
-    if ways * ODDS > comb(every, taken):
+    if odds(right, wrong, int(np.count_nonzero(hit)), len(hit)) < ODDS:
         return None
-    upper = signed[best + 1] if best + 1 < every else signed[best] + 1.0
+    upper = signed[best + 1] if best + 1 < len(hit) else signed[best] + 1.0
     middle = float((signed[best] + upper) / 2.0)
     return middle if below else -middle
 

@@ -55,9 +55,13 @@ def by_sample(at: At, layers: Layers) -> Bool:
     return owners[at.ids] | ~at.boxes.there
 
 
-def other_depth(depth: Callable[[At], Float64]) -> Tell:
+def other_depth(depth: Callable[[At], Float64], *, outward: bool = True) -> Tell:
+    """Another depth for the box's nearest, over its rectangle, rounded `outward` or to whole
+    pixels."""
+
     def tell(at: At) -> Told:
-        return kept(at, asked(at, at.boxes.rectangles, depth(at)).passing > 0)
+        rectangles = at.boxes.rectangles if outward else rounded_sides(at.boxes).astype(np.int32)
+        return kept(at, asked(at, rectangles, depth(at)).passing > 0)
 
     return tell
 
@@ -341,10 +345,12 @@ HIDDEN: dict[str, dict[str, Tell]] = {
         "centre": other_depth(straight_centre),
         "depth of the nearest point": other_depth(of_the_closest),
         "occluders": straight_both,
+        "nearest point, whole pixels": other_depth(straight, outward=False),
+        "depth of the nearest point, whole pixels": other_depth(of_the_closest, outward=False),
     },
     "centre-depth": {"": other_depth(centre)},
     "farthest-depth": {"": other_depth(farthest)},
-    "own-depth": {"own": own_depth, "equal": equal_depth, "samples": all_hidden},
+    "own-depth": {"own": own_depth, "equal": equal_depth},
     "few-samples": {
         "middle": some_of(_middle),
         "corners": some_of(_ends),
@@ -391,6 +397,8 @@ HIDDEN: dict[str, dict[str, Tell]] = {
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
 }
+# What says that all is lost, whatever is there.
+SWEEPING: dict[str, dict[str, Tell]] = {"own-depth": {"samples": all_hidden}}
 SELDOM_HIDDEN: dict[str, dict[str, Tell]] = {
     "rectangle-too-small": {
         **{f"texels of {n} inward": coarse_inward(n) for n in (8, 16)},

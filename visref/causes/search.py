@@ -19,8 +19,8 @@ from visref.camera_path import CameraPath
 from visref.causes.answers import ANOTHER_VIEW, ANSWERED
 from visref.causes.boxes import some
 from visref.causes.evidence import NO_UNIT, Answer, Answers, Evidence
-from visref.causes.fitted import FEW, FITS, Fit, threshold
-from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN
+from visref.causes.fitted import FEW, FITS, Fit, odds, threshold
+from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN, SWEEPING
 from visref.causes.in_view import IN_VIEW, SELDOM, kept_by_depth
 from visref.causes.lists import LISTS
 from visref.causes.other import LEFT_OUT, MOVED, MOVED_IN_VIEW
@@ -48,6 +48,9 @@ MOST = 5
 # alike.
 CONTRADICTED, ALIKE = 0.25, 0.1
 FEW_UNITS = 4
+# Causes from this one on in their order are named only where chance would give the same in less
+# than one of so many cases.
+SELDOM_FROM, UNLIKELY = "odd-size-pyramid", 20
 # A culler that draws more than this share of what is hidden does not ask what hides. How cautious
 # it is is told by so many hidden units or more.
 ASKS, CAUTIOUS = 0.9, 5
@@ -64,6 +67,7 @@ HYPOTHESES = [
     *by_code(IN_VIEW),
     *by_code(HIDDEN, depth=True),
     *by_code(FEW),
+    *by_code(SWEEPING, many=True, depth=True),
     *by_code(SELDOM, odd=True),
     *by_code(SELDOM_HIDDEN, odd=True, depth=True),
 ]
@@ -256,11 +260,23 @@ class Tried:
         return max(0.0, wrong - self.right * min(share / (1.0 - share), 1.0))
 
     @property
+    def _all_lost(self) -> bool:
+        """Whether nothing that shows was drawn, so that chance is no question."""
+        return not self._good.any() and int(np.count_nonzero(self._lost)) >= UNLIKELY
+
+    @property
     def precise(self) -> bool:
         """Whether most of what it would leave out, and that shows, is lost. Little is seen of what
         is lost, whatever the cause: a rule about little must be right throughout."""
         few = self.hypothesis.cause in ("too-few-samples", "gap-too-narrow")
-        return self.right >= (1.0 if few else PRECISION) * (self.right + self.wrong)
+        if self.right < (1.0 if few else PRECISION) * (self.right + self.wrong):
+            return False
+        # Of few units many a rule picks the one that is lost by chance.
+        shown = int(np.count_nonzero(self._lost | self._good))
+        wrong = int(np.count_nonzero(self.culled & self._good))
+        by_chance = odds(self.right, wrong, int(np.count_nonzero(self._lost)), shown)
+        ordinary = not self.hypothesis.many and ORDER[self.hypothesis.cause] < ORDER[SELDOM_FROM]
+        return ordinary or by_chance >= UNLIKELY or self._all_lost
 
     def explains(self, open_: Bool) -> float:
         """The share of all that was lost which it explains and nothing has so far, less what it is

@@ -336,13 +336,14 @@ Tell = Callable[[At], Told]
 @dataclass(frozen=True)
 class Hypothesis:
     """A cause, in one of the ways in which a culler may err so (`variant`). `odd`: such a way is
-    seldom met. `answer`: what it keeps is the culler's whole answer, of another moment or about
+    seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's whole answer, of another moment or about
     another thing. `depth`: it says what hides, so that it is about a culler that asks for that."""
 
     cause: str
     variant: str
     tell: Tell
     odd: bool = False
+    many: bool = False
     answer: bool = False
     depth: bool = False
 
@@ -351,12 +352,13 @@ def by_code(
     groups: Mapping[str, Mapping[str, Tell]],
     *,
     odd: bool = False,
+    many: bool = False,
     answer: bool = False,
     depth: bool = False,
 ) -> list[Hypothesis]:
     """Hypotheses from {cause: {variant: tell}}, in order."""
     return [
-        Hypothesis(cause, variant, tell, odd, answer, depth)
+        Hypothesis(cause, variant, tell, odd, many, answer, depth)
         for cause, variants in groups.items()
         for variant, tell in variants.items()
     ]

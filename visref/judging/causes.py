@@ -21,9 +21,6 @@ CODES: Mapping[str, str] = {
     "old-occluders": "occluders stand where they were in the frame before",
     # Time.
     "one-frame-late": "answered one frame late",
-    "old-depth": "this frame's boxes against the depth of the frame before",
-    "first-answer-kept": "the first frame's answer is kept",
-    "two-frames-late": "answered two frames late",
     # Several views.
     "first-view-only": "the first view's answer for all views",
     "other-view": "the answer of another view",
@@ -60,6 +57,9 @@ CODES: Mapping[str, str] = {
     "empty-hides": "pixels in which nothing was drawn hide",
     "depth-not-compared": "whatever covers its pixels hides an object, nearer or not",
     # Sizes.
+    "two-frames-late": "answered two frames late",
+    "first-answer-kept": "the first frame's answer is kept",
+    "old-depth": "this frame's boxes against the depth of the frame before",
     "gap-too-narrow": "what is seen through a narrow gap is dropped",
     # Lists.
     "absent-lod": "another level of detail is drawn, which is not there",

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from visref.camera import ALL_VIEWS
 from visref.errors import InputError
 from visref.findings import Code, fails_run
+from visref.judging.causes import CODES
 from visref.judging.status import Status, run_status
 from visref.run_folder.columns import check_among, check_range
 from visref.run_folder.facts import FIX
@@ -171,7 +172,7 @@ def check_objects(folder: Path, manifest: Manifest, table: pa.Table) -> None:
     check_among(table, "frame", manifest.samples, file, FIX)
     check_among(table, "culler", manifest.cullers, file, FIX)
     check_among(table, "kind", frozenset(ObjectKind), file, FIX)
-    check_among(table, "cause", CAUSES, file, FIX)
+    check_among(table, "cause", CAUSES | CODES.keys(), file, FIX)
     check_among(table, "view", _views(manifest), file, FIX)
     last_unit = max((facts.units for facts in manifest.cullers.values()), default=0) - 1
     last_triangle = manifest.scene.triangles - 1

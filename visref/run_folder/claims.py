@@ -9,13 +9,14 @@ from typing import Any
 
 from visref.errors import InputError
 from visref.run_folder.checks import check_is_run, check_manifest
-from visref.run_folder.facts import FIX, read_definition, read_manifest
+from visref.run_folder.facts import FIX, read_cause, read_definition, read_manifest
 from visref.run_folder.inside import json_inside, lines_inside, quoted
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import (
     CLOSE_SIDE,
     MANIFEST,
     MAX_APPEARANCES,
+    MAX_CAUSES,
     MISS_KINDS,
     OTHERS,
     SHADES,
@@ -112,9 +113,32 @@ def read_witness(witness: Fields, version: int = 2) -> dict[str, Any]:
         if triangle.has("mask"):
             triangle.whole("mask", most=_MAX_MASK)
         triangle.hexadecimal_corners("vertices")
+    if witness.has("causes"):
+        for cause in witness.each("causes", most=MAX_CAUSES):
+            read_cause(cause)
+    if witness.has("facts"):
+        _read_facts(witness.inner("facts"))
     if witness.has("surroundings"):
         _read_surroundings(witness.inner("surroundings"))
     return found
+
+
+def _read_facts(facts: Fields) -> None:
+    """That a witness's plain facts are what they must be; most may be unknown."""
+    facts.whole("edge_px")
+    facts.number("near")
+    for name in ("eye_to_box", "depth_min", "depth_max"):
+        if not facts.is_null(name):
+            facts.number(name)
+    for name in ("age", "gap_px"):
+        if not facts.is_null(name):
+            facts.whole(name)
+    if not facts.is_null("box_holds_it"):
+        facts.flag("box_holds_it")
+    if not facts.is_null("in_front"):
+        before = facts.inner("in_front")
+        before.whole("object")
+        before.text("name")
 
 
 def _read_surroundings(around: Fields) -> None:

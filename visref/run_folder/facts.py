@@ -17,6 +17,7 @@ from visref.culler import Promise, RasterTolerance
 from visref.findings import Severity
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import (
+    CAUSE_CODE,
     COUNTS,
     FORMAT,
     MISS_KINDS,
@@ -290,7 +291,20 @@ def _excused_samples(culler: Fields) -> int | None:
 
 
 def _causes(culler: Fields) -> tuple[dict[str, Any], ...]:
-    return tuple(cause.plain() for cause in culler.each("causes"))
+    causes = culler.each("causes")
+    for cause in causes:
+        read_cause(cause)
+        for name in ("misses", "examined", "objects"):
+            cause.whole(name, least=1)
+    return tuple(cause.plain() for cause in causes)
+
+
+def read_cause(cause: Fields) -> None:
+    """That a cause is named, in a code and in words, with its score."""
+    cause.text("cause", like=CAUSE_CODE)
+    cause.text("text")
+    if not 0.0 <= cause.number("score") <= 1.0:
+        raise cause.error("it is not from 0 to 1", "score")
 
 
 def _ages(ages: Fields) -> dict[int, int]:

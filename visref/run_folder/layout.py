@@ -6,12 +6,13 @@ frames.parquet     one row per culler, frame and view: counts and costs
 timings.parquet    one row per culler, frame, view and phase: milliseconds (the one file that
                    differs between two runs of the same inputs)
 objects.parquet    one row per culler, frame, view and object that was missed, in full or in part,
-                   undecided, or drawn for nothing; the last with its cause, in the frames that have
-                   pictures, and with what hides it, where a promise forbids it
+                   undecided, or drawn for nothing; a miss with its likeliest cause, what was drawn
+                   for nothing with its own, in the frames that have pictures, and with what hides
+                   it, where a promise forbids it
 truth.parquet      the truth, as `visref truth` writes it
 witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
-                   as hexadecimal floats, so that it replays without the scene; and, for
-                   pictures, what is seen around it
+                   as hexadecimal floats, so that it replays without the scene; its causes and the
+                   plain facts about it; and, for pictures, what is seen around it
 pictures/          PNGs of a few frames, listed in manifest.json
 
 `visref explain` adds PNGs to witnesses/, and `visref report` its three files where it is told to.
@@ -86,6 +87,11 @@ CAUSES = frozenset(
     {"outside_view", "box_larger_than_object", "occluder_drawn_later", "query_skipped",
      "test_too_coarse", "box_hidden"}
 )  # fmt: skip
+
+# How the code of why something was missed looks (`visref.judging.causes`), and how many a witness
+# may have.
+CAUSE_CODE = re.compile("[a-z0-9/-]{1,40}")
+MAX_CAUSES = 64
 
 # The counts of `visref.judging.judge.Counts`, by frame in frames.parquet and summed over frames in
 # verdict.json.
