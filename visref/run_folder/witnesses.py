@@ -106,7 +106,8 @@ def _along(
             continue
         if count == len(found):
             grown = np.empty(2 * count, np.int64)
-            grown[:count] = found
+            for k in range(count):
+                grown[k] = found[k]
             found = grown
         found[count] = t
         count += 1
