@@ -33,6 +33,7 @@ COMMANDS = {
     "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
     "doctor": "say what works on this machine",
+    "warm": "compile ahead what runs need",
 }
 
 # These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
