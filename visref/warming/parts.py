@@ -84,12 +84,16 @@ def _cullers(*names: str, at_rest: Sequence[str] = ()) -> Work:
 
     def work(folder: Path, visref: Command) -> int:
         named = [word for name in names for word in ("--culler", name)]
-        more = [word for name in at_rest for word in ("--culler", name)]
+        for name in at_rest:
+            # In the city objects are large enough to be divided.
+            status = visref(["run", CITY, "--culler", name, *_quiet(folder, name)])
+            if status not in (0, 1):
+                return status
         standing = _written(folder / "standing", AT_REST)
         moving = _written(folder / "moving", MOVING)
         return _in_turn(
             visref,
-            ["run", *standing, *named, *more, *_quiet(folder, "stood")],
+            ["run", *standing, *named, *_quiet(folder, "stood")],
             ["run", *moving, *named, *_quiet(folder, "moved")],
         )
 
