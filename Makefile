@@ -51,8 +51,10 @@ test-fast: warm
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
-	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/mutants tests/property \
+	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/mutants \
 	  tests/conformance tests/culling/test_plp.py -k "conforms or passes_the_cases_as_files"
+	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/property tests/exact \
+	  tests/engines
 
 # Spoilt files of every kind, for so many seconds; `make test` holds a short run of each target.
 FUZZ_SECONDS := 600
