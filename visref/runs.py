@@ -29,10 +29,11 @@ from visref.exact import ExactScene
 from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
 from visref.inputs import Inputs
-from visref.judging.again import Answers, Asking, compare, mark_unsteady
+from visref.judging.again import Answers, ask, compare, mark_unsteady
+from visref.judging.asking import Job, Panel
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
-from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
+from visref.judging.referee import ImageCheck, JudgedFrame, Listener, Referee
 from visref.picking import evenly_picked
 from visref.recordings.truth_file import TruthTable, read_truth
 from visref.recordings.visible_sets import Replay
@@ -145,11 +146,10 @@ def judge_to_folder(
 def _ask_again(inputs: Inputs, anew: MakingAnew, answers: Answers, outcome: RunOutcome) -> None:
     """Hold the answers of the run against those of cullers that are made anew."""
     with anew() as cullers:
-        asking = Asking(
-            inputs.scene, inputs.make_engine, threads=inputs.threads, timeline=inputs.timeline
-        )
-        again, other = asking.ask(inputs.path, inputs.frames, cullers)
-    for record, asked in zip(outcome.cullers, other.cullers, strict=True):
+        panel = Panel(cullers, inputs.timeline, outcome.policy)
+        path = inputs.path.relative_to(inputs.scene.origin)
+        again = ask(panel, path, inputs.frames)
+    for record, asked in zip(outcome.cullers, panel.records, strict=True):
         if not record.unsteady and (why := compare(answers, again, record, asked)):
             mark_unsteady(record, outcome, why)
 

@@ -5,19 +5,16 @@ gives the same answers. Nothing is cast and nothing is judged for it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler
-from visref.errors import InputError
 from visref.findings import Code, Finding
-from visref.judging.absences import without_absent
+from visref.judging.asking import Job, Panel
 from visref.judging.outcome import ALL_VIEWS, CullerRecord, RunOutcome
-from visref.judging.referee import Cast, Job, JudgedFrame, Listener, Referee
+from visref.judging.referee import JudgedFrame
 from visref.scene import Int32, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -50,51 +47,23 @@ class Answers:
         self.drawn.setdefault(job.spec, {})[cell] = _digest(np.unique(drawn_units))
 
 
-class Asking(Referee):
-    """Asks cullers as a referee does, in the same order, and keeps their answers alone."""
-
-    def ask(
-        self, path: CameraPath, frames: Iterable[int], cullers: Sequence[tuple[str, Culler]]
-    ) -> tuple[Answers, RunOutcome]:
-        """What they answer, and their records, in which only who broke down counts."""
-        self._answers = Answers()
-        outcome = self.run(path, frames, cullers)
-        return self._answers, outcome
-
-    def _frame(
-        self,
-        path: CameraPath,
-        frame: int,
-        jobs: Sequence[Job],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        self._ask_all(path.views(frame), frame, jobs, outcome, {}, listeners)
-
-    def _audit(self, job: Job, frame: int, casts: object, outcome: RunOutcome) -> None:
-        """Which boxes it tested is no answer."""
-
-    def _cell(
-        self,
-        cameras: Sequence[Camera],
-        frame: int,
-        job: Job,
-        casts: dict[str, Cast],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        try:
-            drawn_set, _ = without_absent(self._now, job.units, self._cull(job, cameras))
-        except (InputError, KeyboardInterrupt):
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others go on
-            self._fail(job.record, outcome, frame, error)
-            return
-        view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
-        self._answers.add(job, (frame, view), drawn_set.unit_ids)
-
-    def _summarise(self, outcome: RunOutcome, path: CameraPath) -> None:
-        """Nothing was judged."""
+def ask(panel: Panel, path: CameraPath, frames: Sequence[int]) -> Answers:
+    """What cullers answer in these frames, asked as a referee asks them; the panel's records say
+    who broke down. Which boxes they tested is no answer. `path` is relative to the scene's origin.
+    """
+    answers = Answers()
+    try:
+        panel.prepare(frames[0] if frames else None)
+        for frame in frames:
+            panel.pose(frame)
+            cameras = path.views(frame)
+            for job in panel.jobs:
+                for cell, answer in panel.cells(job, cameras, frame):
+                    view = cell[0].view if len(cell) == 1 else ALL_VIEWS
+                    answers.add(job, (frame, view), answer.drawn_set.unit_ids)
+    finally:
+        panel.close()
+    return answers
 
 
 def compare(first: Answers, again: Answers, record: CullerRecord, other: CullerRecord) -> str:

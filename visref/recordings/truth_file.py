@@ -74,6 +74,12 @@ class RecordedTruth:
     views: dict[tuple[int, str], FrameRows]
     findings: tuple[Finding, ...] = ()
 
+    def seen(self, frame: int, view: str, objects: int) -> NDArray[np.bool_]:
+        """(objects,) bool, those that own a sample of a view."""
+        result = np.zeros(objects, np.bool_)
+        result[self.views[frame, view].objects] = True
+        return result
+
     @cached_property
     def frames(self) -> dict[int, FrameRows]:
         """By frame, the view without a name."""

@@ -10,9 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.judging.asking import Job
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.referee import JudgedFrame
 from visref.run_folder.causes import superfluous_causes
 from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
 from visref.scene import OBJECT, Int32, Scene

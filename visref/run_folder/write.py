@@ -15,10 +15,11 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
+from visref.judging.asking import Job
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.policy import Policy
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.referee import JudgedFrame
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
