@@ -78,6 +78,8 @@ def run(given: argparse.Namespace) -> Exit:
     # What stands there already has reasons that somebody wrote by hand.
     if waivers is not None and waivers.exists():
         raise InputError("cannot write here: it exists", source=str(waivers), fix="name a new file")
+    if waivers is not None and given.shard is not None:
+        raise InputError("--write-waivers and --shard", fix="write waivers of the whole run")
     refuse_inputs(given.out, [file, waivers])
     if given.recording is not None:
         inputs, recorded = recorded_inputs_of(given)

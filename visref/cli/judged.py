@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 from visref.beside import steady
+from visref.cli.arguments import shard_of
 from visref.cli.terminal import OUT, frame_bar
 from visref.culler import Culler
 from visref.findings import Code, Finding, fails_run
@@ -37,7 +39,9 @@ def judge(
     if_misaligned: Misaligned = Misaligned.KEEP,
 ) -> RunOutcome:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
-    with frame_bar(len(inputs.frames)) as bar:
+    shard = shard_of(given)
+    judged = inputs.frames if shard is None else shard.of(inputs.frames)
+    with frame_bar(len(judged)) as bar:
         outcome = judge_to_folder(
             inputs,
             cullers,
@@ -50,9 +54,16 @@ def judge(
             policy=policy,
             repeat=repeat,
             anew=anew,
+            shard=shard,
         )
+    print_run(given.out, outcome)
+    return outcome
+
+
+def print_run(out: Path, outcome: RunOutcome) -> None:
+    """The verdict of a run folder that was just written, and the papers' numbers beside ours."""
     print_outcome(outcome)
-    written = steady(given.out, lambda folder: read_run(folder, objects=False))
+    written = steady(out, lambda folder: read_run(folder, objects=False))
     for culler, verdict in written.verdict.cullers.items():
         for line in why_lines(verdict.causes):
             OUT.line(f"{culler}: {line}")
@@ -60,8 +71,7 @@ def judge(
         for table in tables:
             _print_beside_published(paper.name, table)
     OUT.line()
-    OUT.line(f"The run: {given.out}; `visref report {given.out} --out PAGE`")
-    return outcome
+    OUT.line(f"The run: {out}; `visref report {out} --out PAGE`")
 
 
 def print_outcome(outcome: RunOutcome) -> None:

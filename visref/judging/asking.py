@@ -177,10 +177,13 @@ class Panel:
         ascending: who looks back is asked about as many frames as it says, and about all of them
         where it sets no limit. Their answers are not kept."""
         start = frames.index(before)
+        if not start:
+            return
         depth = {job.spec: memory_of(job.culler) for job in self.jobs}
         for job in self.jobs:
-            if isinstance(job.culler, Recorded):
-                job.culler.seek(before)
+            if isinstance(job.culler, Recorded) and not job.record.failed:
+                with self._guarded(job.record, Step.UPDATE, before):
+                    job.culler.seek(before)
         longest = max((start if k is None else k for k in depth.values()), default=0)
         for place in range(max(0, start - longest), start):
             frame = frames[place]

@@ -17,24 +17,28 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler, CullerError, DrawnSet, Promise
+from visref.culler import Culler, CullerError, DrawnSet
 from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
-from visref.judging.ages import CellAges, Followed
+from visref.findings import Finding
+from visref.judging.ages import Followed
 from visref.judging.asking import Answer, Job, Panel
 from visref.judging.frame import SettledFrame
 from visref.judging.joint import joined, located
-from visref.judging.judge import Counts, FrameVerdict, judge
+from visref.judging.judge import judge
+from visref.judging.on_file import clean_verdict
 from visref.judging.outcome import ALL_VIEWS, FrameRecord, RunOutcome
-from visref.judging.policy import Accepting, Policy
+from visref.judging.policy import Policy
 from visref.judging.rasters import looser
+from visref.judging.review import Review
 from visref.judging.rounding import greatest_move
 from visref.judging.settle import settle
-from visref.judging.summary import Caster, Moved, conclude, examined
-from visref.recordings.truth_file import FrameRows, RecordedTruth
-from visref.scene import OBJECT, Int32, Scene
+from visref.judging.summary import Caster, Facts, Moved, conclude, examined
+from visref.picking import Shard
+from visref.recordings.truth_file import RecordedTruth
+from visref.scene import Int32, Scene
 from visref.stopwatch import Stopwatch
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
@@ -71,12 +75,14 @@ class Listener(Protocol):
 class JudgedFrame:
     """What a listener may want to keep of one culler's answer. `settled`: what the verdict rests
     on, one per view of the drawn set, none where a recorded truth was enough. `drawn`: (t,) bool.
+    `followed`: where units are finer than objects, what their ages hang on.
     """
 
     record: FrameRecord
     settled: tuple[SettledFrame, ...]
     drawn_set: DrawnSet
     drawn: NDArray[np.bool_]
+    followed: Followed | None = None
 
     @property
     def drawn_units(self) -> Int32:
@@ -111,6 +117,7 @@ class Sitting:
         # By frame, by how many pixels rounding moved a vertex that is seen, whose triangle it is,
         # and for which cullers that frame was cast: nobody where it was for the truth itself.
         self.moved: dict[int, Moved] = {}
+        self._posed = self.timeline.still
 
     def frame(
         self, frame: int, jobs: Sequence[Job], on_truth: OnTruth, on_verdict: OnVerdict,
@@ -136,11 +143,33 @@ class Sitting:
                 boxes = self.panel.bounds(job, frame)
                 self.panel.audit(job, frame, boxes, [truth for truth, _ in casts.values()])
 
+    def begin(self, frames: Sequence[int], first: int | None) -> None:
+        """Let cullers meet the scene, and look back from the frame `first` of a run over `frames`,
+        all ascending."""
+        self.panel.prepare(frames[0] if frames else None)
+        if first is not None:
+            self.panel.warm_up(self.path, frames, first)
+        self._posed = self.panel.scene
+        if self._posed is not self.timeline.still and isinstance(self.image_check, TruthEngine):
+            self.image_check.pose(self._posed)
+
+    def examine(self, scene: Scene, frames: Sequence[int]) -> list[Finding]:
+        """What is to be said of engine and scene once a run over these frames is through."""
+        if self.caster is None or not frames:
+            return []
+        # Whichever part of the run this is: as at the end of the whole.
+        last = self.timeline.at(frames[-1])
+        if last is not self.panel.scene:
+            self.caster.pose(last)
+        return examined(self.caster, scene, self.path, frames, self.threads)
+
     def _pose(self, frame: int) -> None:
         """Let everybody meet the scene of a frame, where it is not that of the frame before."""
-        if not self.panel.pose(frame):
-            return
+        self.panel.pose(frame)
         scene = self.panel.scene
+        if scene is self._posed:
+            return
+        self._posed = scene
         if self._exact is not None and not isinstance(self.caster, ExactEngine):
             self._exact.pose(scene)
         for sees in (self.caster, self.image_check):
@@ -173,7 +202,7 @@ class Sitting:
         verdict = None
         if self.recorded is not None:
             rows = [self.recorded.views[frame, camera.view] for camera in cameras]
-            verdict = _clean_verdict(scene, rows, job, drawn_units)
+            verdict = clean_verdict(scene, rows, job, drawn_units)
         settled: tuple[SettledFrame, ...] = ()
         if verdict is None:
             try:
@@ -242,7 +271,7 @@ class Sitting:
                 truth = truth.copy()
             seen = objects_seen(truth, scene)
             pixels, triangle = greatest_move(scene, truth)
-            self.moved.setdefault(frame, Moved(frame)).grow(pixels, triangle)
+            self.moved.setdefault(frame, Moved(frame)).grow(pixels, triangle, scene)
         return truth, seen, watch.ms
 
     def make_caster(self) -> TruthEngine:
@@ -275,27 +304,6 @@ class Sitting:
                 self.caster.close()
 
 
-class Review:
-    """What is said of verdicts once the frames before are known: how old their misses are, and what
-    a policy makes of them. To be asked frame by frame, in the path's order."""
-
-    def __init__(self, policy: Policy, scene: Scene) -> None:
-        self.accepting = Accepting(policy, scene)
-        self._ages = CellAges()
-
-    def look(self, frame: int, cut: bool, seen: Mapping[str, NDArray[np.bool_]]) -> None:
-        """Go on to a frame. `seen`: by view, (n,) bool, the objects that own a sample."""
-        self._ages.look(frame, cut, seen, ALL_VIEWS)
-
-    def verdict(
-        self, record: FrameRecord, promise: Promise, spec: str, cut: bool, followed: Followed | None
-    ) -> FrameVerdict:
-        """A culler's verdict, reviewed. `followed`: of its units, where they are finer than
-        objects."""
-        aged = self._ages.aged(record.verdict, record.frame, record.view, spec, cut, followed)
-        return self.accepting.verdict(aged, promise, record.frame, spec)
-
-
 @dataclass(eq=False)
 class Referee:
     """Casts truths and judges cullers on one scene, which a path's frames may pose.
@@ -320,16 +328,23 @@ class Referee:
     timeline: Timeline | None = None
     policy: Policy = field(default_factory=Policy)
 
+    def __post_init__(self) -> None:
+        self.facts = Facts()
+
     def run(
         self,
         path: CameraPath,
         frames: Iterable[int],
         cullers: Sequence[tuple[str, Culler]],
         listeners: Sequence[Listener] = (),
+        *,
+        shard: Shard | None = None,
     ) -> RunOutcome:
-        """Judge every culler on these frames of the path, in order."""
+        """Judge every culler on these frames of the path, in order; of a `shard`, in its frames
+        alone, as the whole run would judge them. What was found beside verdicts is in `facts`."""
         path = path.relative_to(self.scene.origin)
         frames = list(frames)
+        judged = frames if shard is None else shard.of(frames)
         timeline = self.timeline or Timeline(self.scene, path)
         panel = Panel(cullers, timeline, self.policy)
         sitting = Sitting(
@@ -337,24 +352,27 @@ class Referee:
         )
         outcome = RunOutcome(panel.records, policy=self.policy)
         review = Review(self.policy, self.scene)
-        found = []
+        self.facts = facts = Facts(failures=panel.failures)
         try:
-            panel.prepare(frames[0] if frames else None)
-            for frame in frames:
+            sitting.begin(frames, judged[0] if judged else None)
+            if self.recorded is not None and panel.jobs:
+                review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
+            for frame in judged:
                 self._judge(sitting, frame, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
-            if self.examine and sitting.caster is not None:
+            if self.examine:
                 # Afterwards: nobody needs the engine's arrays any more.
-                found = examined(sitting.caster, self.scene, path, frames, self.threads)
+                facts.examined = sitting.examine(self.scene, frames)
         finally:
             sitting.close()
-        failures = [failure.finding for failure in panel.failures]
-        outcome.findings += [*found, *failures]
-        caster = self.recorded or (None if sitting.caster is None else Caster.of(sitting.caster))
-        rebased = sitting.caster is None or Caster.of(sitting.caster).rebase_exact
-        moved = list(sitting.moved.values())
-        conclude(outcome, review.accepting, path, self.scene, caster, rebased, moved)
+        if sitting.caster is not None:
+            facts.caster = Caster.of(sitting.caster)
+        if self.recorded is not None:
+            facts.recorded = Caster(self.recorded.engine, self.recorded.exact)
+        facts.moved = list(sitting.moved.values())
+        whole = len(judged) == len(frames)
+        conclude(outcome, facts, review.accepting, path.numbers, self.scene, whole=whole)
         return outcome
 
     def _judge(
@@ -372,8 +390,9 @@ class Referee:
             verdict = review.verdict(record, job.record.promise, job.spec, cut, followed)
             record = replace(record, verdict=verdict)
             job.record.frames.append(record)
+            told = replace(judged, record=record, followed=followed)
             for listener in listeners:
-                listener.on_verdict(job, replace(judged, record=record))
+                listener.on_verdict(job, told)
             if not self.keeps_superfluous:
                 kept = replace(verdict, superfluous_units=np.zeros(0, np.int32))
                 job.record.frames[-1] = replace(record, verdict=kept)
@@ -382,31 +401,3 @@ class Referee:
             review.look(frame, cut, seen)
 
         sitting.frame(frame, sitting.panel.jobs, on_truth, on_verdict, before)
-
-
-def _clean_verdict(
-    scene: Scene, rows: Sequence[FrameRows], job: Job, drawn_units: Int32
-) -> FrameVerdict | None:
-    """The verdict on a set from a recorded truth, `rows` of each view that the set is for, or None
-    if the views must be looked at by sample.
-
-    Enough where units are objects and every object that some view sees was drawn whole.
-    """
-    if scene.has_mask or job.units.kind != OBJECT:
-        return None
-    visible = np.unique(np.concatenate([view.objects for view in rows]))
-    if not np.isin(visible, drawn_units).all():
-        return None
-    superfluous = np.setdiff1d(drawn_units, visible).astype(np.int32)
-    superfluous = superfluous[job.units.sizes[superfluous] > 0]
-    if len(superfluous) and not job.record.promise.may_draw_hidden:
-        return None
-    owned = [view.owned for view in rows]
-    counts = Counts(
-        visible=len(visible),
-        owned_samples=sum(count or 0 for count in owned),
-        drawn=len(drawn_units),
-        superfluous=len(superfluous),
-    )
-    known = None if None in owned else counts.owned_samples
-    return FrameVerdict(counts, (), superfluous, owned=known)
