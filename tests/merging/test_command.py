@@ -114,3 +114,16 @@ def test_a_merge_replaces_none_of_its_parts(room, tmp_path, capsys):
     assert main(["merge", *parts, "--out", str(tmp_path)]) == 2
     assert main(["merge", *parts, str(room / "truth.parquet"), "--out", str(tmp_path / "x")]) == 2
     assert (tmp_path / "part-1" / "part.json").is_file()
+
+
+@pytest.mark.parametrize("more", [("--workers", "0"), ("--workers", "2", "--shard", "1/2")])
+def test_workers_that_there_cannot_be_are_refused(more, room, tmp_path, capsys):
+    assert check(room, tmp_path / "out", *more) == 2
+    assert "--workers" in capsys.readouterr().err
+
+
+def test_two_workers_of_a_recording_leave_the_same_bytes(room, tmp_path):
+    given = ["--policy", room / "visref.toml", "--today", "2026-01-01"]
+    assert check(room, tmp_path / "one", *given, "--workers", "1") == 1
+    assert check(room, tmp_path / "two", *given, "--workers", "2") == 1
+    assert differing(tmp_path / "one", tmp_path / "two") == []

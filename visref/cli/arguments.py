@@ -94,6 +94,13 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         "the clock's, UTC)",
     )
     add_shard_argument(parser)
+    parser.add_argument(
+        "--workers",
+        type=whole_number,
+        metavar="N",
+        help="processes that judge a part of the frames each (default: a core each, where frames "
+        "and memory are enough; 1 to measure times)",
+    )
 
 
 def add_shard_argument(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ The scene is not needed: a part's folder holds what is. Verdicts are gone throug
 goes through them (`visref.judging.review`): ages and a policy hang on frames before.
 """
 
-from visref.merging.folder import merge_runs
+from visref.merging.folder import merge_into, merge_runs
 from visref.merging.truths import merge_truths
 
-__all__ = ["merge_runs", "merge_truths"]
+__all__ = ["merge_into", "merge_runs", "merge_truths"]

@@ -60,6 +60,11 @@ def merge_runs(folders: Sequence[Path], out: Path) -> RunOutcome:
         return _Merging(folder, parts).run()
 
 
+def merge_into(folder: Path, parts: Sequence[Path]) -> RunOutcome:
+    """The same into a folder that is there, and empty."""
+    return _Merging(folder, in_order([read_part(part) for part in parts])).run()
+
+
 class _Merging:
     def __init__(self, folder: Path, parts: Sequence[PartFolder]) -> None:
         self._folder = folder
