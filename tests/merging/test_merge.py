@@ -7,6 +7,7 @@ import re
 import shutil
 from contextlib import contextmanager, suppress
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -14,7 +15,7 @@ from tests.merging.scenes import FRAMES, cullers, stereo, switched
 from tests.support.same_bytes import differing
 from visref.errors import InputError
 from visref.judging.policy import Policy, Span, Waiver
-from visref.merging import merge_runs, merge_truths
+from visref.merging import merge_into, merge_runs, merge_truths
 from visref.picking import Shard
 from visref.report import write_report
 from visref.run_folder.read import read_run
@@ -266,3 +267,51 @@ def test_a_part_without_a_witness_or_a_picture_is_refused(parts, tmp_path):
         with pytest.raises(InputError):
             merge_runs([parts / "part-1", spoilt, parts / "part-3"], tmp_path / "merged")
         shutil.rmtree(spoilt)
+
+
+class Drawn:
+    """A run's listener that keeps what was drawn, and by which units what was missed."""
+
+    def __init__(self):
+        self.found = []
+
+    def on_truth(self, *given):
+        pass
+
+    def on_frame_done(self, frame):
+        pass
+
+    def on_verdict(self, job, judged):
+        record = judged.record
+        lost = None if judged.followed is None else _listed(judged.followed.lost)
+        drawn = np.unique(judged.drawn_units).tolist()
+        self.found.append((job.spec, record.frame, record.view, drawn, lost))
+
+
+def _listed(lost):
+    return {index: units.tolist() for index, units in sorted(lost.items())}
+
+
+@pytest.mark.parametrize(("kind", "inputs"), [("units", switched), ("views", stereo)])
+def test_the_parts_tell_what_was_drawn_and_by_which_units_objects_were_missed(
+    kind, inputs, tmp_path
+):
+    whole = Drawn()
+    judge_to_folder(inputs(), cullers(kind), tmp_path / "whole", listeners=[whole])
+    parts = [tmp_path / f"part-{number}" for number in (1, 2)]
+    for number, part in enumerate(parts, 1):
+        judge_to_folder(inputs(), cullers(kind), part, shard=Shard(number, 2))
+    (tmp_path / "merged").mkdir()
+    found = []
+
+    def on_cell(cell):
+        lost = None if cell.followed is None else _listed(cell.followed.lost)
+        record = cell.record
+        found.append((cell.spec, record.frame, record.view, cell.drawn.tolist(), lost))
+        if cell.spec == "Halves":
+            units = cell.part.units["Halves"]
+            assert units.triangles.tolist() == list(range(12))
+
+    merge_into(tmp_path / "merged", parts, on_cell=on_cell)
+    assert found == whole.found
+    assert any(lost for *_, lost in found)

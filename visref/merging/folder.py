@@ -60,9 +60,17 @@ def merge_runs(folders: Sequence[Path], out: Path) -> RunOutcome:
         return _Merging(folder, parts).run()
 
 
-def merge_into(folder: Path, parts: Sequence[Path]) -> RunOutcome:
-    """The same into a folder that is there, and empty."""
-    return _Merging(folder, in_order([read_part(part) for part in parts])).run()
+def merge_into(
+    folder: Path,
+    parts: Sequence[Path],
+    *,
+    on_cell: Callable[[Cell], None] = lambda cell: None,
+    after: Callable[[Joined], None] = lambda joined: None,
+) -> RunOutcome:
+    """The same into a folder that is there, and empty. Who has the scene at hand may look at each
+    verdict, with what was drawn, and `after` that add to the records before they are written."""
+    merging = _Merging(folder, in_order([read_part(part) for part in parts]))
+    return merging.run(on_cell, after)
 
 
 class _Merging:
@@ -74,10 +82,20 @@ class _Merging:
         self._plan = PicturePlan(parts[0].said.pictures)
         self._pictures: list[dict[str, Any]] = []
 
-    def run(self) -> RunOutcome:
+    def run(
+        self,
+        on_cell: Callable[[Cell], None] = lambda cell: None,
+        after: Callable[[Joined], None] = lambda joined: None,
+    ) -> RunOutcome:
         """Write all files."""
         folder = self._folder
-        joined = join(self._parts, self._on_cell)
+
+        def told(cell: Cell) -> None:
+            self._on_cell(cell)
+            on_cell(cell)
+
+        joined = join(self._parts, told)
+        after(joined)
         self._objects.close()
         write_rows(folder / FRAMES, self._rows, FRAMES_SCHEMA)
         self._write_timings(joined)

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.judging.again import Difference, mark_unsteady
+from visref.judging.ages import Followed
 from visref.judging.asking import Failure, Step
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
@@ -33,9 +34,9 @@ from visref.run_folder.layout import (
     OBJECTS_SCHEMA,
     ObjectKind,
 )
-from visref.run_folder.part import unpacked
+from visref.run_folder.part import drawn_units, unpacked
 from visref.run_folder.rows import FrameRow
-from visref.scene import OBJECT
+from visref.scene import OBJECT, Int32
 
 _KIND, _AGE = (OBJECTS_SCHEMA.get_field_index(name) for name in ("kind", "age"))
 
@@ -67,7 +68,8 @@ class KnownNames:
 @dataclass(frozen=True, eq=False)
 class Cell:
     """A verdict of a part, as the whole run has it. `row`: of frames.parquet; `objects`: its rows
-    of objects.parquet; `settled`: whether samples were looked at."""
+    of objects.parquet; `settled`: whether samples were looked at; `drawn`: (k,) int32, the units
+    drawn, ascending; `followed`: of units finer than objects, by which an object was missed."""
 
     part: PartFolder
     record: FrameRecord
@@ -75,6 +77,8 @@ class Cell:
     row: dict[str, Any]
     objects: pa.Table
     settled: bool
+    drawn: Int32
+    followed: Followed | None
 
 
 @dataclass(eq=False)
@@ -207,6 +211,8 @@ def _go_through(
                     {**_values(row), **vars(verdict.counts)},
                     _reviewed(mine, verdict),
                     kept["settled"],
+                    drawn_units(kept["drawn"], record.unit_count),
+                    followed,
                 )
             )
     if following is not None:

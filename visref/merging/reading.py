@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visref.culler import Promise, RasterTolerance
 from visref.errors import InputError
 from visref.findings import Code, Finding
@@ -19,10 +21,19 @@ from visref.recordings.truth_file import TruthRows, read_rows
 from visref.run_folder.columns import table_inside
 from visref.run_folder.inside import file_inside, json_inside
 from visref.run_folder.json_fields import Fields
-from visref.run_folder.layout import MANIFEST, PART, PART_CELLS, PART_SCHEMA, TRUTH
+from visref.run_folder.layout import (
+    MANIFEST,
+    PART,
+    PART_CELLS,
+    PART_SCHEMA,
+    PART_UNITS,
+    PART_UNITS_SCHEMA,
+    TRUTH,
+)
 from visref.run_folder.part import PART_FORMAT, PART_VERSION, InputFindings
 from visref.run_folder.read import RunFolder, read_run
 from visref.run_folder.rows import Motion, MovedFrame, MovedObject
+from visref.scene import Units
 
 FIX = "give folders that `visref run` or `visref check` wrote with --shard"
 _MOST_SHARDS = 1 << 20
@@ -64,13 +75,14 @@ class Said:
 @dataclass(frozen=True, eq=False)
 class PartFolder:
     """A part's folder. `manifest`: its JSON as it stands; `cells`: of `part.parquet`, one per row
-    of `run.frames`."""
+    of `run.frames`; `units`: of cullers that decide about others than objects."""
 
     folder: Path
     run: RunFolder
     manifest: dict[str, Any]
     said: Said
     cells: list[dict[str, Any]]
+    units: dict[str, Units]
     truth: TruthRows | None
 
     @property
@@ -95,15 +107,48 @@ def read_part(folder: Path) -> PartFolder:
         PART_SCHEMA,
         run.manifest.version,
         FIX,
-        required=frozenset({"culler", "frame", "settled"}),
+        required=frozenset({"culler", "frame", "settled", "drawn"}),
         most=len(run.frames),
     ).to_pylist()
     truth = None
     if (folder / TRUTH).exists():
         truth = read_rows(file_inside(folder, TRUTH, FIX), run.manifest.scene.objects)
-    part = PartFolder(folder, run, json_inside(folder, MANIFEST, FIX), said, cells, truth)
+    part = PartFolder(
+        folder, run, json_inside(folder, MANIFEST, FIX), said, cells, _units(folder, run), truth
+    )
     _check(part)
     return part
+
+
+def _units(folder: Path, run: RunFolder) -> dict[str, Units]:
+    """Raises InputError where a culler's units are others than it is said to have."""
+    known = run.manifest.cullers
+    table = table_inside(
+        folder,
+        PART_UNITS,
+        PART_UNITS_SCHEMA,
+        run.manifest.version,
+        FIX,
+        required=frozenset(PART_UNITS_SCHEMA.names),
+        most=len(known),
+        views=False,
+    )
+    found = {}
+    columns = (table[name] for name in PART_UNITS_SCHEMA.names)
+    for name, offsets, triangles in zip(*columns, strict=True):
+        facts = known.get(name.as_py())
+        ends, ids = offsets.values.to_numpy(), triangles.values.to_numpy()
+        if (
+            facts is None
+            or len(ends) != facts.units + 1
+            or (ends[0], ends[-1]) != (0, len(ids))
+            or (np.diff(ends) < 0).any()
+            or (len(ids) and not 0 <= ids.min() <= ids.max() < run.manifest.scene.triangles)
+        ):
+            source = str(folder / PART_UNITS)
+            raise InputError("a culler's units are none", source=source, fix=FIX)
+        found[name.as_py()] = Units(ends, ids, facts.unit_kind)
+    return found
 
 
 def _check(part: PartFolder) -> None:

@@ -8,6 +8,7 @@ both.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -27,9 +28,9 @@ from visref.judging.referee import JudgedFrame
 from visref.judging.summary import Caster, Facts
 from visref.picking import Shard
 from visref.run_folder.groups import RowGroups
-from visref.run_folder.layout import PART_CELLS, PART_SCHEMA
+from visref.run_folder.layout import PART_CELLS, PART_SCHEMA, PART_UNITS, PART_UNITS_SCHEMA
 from visref.run_folder.rows import Motion
-from visref.scene import OBJECT, Scene
+from visref.scene import OBJECT, Int32, Scene, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
 PART_FORMAT = "visref-part"
@@ -101,6 +102,7 @@ class PartKeeper:
         self._path = path
         self._cells = RowGroups(folder / PART_CELLS, PART_SCHEMA)
         self._missed: set[int] = set()
+        self._units: dict[str, Units] = {}
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         pass
@@ -108,11 +110,14 @@ class PartKeeper:
     def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
         record, followed = judged.record, judged.followed
         self._missed.update(miss.object for miss in record.verdict.misses)
+        if job.units.kind != OBJECT:
+            self._units[job.spec] = job.units
         row = {
             "culler": job.spec,
             "frame": record.frame,
             "view": record.view,
             "settled": bool(judged.settled),
+            "drawn": _bits(judged.drawn_units, job.units.count),
             **(_packed(followed) if followed is not None else {}),
         }
         self._cells.add(pa.Table.from_pylist([row], schema=PART_SCHEMA))
@@ -131,10 +136,15 @@ class PartKeeper:
         moved: Motion | None,
         truth: bool,
     ) -> dict[str, Any]:
-        """What `part.json` says. `again`: for each time that cullers were asked again, what was
+        """Write the rest, but for `part.json`; what that says. `again`: for each time that cullers were asked again, what was
         otherwise; `pictures`: the frames of the whole run that get some; `truth`:
         whether it went by a truth on file."""
         self._cells.close()
+        units = RowGroups(self._folder / PART_UNITS, PART_UNITS_SCHEMA)
+        for spec, its in self._units.items():
+            row = {"culler": [spec], "offsets": [its.offsets], "triangles": [its.triangles]}
+            units.add(pa.table(row, schema=PART_UNITS_SCHEMA))
+        units.close()
         part, scene = self._part, self._scene
         return {
             "format": PART_FORMAT,
@@ -204,6 +214,24 @@ class PartKeeper:
 
 def _caster_json(caster: Caster | None) -> dict[str, Any] | None:
     return None if caster is None else asdict(caster)
+
+
+def _bits(units: Int32, count: int) -> bytes:
+    drawn = np.zeros(count, np.bool_)
+    drawn[units] = True
+    return zlib.compress(np.packbits(drawn).tobytes(), 1)
+
+
+def drawn_units(packed: bytes, count: int) -> Int32:
+    """(k,) int32, the units drawn, ascending, of so many. Raises ValueError for what is no set of
+    them."""
+    try:
+        bits = np.frombuffer(zlib.decompressobj().decompress(packed, count // 8 + 2), np.uint8)
+    except zlib.error as error:
+        raise ValueError("what was drawn cannot be read") from error
+    if len(bits) != (count + 7) // 8:
+        raise ValueError("what was drawn has not a bit for each unit")
+    return np.flatnonzero(np.unpackbits(bits, count=count)).astype(np.int32)
 
 
 def _packed(followed: Followed) -> dict[str, bytes]:
