@@ -245,18 +245,8 @@ def _wrote(manifest: Any) -> Sequence[str] | None:
         pictures = [re.escape(file) for file in drawn if file.startswith(f"{PICTURES}/")]
     except (AttributeError, KeyError, TypeError):
         return None
-    files = (
-        MANIFEST,
-        VERDICT,
-        FRAMES,
-        TIMINGS,
-        OBJECTS,
-        TRUTH,
-        PART,
-        PART_CELLS,
-        PART_UNITS,
-        *REPORT,
-    )
+    of_a_part = (PART, PART_CELLS, PART_UNITS)
+    files = (MANIFEST, VERDICT, FRAMES, TIMINGS, OBJECTS, TRUTH, *of_a_part, *REPORT)
     # With, for each culler, what `explained_name` gives.
     witnesses = [rf"{WITNESSES}/{slug}(\.jsonl|-\d{{5,}}(-[\w.~-]+)?-\d+\.png)" for slug in slugs]
     return [*map(re.escape, files), *witnesses, *pictures]

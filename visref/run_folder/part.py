@@ -136,9 +136,9 @@ class PartKeeper:
         moved: Motion | None,
         truth: bool,
     ) -> dict[str, Any]:
-        """Write the rest, but for `part.json`; what that says. `again`: for each time that cullers were asked again, what was
-        otherwise; `pictures`: the frames of the whole run that get some; `truth`:
-        whether it went by a truth on file."""
+        """Write the rest, but for `part.json`; returns what that says. `again`: for each time that
+        cullers were asked again, what was otherwise; `pictures`: the frames of the whole run that
+        get some; `truth`: whether it went by a truth on file."""
         self._cells.close()
         units = RowGroups(self._folder / PART_UNITS, PART_UNITS_SCHEMA)
         for spec, its in self._units.items():
