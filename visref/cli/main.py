@@ -22,6 +22,7 @@ COMMANDS = {
     "truth": "cast who owns which samples, to a Parquet file",
     "run": "judge cullers on a scene and a camera path",
     "check": "judge an engine's recorded visible sets",
+    "merge": "put the parts of a run together that --shard left",
     "bench": "speed against error: where to stop paying",
     "report": "make a page from run folders",
     "tables": "measure the papers' tables again, beside the published numbers",
@@ -37,7 +38,7 @@ COMMANDS = {
 }
 
 # These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
-TELLING = ("run", "check")
+TELLING = ("run", "check", "merge")
 
 
 def main(

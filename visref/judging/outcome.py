@@ -16,6 +16,7 @@ from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.names import Names
 from visref.judging.policy import Policy
 from visref.judging.status import (
     MAX_UNDECIDED,
@@ -25,7 +26,6 @@ from visref.judging.status import (
     run_status,
     status_of,
 )
-from visref.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class RunOutcome:
         return self.status.exit
 
 
-def witness_json(scene: Scene, frame: int, miss: Miss) -> dict[str, object]:
+def witness_json(scene: Names, frame: int, miss: Miss) -> dict[str, object]:
     """A miss's witness as it stands in `verdict.json`, the objects table and reports."""
     return {
         "frame": frame,
@@ -178,7 +178,18 @@ def _finite(margin: float | None) -> float | None:
     return margin if margin is not None and math.isfinite(margin) else None
 
 
-def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
+def finding_json(finding: Finding) -> dict[str, object]:
+    """A finding as records have it, but for its severity, which is the policy's."""
+    return {
+        "code": finding.code.value,
+        "message": finding.message,
+        "culler": finding.culler,
+        "frame": finding.frame,
+        "object": finding.object,
+    }
+
+
+def verdict_json(outcome: RunOutcome, scene: Names) -> dict[str, object]:
     """The content of `verdict.json`."""
     cullers: dict[str, object] = {}
     for record in outcome.cullers:
@@ -202,12 +213,8 @@ def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
         "cullers": cullers,
         "findings": [
             {
-                "code": finding.code,
+                **finding_json(finding),
                 "severity": outcome.policy.severity_of(finding.code).value,
-                "message": finding.message,
-                "culler": finding.culler,
-                "frame": finding.frame,
-                "object": finding.object,
             }
             for finding in outcome.findings
         ],

@@ -8,30 +8,25 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from visref.judging.asking import Job
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.referee import JudgedFrame
 from visref.run_folder.causes import superfluous_causes
+from visref.run_folder.groups import RowGroups
 from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
 from visref.scene import OBJECT, Int32, Scene
-
-# Rows that are held before they are written: some 10 MB. A culler of small units over a long path
-# has tens of millions.
-PENDING_ROWS = 1 << 17
 
 
 class ObjectsWriter:
     """Collects rows and writes them. Superfluous units are explained in the frames `explained`."""
 
     def __init__(self, file: Path, scene: Scene, explained: Sequence[int]) -> None:
-        self._file = file
+        self._groups = RowGroups(file, OBJECTS_SCHEMA)
         self._scene = scene
         self._explained = frozenset(explained)
         self._names = pa.array(scene.names, pa.string())
-        self._pending: list[pa.Table] = []
-        self._writer: pq.ParquetWriter | None = None
 
     def add(self, job: Job, judged: JudgedFrame) -> None:
         """Add what a culler missed, drew for nothing or left in doubt in one view of a frame."""
@@ -41,7 +36,7 @@ class ObjectsWriter:
             witness = witness_json(self._scene, record.frame, miss)
             witness["name"] = witness.pop("object_name")
             misses.append({"culler": job.spec, **witness, "age": miss.age})
-        self._pending.append(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
+        self._groups.add(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
 
         def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:
             """Rows of which all columns that are not given are null."""
@@ -52,7 +47,7 @@ class ObjectsWriter:
                 "kind": pa.repeat(pa.scalar(kind.value), count),
             }
             every = [columns.get(f.name, pa.nulls(count, f.type)) for f in OBJECTS_SCHEMA]
-            self._pending.append(pa.table(every, schema=OBJECTS_SCHEMA))
+            self._groups.add(pa.table(every, schema=OBJECTS_SCHEMA))
 
         units = pa.array(verdict.superfluous_units, pa.int32())
         columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
@@ -65,20 +60,10 @@ class ObjectsWriter:
         objects = pa.array(verdict.undecided_objects, pa.int32())
         columns = {"object": objects, "name": self._names.take(objects)}
         rows(ObjectKind.UNDECIDED, len(objects), columns)
-        if sum(map(len, self._pending)) >= PENDING_ROWS:
-            self._write()
 
     def close(self) -> None:
         """Write what is left, and the file if there was nothing at all."""
-        self._write()
-        assert self._writer is not None
-        self._writer.close()
-
-    def _write(self) -> None:
-        if self._writer is None:
-            self._writer = pq.ParquetWriter(self._file, OBJECTS_SCHEMA, compression="zstd")
-        self._writer.write_table(pa.concat_tables([OBJECTS_SCHEMA.empty_table(), *self._pending]))
-        self._pending = []
+        self._groups.close()
 
     def _hiders(self, units: Int32, verdict: FrameVerdict) -> dict[str, pa.Array]:
         """What exact arithmetic found of each superfluous unit that a promise forbids; null for
@@ -92,7 +77,7 @@ class ObjectsWriter:
             row["samples"] = one.samples
             if one.occluder >= 0:
                 row["occluder"] = one.occluder
-                row["occluder_name"] = scene.names[scene.object_of_triangle[one.occluder]]
+                row["occluder_name"] = scene.owner_name(one.occluder)
                 row["y"], row["x"] = divmod(one.sample, one.width)
         return {
             name: pa.array([row.get(name) for row in rows], OBJECTS_SCHEMA.field(name).type)
