@@ -92,7 +92,9 @@ def _written(made: SceneMaker, seed: int) -> WrittenCase:
     growth = None
     if isinstance(motion, Bending):
         last = max(frame.time_s or 0.0 for frame in built.path.frames)
-        growth = Growth(motion.grown, int(np.ceil(last)), motion.clips[0])
+        seconds = np.arange(int(np.ceil(last)) + 1, dtype=np.float32)
+        moves = {index: grown[None] for index, grown in motion.grown.items()}
+        growth = Growth(moves, seconds[:, None], motion.clips[0])
     files = {
         SCENE: glb_of(built.scene, growth),
         PATH: _json(built.path.to_json()),
