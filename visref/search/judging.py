@@ -9,12 +9,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from visref.camera_path import CameraPath
 from visref.culler import Promise
 from visref.errors import NothingToJudge
 from visref.findings import Code
 from visref.judging.judge import Counts, Miss, MissKind
-from visref.judging.outcome import CullerRecord
+from visref.judging.outcome import CullerRecord, RunOutcome
 from visref.judging.referee import Job, JudgedFrame, Listener, Referee
 from visref.judging.status import Status
 from visref.judging.superfluous import Superfluous
@@ -96,6 +95,12 @@ def verdict_of(
         outcome = referee.run(
             inputs.path, inputs.frames, [(suspect.name, culler)], [drawn, *listeners]
         )
+    return verdict_from(outcome, inputs.scene, drawn.units)
+
+
+def verdict_from(outcome: RunOutcome, scene: Scene, units: Units | None) -> Verdict:
+    """The verdict of a run of one culler with these units. Raises NothingToJudge where that could
+    not start."""
     (record,) = outcome.cullers
     failed = ""
     for finding in outcome.findings:
@@ -104,7 +109,7 @@ def verdict_of(
         if finding.code is Code.CULLER_FAILED:
             failed = failed or finding.message
     return Verdict(
-        tuple(_violations(record, inputs.scene, inputs.path, drawn.units)),
+        tuple(_violations(record, scene, units)),
         record.status,
         record.promise,
         record.totals,
@@ -113,9 +118,7 @@ def verdict_of(
     )
 
 
-def _violations(
-    record: CullerRecord, scene: Scene, path: CameraPath, units: Units | None
-) -> list[Violation]:
+def _violations(record: CullerRecord, scene: Scene, units: Units | None) -> list[Violation]:
     found = []
     for row in record.frames:
         if record.promise.convicts:

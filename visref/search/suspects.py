@@ -9,11 +9,11 @@ from __future__ import annotations
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from visref.culler import Culler, CullerError
+from visref.culler import Culler, Promise
 from visref.plug_ins import DEFAULT_TIME_LIMIT_S
 from visref.plug_ins.command import Command, CommandCuller
 from visref.plug_ins.in_process import CullerGuarded
@@ -34,8 +34,17 @@ class Suspect(ABC):
     @abstractmethod
     def on(self, case: Case) -> AbstractContextManager[Culler]: ...
 
+    @property
+    def arguments(self) -> list[str]:
+        """How `visref run` is told of it."""
+        return ["--culler", self.name]
+
+    def forget(self) -> None:
+        """Drop what is kept from case to case: the next case is met as the first one was."""
+
     def close(self) -> None:
-        """Free what is kept from case to case."""
+        """Free what is kept."""
+        self.forget()
 
     def __enter__(self) -> Suspect:
         return self
@@ -87,9 +96,7 @@ class Apart(Suspect):
     def on(self, case: Case) -> Iterator[Culler]:
         yield self._culler.renewed()
 
-    def close(self) -> None:
-        with suppress(CullerError):
-            self._culler.close()
+    def forget(self) -> None:
         self._culler.end()
 
 
@@ -105,6 +112,16 @@ class Program(Suspect):
 
     def __post_init__(self) -> None:
         self.name = self.command.name
+
+    @property
+    def arguments(self) -> list[str]:
+        said = ["--command", self.command.text]
+        if self.command.promise is not Promise.CONSERVATIVE:
+            said += ["--command-promise", self.command.promise.value]
+        if (raster := self.command.raster) is not None:
+            bits = "float" if raster.depth_bits is None else raster.depth_bits
+            said += ["--command-raster", f"snap={raster.snap_px},depth={bits}"]
+        return said
 
     @contextmanager
     def on(self, case: Case) -> Iterator[Culler]:
