@@ -310,6 +310,26 @@ def not_so_short(case: Case, digits: int) -> Int64:
     return np.flatnonzero(long)
 
 
+def aimed(case: Case) -> Case:
+    """Each perspective camera turned to where its shifted image's middle is, without the shift."""
+
+    def put(camera: Camera) -> Camera:
+        if camera.yfov is None:
+            return camera
+        ahead = math.tan(camera.yfov / 2) / camera.height
+        # The middle of an image has a = 2 shift_x and b = -2 shift_y.
+        back = np.array([-2.0 * camera.shift_x_px * ahead, 2.0 * camera.shift_y_px * ahead, 1.0])
+        back /= np.linalg.norm(back)
+        right = np.cross([0.0, 1.0, 0.0], back)
+        right /= np.linalg.norm(right)
+        turn = np.eye(4)
+        turn[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
+        pose = camera.world_from_camera @ turn
+        return replace(camera, world_from_camera=pose, shift_x_px=0.0, shift_y_px=0.0)
+
+    return each_camera(case, put)
+
+
 # The image.
 
 

@@ -5,7 +5,7 @@ drawn.jsonl            what the culler drew: recorded visible sets, or a recordi
                        about something else than objects, with units.csv beside it
 command.txt            the command lines that replay it
 expected.json          what is violated, and how it was found
-picture.png            the last frame, and what is wrong in it
+picture.png            the scene of the last frame, and what is wrong at its samples
 test_fault.py          a test for the culler's own repository
 REPORT.md              for its tracker
 """
@@ -22,8 +22,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from visref.camera_path import CameraPath
 from visref.conformance.files import units_csv
 from visref.culler import Promise
@@ -34,9 +32,9 @@ from visref.judging.outcome import CullerRecord, RunOutcome
 from visref.recordings.recording import RECORDING_FORMAT, RECORDING_VERSION
 from visref.recordings.units import read_units
 from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.read import read_run
 from visref.runs import judge_to_folder
 from visref.search.case import PATH, SCENE, Case
+from visref.search.fault_picture import LastFrame, draw
 from visref.search.fault_texts import Told, report, test_file
 from visref.search.holding import Wanted
 from visref.search.judging import Drawn, Kind, Verdict, Violation, verdict_from
@@ -47,9 +45,6 @@ FORMAT, VERSION = "visref-fault", 1
 DRAWN, UNITS, COMMANDS, EXPECTED = "drawn.jsonl", "units.csv", "command.txt", "expected.json"
 PICTURE, TEST, REPORT = "picture.png", "test_fault.py", "REPORT.md"
 _FILES = (SCENE, PATH, DRAWN, UNITS, COMMANDS, EXPECTED, PICTURE, TEST, REPORT)
-
-# A picture of a few samples is shown at least so wide.
-_PICTURE_PX = 480
 
 
 def _wrote(record: Any) -> Sequence[str] | None:
@@ -74,11 +69,14 @@ def write_fault(
     case.write(folder)
     inputs = _opened(folder, case, engine)
     suspect.forget()
-    drawn = Drawn()
+    drawn, last = Drawn(), LastFrame(len(case.path) - 1)
     with tempfile.TemporaryDirectory(prefix="visref-fault-") as name, suspect.on(case) as culler:
-        run = Path(name) / "run"
         outcome = judge_to_folder(
-            inputs, [(suspect.name, culler)], run, pictures=len(case.path), listeners=[drawn]
+            inputs,
+            [(suspect.name, culler)],
+            Path(name) / "run",
+            pictures=0,
+            listeners=[drawn, last],
         )
         verdict = verdict_from(outcome, inputs.scene, drawn.units)
         violation = Wanted.of(shrunk.violation).among(verdict, len(case.path) - 1)
@@ -88,7 +86,7 @@ def write_fault(
                 "it met before this case",
                 fix="make its answers depend on the scene and the path alone",
             )
-        _draw(run, violation, folder / PICTURE)
+    draw(case, violation, last, folder / PICTURE)
     record = outcome.cullers[0]
     checks = _write_drawn(folder, inputs, drawn, verdict)
     run_arguments = ["run", *_scene_arguments(case, engine), *suspect.arguments]
@@ -263,24 +261,3 @@ def _told(
         arguments=tuple(suspect.arguments),
         scene_arguments=tuple(_scene_arguments(shrunk.case, engine)),
     )
-
-
-# The picture.
-
-
-def _draw(run: Path, violation: Violation, file: Path) -> None:
-    """The shaded last frame, and beside it what is lost or drawn for nothing, from the run's
-    pictures."""
-    sets = read_run(run).manifest.pictures
-    wanted = violation.seen_in or violation.view
-    found = [one for one in sets if one.frame == violation.frame]
-    best = next((one for one in found if one.view == wanted), found[0])
-    beside = "errors" if "errors" in best.files else "drawn"
-    panels = [Image.open(run / best.files[what]).convert("RGB") for what in ("picture", beside)]
-    width, height = panels[0].size
-    times = max(1, -(-_PICTURE_PX // width))
-    size, gap = (width * times, height * times), 12
-    sheet = Image.new("RGB", (2 * size[0] + gap, size[1]), (255, 255, 255))
-    for at, panel in enumerate(panels):
-        sheet.paste(panel.resize(size, Image.Resampling.NEAREST), (at * (size[0] + gap), 0))
-    sheet.save(file, optimize=True)

@@ -271,6 +271,8 @@ class _Shrinker:
         self._try(lambda: edits.with_lens(self.case, {"clip_plane": None}))
         self._try(lambda: edits.with_lens(self.case, {"shift_x_px": 0.0, "shift_y_px": 0.0}))
         camera = self.case.path.frames[-1].cameras[0]
+        if camera.shift_x_px or camera.shift_y_px:
+            self._try(lambda: edits.to_the_eye(edits.aimed(self.case), turned=True))
         for pose in _simpler_poses(camera):
             if self._try(lambda p=pose: edits.each_camera(self.case, p)):  # type: ignore[misc]
                 break
