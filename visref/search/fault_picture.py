@@ -18,7 +18,7 @@ from visref.camera import Camera
 from visref.culler import Culler, DrawnSet
 from visref.judging.frame import SettledFrame
 from visref.judging.referee import Job, JudgedFrame
-from visref.run_folder.pictures import MISSED_RGB
+from visref.run_folder.colours import MISSED_RGB
 from visref.run_folder.read import read_run
 from visref.runs import judge_to_folder
 from visref.scene import Scene, Units
@@ -37,7 +37,8 @@ _OBJECTS_RGB = ((0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (8
 
 
 class LastFrame:
-    """A run's listener that keeps what the verdict on one frame rests on, a settled frame per view."""
+    """A run's listener that keeps what the verdict on one frame rests on: per view, what was
+    settled."""
 
     def __init__(self, frame: int) -> None:
         self._frame = frame

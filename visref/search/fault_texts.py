@@ -82,8 +82,8 @@ def report(told: Told, lines: Sequence[str]) -> str:
     if one.cause:
         parts.append(f"Cause, as visref names it: {one.cause}.")
     parts += [
-        "![left: the last frame, at more samples than were judged; right: its samples, with those that "
-        "are wrong in vermilion](picture.png)",
+        "![left: the last frame, at more samples than were judged; right: its samples, with those "
+        "that are wrong in vermilion](picture.png)",
         "## Steps",
         f"The scene has {', '.join(size)}{still}. With the files of this folder:",
         "\n".join(["```sh", *lines, "```"]),
