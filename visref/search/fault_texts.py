@@ -55,12 +55,13 @@ def sentence(told: Told) -> str:
             f"In {where} {what} is drawn and is hidden at all of the {one.samples} "
             f"{'sample' if one.samples == 1 else 'samples'} that it covers{by}."
         )
-    lost = f"{one.samples} of the {counted(one.owned, 'sample')} at which it is seen"
+    seen = counted(one.owned, "sample")
+    lost = f"{one.samples} of the {seen}" if one.owned > 1 else "the one sample"
     part = "is not drawn" if one.kind is Kind.MISSED else "is not drawn whole"
     return (
-        f"In {where} {name} is visible and {part}: it loses {lost}, for one pixel "
-        f"({one.x}, {one.y}) of {told.width} × {told.height}, where its triangle {one.triangle} is "
-        f"the nearest, at depth {one.depth:.6g}."
+        f"In {where} {name} is visible and {part}: it loses {lost} at which it is seen. At pixel "
+        f"({one.x}, {one.y}) of {told.width} × {told.height} its triangle {one.triangle} is the "
+        f"nearest, at depth {one.depth:.6g}."
     )
 
 
@@ -91,7 +92,7 @@ def report(told: Told, lines: Sequence[str]) -> str:
         "`run` asks the culler again; `check` judges what it drew (`drawn.jsonl`)."
         if len(lines) > 1
         else "It ends with exit status 1, and `run/verdict.json` says the rest.",
-        f"`pytest {'test_fault.py'}` does the same; set `FIXED` in it once the fault is mended.",
+        "`pytest test_fault.py` does the same; set `FIXED` in it once the fault is mended.",
         "## Expected",
         "Nothing that is visible is left out: exit status 0."
         if one.kind is not Kind.SUPERFLUOUS
