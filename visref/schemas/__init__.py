@@ -9,6 +9,7 @@ recording           a line of a recording, header or frame, version 1
 policy              what a user accepts (TOML, as its value in JSON)
 conformance         the manifest of a conformance suite, version 1
 conformance_results what `visref conformance --json` writes, version 1
+fault               `expected.json` of a shrunk fault, version 1
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from importlib.resources import files
 from typing import Any
 
 NAMES = (
-    "conformance", "conformance_results", "manifest", "path", "policy", "recording",
+    "conformance", "conformance_results", "fault", "manifest", "path", "policy", "recording",
     "verdict", "visible_sets", "witness",
 )  # fmt: skip
 
