@@ -8,15 +8,18 @@ from __future__ import annotations
 import copy
 import json
 import math
+import tempfile
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from datetime import date
+from pathlib import Path
 from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
+from tests.search.test_shrinking import once, suspect_of
 from tests.support import report_runs
 from tests.support.hand_made import still_path
 from visref.camera import Camera, look_at
@@ -34,6 +37,7 @@ from visref.run_folder.facts import read_manifest, read_verdict
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import COUNTS
 from visref.schemas import NAMES, schema
+from visref.search.fault_folder import write_fault
 
 pytestmark = pytest.mark.slow
 
@@ -144,6 +148,10 @@ def valid(run, name: str) -> Any:
         row = Row("glass", "what is right", "what is wrong", ("masks",), lambda: Judged(()))
         declared = Declared(None, {"glass": "windows are drawn apart"})
         return results_json("engine", 0, list(run_rows([row], declared)))
+    if name == "fault":
+        with tempfile.TemporaryDirectory() as folder:
+            write_fault(Path(folder), once("last-answer").shrunk, suspect_of("last-answer"))
+            return json.loads((Path(folder) / "expected.json").read_text())
     if name == "witness":
         (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
         return json.loads(file.read_text().splitlines()[0])

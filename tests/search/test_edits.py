@@ -20,7 +20,8 @@ NAMES = ("a", "b", "c")
 def made() -> Case:
     """Three boxes, of which the last is carried along and absent in the first of three frames."""
     boxes = [
-        (name, box((x, 0.0, -6.0), (x + 1.0, 1.3, -5.0))) for name, x in zip(NAMES, (-2, 0, 2))
+        (name, box((2.0 * k - 2.0, 0.0, -6.0), (2.0 * k - 1.0, 1.3, -5.0)))
+        for k, name in enumerate(NAMES)
     ]
     built = case(boxes, [camera((0.1 * k, 0.5, 1.0)) for k in range(3)])
     step = np.eye(4)

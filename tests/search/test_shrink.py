@@ -205,6 +205,7 @@ def test_a_scene_that_is_another_since_is_refused(judged, tmp_path, capsys):
     assert "is not the one that was judged" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_fault_s_folder_is_replaced_and_one_with_something_of_the_user_s_is_not(
     fault, judged, tmp_path, capsys
 ):

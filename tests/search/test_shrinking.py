@@ -147,8 +147,8 @@ class Draws(Culler):
 
 def crowd(count: int) -> Case:
     """Boxes beside each other, each seen whole."""
-    built = case([(f"b{i}", box((i - 4.0, -0.4, -9.0), (i - 3.2, 0.4, -8.2))) for i in range(count)],
-                 [camera()])  # fmt: skip
+    boxes = [box((i - 4.0, -0.4, -9.0), (i - 3.2, 0.4, -8.2)) for i in range(count)]
+    built = case([(f"b{i}", mesh) for i, mesh in enumerate(boxes)], [camera()])
     return Case.of(built.scene, built.path)
 
 
