@@ -181,8 +181,8 @@ def ground(stage: Stage, level, reach, stones, seed, steep):  # type: ignore[no-
         stage.put("buried", box((x, -level - 2 * size, z), (x + size, -level - 0.3 * size, z + size)))
 
 
-@register(BODIES, 1.0, kind=whole(0, 4), depth=DEPTH)
-def nothing(stage: Stage, kind, depth):  # type: ignore[no-untyped-def]
+@register(BODIES, 1.0, shape=whole(0, 4), depth=DEPTH)
+def nothing(stage: Stage, shape, depth):  # type: ignore[no-untyped-def]
     """objects without triangles, of one point, edge-on or flat"""
     at = stage.space(0.5, 0.5, depth)
     flat = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
@@ -191,7 +191,7 @@ def nothing(stage: Stage, kind, depth):  # type: ignore[no-untyped-def]
     line = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [2.0, 1.0, 0.0]])
     meshes: list[Mesh] = [none, (np.tile(at, (3, 1)), one), (flat * (1, 1, depth), one),
                           (at + line, one), none]  # fmt: skip
-    stage.put("nothing", meshes[int(kind)])
+    stage.put("nothing", meshes[int(shape)])
 
 
 @register(BODIES, 1.5, layers=whole(1, 4), side=whole(1, 4), seed=SEED, level=log(0.3, 4.0),
