@@ -1,0 +1,200 @@
+"""How many of the faults that are planted here a search finds, in how many trials and seconds.
+
+    python -m tests.search.benchmark generated --seed 0 --out FILE.json
+
+tries generated scenes, guided, on every unsafe mutant and wrong culler until each is convicted or
+the time is over: each case's truth is cast once, and those that are not found yet are tried on it.
+`--unguided` draws every scene anew. What a culler's trials are before it is convicted depends on
+truths alone, so these are the trials that `visref fuzz` would make.
+
+    python -m tests.search.benchmark random --seed 0 --out FILE.json
+
+is what people do: one scene, a city, with cameras anywhere in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.search.subjects import Subject, Trial, sound, subjects
+from visref.camera_path import CameraPath
+from visref.conformance.building import box, camera, case, city
+from visref.conformance.building import Case as Laid
+from visref.errors import InputError
+from visref.search.case import Case
+from visref.search.generated import GeneratedScenes
+from visref.search.novelty import features_of
+from visref.search.stream import Stream, round_of
+from visref.visibility import objects_seen
+
+# Every so many trials the sound methods are tried too.
+SOUND_EVERY = 20
+
+
+class RandomCameras:
+    """Cameras anywhere in and about a city of houses, three frames of a walk from each: what
+    somebody sees who flies around. It learns nothing."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(1)
+        self.objects = city(rng)
+        for _ in range(60):
+            at = rng.uniform((-24.0, 0.0, -24.0), (24.0, 0.0, 24.0))
+            half = rng.uniform(0.1, 0.8, 3)
+            self.objects.append(("thing", box(at - half * (1, 0, 1), at + half * (1, 2, 1))))
+
+    def random(self, rng: np.random.Generator) -> Laid:
+        eye = rng.uniform((-30.0, 0.3, -30.0), (30.0, 6.0, 30.0))
+        way = rng.normal(size=3) * (1.0, 0.25, 1.0)
+        step = rng.normal(0.0, 0.4, 3) * (1.0, 0.1, 1.0)
+        views = [
+            camera(tuple(eye + k * step), tuple(eye + k * step + way)) for k in range(3)
+        ]
+        return case(self.objects, views)
+
+
+def features(trial: Trial, called: Any) -> set[str]:
+    """Of all views of a trial, as `visref.search.novelty.Watching` gathers them."""
+    found: set[str] = set()
+    before: dict[str, Any] = {}
+    truths = iter(trial.truths)
+    for scene, frame in zip(trial.scenes, trial.path.frames, strict=True):
+        for view in frame.cameras:
+            truth = next(truths)
+            seen = objects_seen(truth, scene)
+            found |= set(features_of(truth, seen, scene, before.get(view.view), called))
+            before[view.view] = seen.visible
+    return found
+
+
+def search(
+    every: Sequence[Subject], kind: str, seed: int, seconds: float, guided: bool
+) -> dict[str, Any]:
+    """Trials until all subjects are found or the time is over: what was found, `{name: [trial,
+    seconds, words]}`, and how many trials there were."""
+    began = time.monotonic()
+    left = {one.name: one for one in every}
+    found: dict[str, Any] = {}
+    cities = RandomCameras()
+    source = GeneratedScenes()
+    stream = Stream(source, seed, guided=guided)
+    trial, in_vain = 0, 0
+    while left and time.monotonic() - began < seconds:
+        numbers = round_of(trial)
+        genomes = [stream.genome(number) for number in numbers] if kind == "generated" else []
+        for number in numbers:
+            if not left or time.monotonic() - began >= seconds:
+                break
+            trial = number + 1
+            try:
+                if kind == "generated":
+                    laid = source.case(genomes[number - numbers.start])
+                    tried = Trial.of(laid)
+                    shown = features(tried, source.called(laid))
+                    stream.learn(number, genomes[number - numbers.start], shown)
+                else:
+                    plain = cities.random(np.random.default_rng([seed, number]))
+                    tried = Trial(plain.scene, CameraPath(plain.path.frames))
+            except InputError:
+                in_vain += 1
+                continue
+            for name, subject in list(left.items()):
+                said = tried.problem(subject)
+                if said:
+                    took = round(time.monotonic() - began, 1)
+                    found[name] = [trial, took, said]
+                    del left[name]
+    return {
+        "found": found,
+        "trials": trial,
+        "in_vain": in_vain,
+        "seconds": round(time.monotonic() - began, 1),
+    }
+
+
+def _part(of: tuple[int, int, str, int, float, bool]) -> dict[str, Any]:
+    part, parts, kind, seed, seconds, guided = of
+    every = subjects()[part::parts]
+    return search(every, kind, seed, seconds, guided)
+
+
+def benchmark(kind: str, seed: int, seconds: float, workers: int, guided: bool) -> dict[str, Any]:
+    """The same over several processes, each with its share of the subjects."""
+    shares = [(part, workers, kind, seed, seconds, guided) for part in range(workers)]
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        parts = pool.map(_part, shares, chunksize=1)
+    every = subjects()
+    found = {name: row for part in parts for name, row in part["found"].items()}
+    return {
+        "kind": kind,
+        "seed": seed,
+        "guided": guided,
+        "seconds_allowed": seconds,
+        "seconds": max(part["seconds"] for part in parts),
+        "trials": max(part["trials"] for part in parts),
+        "subjects": len(every),
+        "found": {one.name: found[one.name] for one in every if one.name in found},
+        "not_found": [one.name for one in every if one.name not in found],
+    }
+
+
+def sound_ones(seed: int, seconds: float) -> dict[str, Any]:
+    """The sound methods over the same trials: nothing is to be found."""
+    began = time.monotonic()
+    every = sound()
+    source = GeneratedScenes()
+    stream = Stream(source, seed)
+    against: dict[str, Any] = {}
+    trial = 0
+    while time.monotonic() - began < seconds:
+        numbers = round_of(trial)
+        genomes = [stream.genome(number) for number in numbers]
+        for number, genome in zip(numbers, genomes, strict=True):
+            trial = number + 1
+            try:
+                laid = source.case(genome)
+                tried = Trial.of(laid)
+                stream.learn(number, genome, features(tried, source.called(laid)))
+            except InputError:
+                continue
+            for subject in every:
+                said = tried.problem(subject)
+                if said:
+                    against[f"{subject.name} {number}"] = [said, source.written(genome)]
+                    print(subject.name, number, said, flush=True)
+    return {"seed": seed, "trials": trial, "against": against, "methods": len(every)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("kind", choices=("generated", "random", "sound"))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=1200.0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--unguided", action="store_true")
+    parser.add_argument("--out", type=Path, required=True)
+    given = parser.parse_args()
+    if given.kind == "sound":
+        result = sound_ones(given.seed, given.seconds)
+    else:
+        result = benchmark(
+            given.kind, given.seed, given.seconds, given.workers, not given.unguided
+        )
+        print(
+            f"{given.kind}, seed {given.seed}: {len(result['found'])} of {result['subjects']} "
+            f"in {result['trials']} trials, {result['seconds']} s",
+            flush=True,
+        )
+    given.out.write_text(json.dumps(result, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
