@@ -26,10 +26,9 @@ import numpy as np
 
 from tests.search.subjects import Subject, Trial, sound, subjects
 from visref.camera_path import CameraPath
-from visref.conformance.building import box, camera, case, city
 from visref.conformance.building import Case as Laid
+from visref.conformance.building import box, camera, case, city
 from visref.errors import InputError
-from visref.search.case import Case
 from visref.search.generated import GeneratedScenes
 from visref.search.novelty import features_of
 from visref.search.stream import Stream, round_of
@@ -55,9 +54,7 @@ class RandomCameras:
         eye = rng.uniform((-30.0, 0.3, -30.0), (30.0, 6.0, 30.0))
         way = rng.normal(size=3) * (1.0, 0.25, 1.0)
         step = rng.normal(0.0, 0.4, 3) * (1.0, 0.1, 1.0)
-        views = [
-            camera(tuple(eye + k * step), tuple(eye + k * step + way)) for k in range(3)
-        ]
+        views = [camera(tuple(eye + k * step), tuple(eye + k * step + way)) for k in range(3)]
         return case(self.objects, views)
 
 
@@ -185,9 +182,7 @@ def main() -> None:
     if given.kind == "sound":
         result = sound_ones(given.seed, given.seconds)
     else:
-        result = benchmark(
-            given.kind, given.seed, given.seconds, given.workers, not given.unguided
-        )
+        result = benchmark(given.kind, given.seed, given.seconds, given.workers, not given.unguided)
         print(
             f"{given.kind}, seed {given.seed}: {len(result['found'])} of {result['subjects']} "
             f"in {result['trials']} trials, {result['seconds']} s",

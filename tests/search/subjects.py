@@ -48,9 +48,7 @@ def subjects() -> list[Subject]:
             found += [_of_mutant(mutant) for mutant in suite.mutants if mutant.caught_by]
     for name, wrong in WRONG.items():
         culler = wrong.culler
-        found.append(
-            Subject(f"wrong {name}", f"wrong {name}", wrong.rule, culler, _moves(culler))
-        )
+        found.append(Subject(f"wrong {name}", f"wrong {name}", wrong.rule, culler, _moves(culler)))
     return found
 
 

@@ -41,7 +41,8 @@ def crowd(stage: Stage, count, seed, near, far, size):  # type: ignore[no-untype
     rng = np.random.default_rng(int(seed))
     for _ in range(int(count)):
         depth = near * float(rng.uniform(1.0, far))
-        centre = stage.space(*rng.uniform(-0.1, 1.1, 2), depth)
+        x, y = rng.uniform(-0.1, 1.1, 2)
+        centre = stage.space(x, y, depth)
         half = rng.uniform(0.2, 1.0, 3) * size * depth
         stage.put("one of a crowd", box(centre - half, centre + half))
 
@@ -178,7 +179,9 @@ def ground(stage: Stage, level, reach, stones, seed, steep):  # type: ignore[no-
     for _ in range(int(stones)):
         x, z, size = rng.uniform(-8.0, 8.0), -rng.uniform(2.0, 30.0), rng.uniform(0.05, 1.0)
         stage.put("stone", box((x - size, -level, z - size), (x + size, size - level, z + size)))
-        stage.put("buried", box((x, -level - 2 * size, z), (x + size, -level - 0.3 * size, z + size)))
+        stage.put(
+            "buried", box((x, -level - 2 * size, z), (x + size, -level - 0.3 * size, z + size))
+        )
 
 
 @register(BODIES, 1.0, shape=whole(0, 4), depth=DEPTH)

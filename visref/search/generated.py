@@ -15,6 +15,21 @@ from visref.search.grammar import Recipe, built, changed, crossed, random_recipe
 # What makes a name its object's own: a number, and that of a name that repeats.
 _NUMBER = re.compile(r"( \d+)?(#\d+)?$")
 
+# One box before a camera.
+PLAIN = Recipe.from_json(
+    {
+        "lens": {"kind": "straight", "size": 0, "yfov": 1.0, "near": 0, "far": 0},
+        "path": {"kind": "one-frame"},
+        "views": {"kind": "one"},
+        "world": {"kind": "as-it-is"},
+        "things": [
+            {"kind": "solid", "x": 0.5, "y": 0.5, "depth": 5.0, "a": 0.1, "b": 0.1, "c": 0.1,
+             "one": 0, "far": 0}
+        ],
+        "same_names": False,
+    }
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class GeneratedScenes:
@@ -43,5 +58,9 @@ class GeneratedScenes:
 
     def called(self, case: Case) -> Callable[[int], str]:
         """By their kinds."""
-        names = [_NUMBER.sub("", name) for name in case.scene.names]
-        return names.__getitem__
+        return [kind_of(name) for name in case.scene.names].__getitem__
+
+
+def kind_of(name: str) -> str:
+    """What an object of a generated scene is, by its name."""
+    return _NUMBER.sub("", name)

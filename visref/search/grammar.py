@@ -146,7 +146,7 @@ def _changed(recipe: Recipe, rng: np.random.Generator, moves: bool) -> Recipe:
 
 
 def _other_genes(thing: Part, rng: np.random.Generator) -> Part:
-    moves = {name: thing[name] for name in ("mover", "moves") if name in thing}
+    moves: Part = {name: thing[name] for name in ("mover", "moves") if name in thing}
     if moves and rng.random() < 0.4:
         moves["moves"] = changed_part(MOTIONS, moves["moves"], rng)
         return {**thing, **moves}
@@ -156,15 +156,11 @@ def _other_genes(thing: Part, rng: np.random.Generator) -> Part:
 
 def crossed(one: Recipe, other: Recipe, rng: np.random.Generator) -> Recipe:
     """A recipe of the parts of two."""
-    sections = {
-        name: getattr(one if rng.random() < 0.5 else other, name) for name in _SECTIONS
-    }
+    sections = {name: getattr(one if rng.random() < 0.5 else other, name) for name in _SECTIONS}
     every = [*one.things, *other.things]
     count = int(rng.integers(1, min(len(every), MOST_THINGS) + 1))
     kept = sorted(rng.permutation(len(every))[:count].tolist())
-    return Recipe(
-        **sections, things=tuple(every[k] for k in kept), same_names=one.same_names
-    )
+    return Recipe(**sections, things=tuple(every[k] for k in kept), same_names=one.same_names)
 
 
 # Building.
@@ -184,9 +180,7 @@ def built(recipe: Recipe) -> tuple[Scene, CameraPath]:
         if "moves" in thing and count:
             moving[first + thing["mover"] % count] = thing["moves"]
     world, origin = _call(WORLDS, recipe.world)
-    cameras = [
-        _call(VIEWS, recipe.views, camera) for camera in _call(PATHS, recipe.path, view)
-    ]
+    cameras = [_call(VIEWS, recipe.views, camera) for camera in _call(PATHS, recipe.path, view)]
     # What the path moves it names, and names of its own it must have.
     pieces = _named(stage.pieces, recipe.same_names and not moving)
     scene = _scene(pieces, world, origin)

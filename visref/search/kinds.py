@@ -187,9 +187,7 @@ class Stage:
 
     def space(self, x: float, y: float, depth: float) -> Any:
         """(3,) float64, the point at a share of the width and height, at a depth."""
-        return pixel_point(
-            self.view, x * self.width - 0.5, y * self.height - 0.5, depth
-        )
+        return pixel_point(self.view, x * self.width - 0.5, y * self.height - 0.5, depth)
 
     def pixel(self, depth: float) -> float:
         """A pixel's side, in world units, at a depth."""

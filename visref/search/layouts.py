@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from visref.conformance.building import Cutout, together
+from visref.conformance.building import Cutout, Mesh, together
 from visref.scene import Alpha
 from visref.search.kinds import (
     DEPTH,
@@ -69,13 +69,13 @@ def gap(stage: Stage, at, width, share, upright, depth, back, reach, long, acros
     low, high = centre - share * width, centre + (1.0 - share) * width
     middle, half = across * other, long * other / 2
 
-    def place(a, b, c, d, z):  # type: ignore[no-untyped-def]
+    def place(a: float, b: float, c: float, d: float, z: float) -> Mesh:
         return stage.rect((a, b), (c, d), z) if upright else stage.rect((c, d), (a, b), z)
 
     sides = (middle - half, middle + half)
     walls = together(place(-2.0, low, *sides, depth), place(high, size + 1.0, *sides, depth))
-    at_flag = (size * 0.2, middle) if upright else (middle, size * 0.2)
-    stage.put("walls", stage.flagged(walls, *at_flag, flag))
+    flag_x, flag_y = (size * 0.2, middle) if upright else (middle, size * 0.2)
+    stage.put("walls", stage.flagged(walls, flag_x, flag_y, flag))
     inner = (middle - half * 0.7, middle + half * 0.7)
     stage.put("in the gap", place(low - reach, high + reach, *inner, depth * back))
     stage.put("beside the gap", place(high + 1.5, high + 6.0, *inner, depth * back * 1.1))
@@ -87,12 +87,12 @@ def gap(stage: Stage, at, width, share, upright, depth, back, reach, long, acros
 def sieve(stage: Stage, first, period, solid, upright, depth, back, x, y, w, h, many):  # type: ignore[no-untyped-def]
     """many slits: cells of a coarse map that are covered but for one"""
     size, other = (stage.width, stage.height) if upright else (stage.height, stage.width)
-    strips, at = [], first - period - 1.0
+    strips: list[Mesh] = []
+    at = first - period - 1.0
     while at < size and len(strips) < 64:
-        ends = (at, at + solid * period)
-        whole_side = (-2.0, other + 1.0)
-        sides = (ends, whole_side) if upright else (whole_side, ends)
-        strips.append(stage.rect(*sides, depth))
+        ends, long = (at, at + solid * period), (-2.0, other + 1.0)
+        sides = (ends, long) if upright else (long, ends)
+        strips.append(stage.rect(sides[0], sides[1], depth))
         at += period
     stage.put("sieve", together(*strips))
     places = [(x, y)]

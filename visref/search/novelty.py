@@ -8,6 +8,7 @@ these, by object, is a *feature*; a trial that shows one that no trial before it
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -33,19 +34,25 @@ def count_class(count: int) -> str:
 
 @dataclass(eq=False)
 class Watching:
-    """A run's listener that gathers the features of its truths. `called`: by object id, what an
-    object counts as, so that things of a kind are one; by default it is its own."""
+    """A run's listener that gathers the features of its truths, by trial. `trial_of`: by frame, the
+    trial that it is of, several of which may come one after another; `called`: by object id, what
+    an object counts as, so that things of a kind are one. `visible`: how many object-views each
+    trial saw."""
 
     scene_at: Callable[[int], Scene]
-    called: Callable[[int], str] = str
-    features: set[Feature] = field(default_factory=set)
-    _seen: dict[str, Bool] = field(default_factory=dict)
+    trial_of: Callable[[int], int]
+    called: Callable[[int], str]
+    features: dict[int, set[Feature]] = field(default_factory=dict)
+    visible: Counter[int] = field(default_factory=Counter)
+    _seen: dict[tuple[int, str], Bool] = field(default_factory=dict)
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
-        before = self._seen.get(truth.camera.view)
-        scene = self.scene_at(frame)
-        self.features |= set(features_of(truth, seen, scene, before, self.called))
-        self._seen[truth.camera.view] = seen.visible
+        trial = self.trial_of(frame)
+        before = self._seen.get((trial, truth.camera.view))
+        shown = features_of(truth, seen, self.scene_at(frame), before, self.called)
+        self.features.setdefault(trial, set()).update(shown)
+        self.visible[trial] += int(np.count_nonzero(seen.visible))
+        self._seen[trial, truth.camera.view] = seen.visible
 
     def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
         pass
@@ -139,10 +146,11 @@ def _by_box(camera: Camera, scene: Scene) -> dict[str, Bool]:
     """(n,) bool each, by the boxes of the objects: the eye is in it, it reaches across the near
     plane, or the middle of it is not in the image."""
     boxes = scene.object_bounds
-    there: Bool = (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
-    inside = there & ((boxes[:, 0] <= camera.eye) & (camera.eye <= boxes[:, 1])).all(axis=1)
+    there: Bool = np.all(boxes[:, 0] <= boxes[:, 1], axis=1)
+    boxes = np.where(there[:, None, None], boxes, 0.0)
+    around = (boxes[:, 0] <= camera.eye) & (camera.eye <= boxes[:, 1])
+    inside: Bool = there & np.all(around, axis=1)
     middle, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2
-    middle[~there], half[~there] = 0.0, 0.0
     depth = (middle - camera.eye) @ camera.forward
     reach = half @ np.abs(camera.forward)
     across = there & (depth - reach < camera.near) & (depth + reach > camera.near)

@@ -77,10 +77,12 @@ def clipped(size, yfov, depth, tilt, aside, before):  # type: ignore[no-untyped-
     return replace(_lens(size, 0, 0, yfov=yfov), clip_plane=plane)
 
 
-def _lens(size: float, near: float, far: float, **projection: float) -> Camera:
+def _lens(
+    size: float, near: float, far: float, yfov: float | None = None, ymag: float | None = None
+) -> Camera:
     width, height = _image(size)
     near, far = _NEARS[int(near)], _FARS[int(far)]
-    return Camera(np.eye(4), width, height, near=near, far=far, **projection)
+    return Camera(np.eye(4), width, height, near=near, far=far, yfov=yfov, ymag=ymag)
 
 
 # Paths: frames of one camera each.
@@ -213,8 +215,8 @@ def cube(camera, side):  # type: ignore[no-untyped-def]
 @register(VIEWS, 0.5, above=log(3.0, 60.0), ymag=log(1.0, 20.0))
 def a_map(camera, above, ymag):  # type: ignore[no-untyped-def]
     """a picture and its map from above"""
-    eye = camera.eye + (0.0, above, 0.0)
-    pose = look_at(eye, eye - (0.0, 1.0, 0.0))
+    eye = camera.eye + np.array([0.0, above, 0.0])
+    pose = look_at(eye, eye - np.array([0.0, 1.0, 0.0]))
     seen = Camera(pose, 40, 40, near=0.1, far=200.0, ymag=ymag, view="map", cut=camera.cut)
     return replace(camera, view="picture"), seen
 

@@ -79,21 +79,26 @@ class Stream(Generic[G]):
     guided: bool = True
     kept: list[Kept[G]] = field(default_factory=list)
     hits: Counter[Feature] = field(default_factory=Counter)
+    # The round at hand, and `hits` as they were when it began.
+    round_at: int = 0
+    hits_then: Counter[Feature] = field(default_factory=Counter)
 
     def genome(self, trial: int) -> G:
-        """What a trial tries, to be asked for before anything of its round is learnt."""
+        """What a trial of the round at hand tries, or of the next one when all of this are
+        learnt."""
+        start = round_of(trial).start
+        if start != self.round_at:
+            self.round_at, self.hits_then = start, Counter(self.hits)
         rng = np.random.default_rng([self.seed, trial])
-        if not self.guided or not self.kept or rng.random() >= _KEPT:
+        kept = [one for one in self.kept if one.trial < start]
+        if not self.guided or not kept or rng.random() >= _KEPT:
             return self.source.random(rng)
-        parents = self._parents(rng)
+        energy = np.array([rarity(one.features, self.hits_then) for one in kept])
+        first, second = rng.choice(len(kept), 2, p=energy / energy.sum())
+        one, other = kept[int(first)].genome, kept[int(second)].genome
         if rng.random() < _CROSSED:
-            return self.source.crossed(*parents, rng)
-        return self.source.changed(parents[0], rng)
-
-    def _parents(self, rng: np.random.Generator) -> tuple[G, G]:
-        energy = np.array([rarity(one.features, self.hits) for one in self.kept])
-        first, second = rng.choice(len(self.kept), 2, p=energy / energy.sum())
-        return self.kept[int(first)].genome, self.kept[int(second)].genome
+            return self.source.crossed(one, other, rng)
+        return self.source.changed(one, rng)
 
     def learn(self, trial: int, genome: G, features: Iterable[Feature]) -> Kept[G] | None:
         """Take in what a trial showed, in the order of the trials: what is kept of it, if it showed

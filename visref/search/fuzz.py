@@ -1,0 +1,217 @@
+"""Searches for violations: tries trials round by round, on all cores, and keeps what it finds.
+
+What is tried next is decided here, from the outcomes in the order of the trials; how one is tried,
+in `trying`. So the outcome is the same for any number of workers.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from visref.errors import InputError, NothingToJudge
+from visref.judging.status import Status
+from visref.search.folder import Fault, Key, SearchFolder, Tally
+from visref.search.generated import kind_of
+from visref.search.stream import Source, Stream, round_of
+from visref.search.trying import Asked, Outcome, Trier, moves_of
+
+# Faults that are kept: a culler that fails everywhere fails in more ways than anybody reads.
+MOST_FAULTS = 50
+
+Task = list[tuple[int, Any]]
+Shown = Callable[[SearchFolder], None]
+
+
+def fuzz(
+    asked: Asked,
+    out: Path,
+    *,
+    seed: int = 0,
+    trials: int | None = None,
+    seconds: float | None = None,
+    workers: int = 1,
+    shown: Shown = lambda _: None,
+) -> SearchFolder:
+    """Search until so many trials are made in all, or for so many seconds more; the folder is
+    written after each round of trials, and goes on where it stopped. `shown` is told after each
+    round.
+
+    Raises InputError for anything wrong with what is asked or with the folder, and NothingToJudge
+    where the culler cannot start here or ends a worker's process.
+    """
+    if trials is None and seconds is None:
+        raise InputError("there is no end to it", fix="give --trials or --time")
+    ends = None if seconds is None else time.monotonic() + seconds
+    suspect = asked.suspect()
+    try:
+        moves = moves_of(suspect)
+    finally:
+        suspect.close()
+    source = asked.source(moves=moves)
+    stream: Stream[Any] = Stream(source, seed)
+    folder = SearchFolder(out, {**described(asked), "moves": moves, "seed": seed})
+    folder.open(stream, source)
+    together = Trier.together_of(source)
+    with _trying(asked, moves, source, workers) as try_all:
+        while _goes_on(folder.tally, trials, ends):
+            first = folder.tally.trials
+            # Whole runs of trials, so that what stands before one is the same wherever it stopped.
+            start = first - first % together
+            numbers = range(start, round_of(first).stop)
+            if trials is not None:
+                numbers = range(start, min(numbers.stop, trials))
+            genomes = {number: stream.genome(number) for number in numbers}
+            written = {number: source.written(one) for number, one in genomes.items()}
+            for task, outcomes in try_all([(number, written[number]) for number in numbers]):
+                for outcome in outcomes:
+                    if outcome.trial < first:
+                        continue
+                    if not outcome.skipped:
+                        stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
+                    _take_in(folder, outcome, task, source, asked)
+            folder.write(stream, source)
+            shown(folder)
+    return folder
+
+
+def described(asked: Asked) -> dict[str, Any]:
+    """What is searched, in JSON values: what a search that goes on must share."""
+    command = asked.command
+    return {
+        "culler": asked.name,
+        "command": None if command is None else command.text,
+        "scene": asked.scene or None,
+        "engine": asked.engine or None,
+        "cull_backfaces": asked.cull_backfaces,
+        "can": None if asked.can is None else sorted(asked.can),
+    }
+
+
+def _goes_on(tally: Tally, trials: int | None, ends: float | None) -> bool:
+    if trials is not None and tally.trials >= trials:
+        return False
+    return ends is None or time.monotonic() < ends
+
+
+def _take_in(
+    folder: SearchFolder, outcome: Outcome, task: Task, source: Source[Any], asked: Asked
+) -> None:
+    tally = folder.tally
+    tally.trials = outcome.trial + 1
+    if outcome.skipped:
+        tally.skipped += 1
+        return
+    tally.promise = outcome.promise.value
+    if outcome.failed:
+        if not tally.broke_down:
+            tally.failed, tally.failed_in = outcome.failed, outcome.trial
+        tally.broke_down += 1
+    elif outcome.status is not Status.INCONCLUSIVE:
+        tally.judged += 1
+    tally.violations += len(outcome.violations)
+    tally.violating += bool(outcome.violations)
+    known = {one.key: one for one in folder.faults}
+    seen: set[Key] = set()
+    for violation in outcome.violations:
+        key = Key.of(violation, _called(violation.name, violation.object, bool(asked.scene)))
+        if key in seen:
+            continue
+        seen.add(key)
+        if key in known:
+            known[key].trials += 1
+        elif len(folder.faults) < MOST_FAULTS:
+            at = [number for number, _ in task].index(outcome.trial)
+            fault = Fault(
+                key, outcome.trial, task[at][1], [genome for _, genome in task[:at]], violation
+            )
+            folder.faults.append(fault)
+
+
+def _called(name: str, index: int, own_scene: bool) -> str:
+    return str(index) if own_scene else kind_of(name)
+
+
+# Workers.
+
+TryAll = Callable[[Task], Iterator[tuple[Task, Sequence[Outcome]]]]
+
+
+@contextmanager
+def _trying(asked: Asked, moves: bool, source: Source[Any], workers: int) -> Iterator[TryAll]:
+    """What tries trials: here, or in so many processes."""
+    together = Trier.together_of(source)
+    if workers == 1:
+        trier = Trier(asked, asked.suspect(), source)
+        try:
+            yield lambda trials: ((task, trier.try_all(task)) for task in _tasks(trials, together))
+        finally:
+            trier.close()
+        return
+    # A process of its own each: a copy of this one would share its GL context.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, context, _begin, (asked, moves))
+
+    def try_all(trials: Task) -> Iterator[tuple[Task, Sequence[Outcome]]]:
+        tasks = _tasks(trials, together)
+        futures = [pool.submit(_try, task) for task in tasks]
+        for task, future in zip(tasks, futures, strict=True):
+            yield task, _result(future)
+
+    try:
+        yield try_all
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _tasks(trials: Task, together: int) -> list[Task]:
+    """Trials in runs, the same for any number of workers and wherever a round was cut."""
+    tasks: dict[int, Task] = {}
+    for one in trials:
+        tasks.setdefault(one[0] // together, []).append(one)
+    return list(tasks.values())
+
+
+def _result(future: Future[Sequence[Outcome]]) -> Sequence[Outcome]:
+    try:
+        return future.result()
+    except BrokenProcessPool as error:
+        raise NothingToJudge(
+            "a worker's process ended before its trials did: the culler took it along, or the "
+            "system had no memory left"
+        ) from error
+
+
+@dataclass
+class _Worker:
+    """A worker's own, made when it begins; what went wrong then is said with its first trials."""
+
+    trier: Trier | None = None
+    error: Exception | None = None
+
+
+_worker = _Worker()
+
+
+def _begin(asked: Asked, moves: bool) -> None:
+    # Ctrl-C is for the search, which ends its workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        _worker.trier = Trier.of(asked, moves=moves)
+    except (InputError, NothingToJudge) as error:
+        _worker.error = error
+
+
+def _try(task: Task) -> Sequence[Outcome]:
+    if _worker.error is not None:
+        raise _worker.error
+    assert _worker.trier is not None
+    return _worker.trier.try_all(task)
