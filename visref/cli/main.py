@@ -33,6 +33,7 @@ COMMANDS = {
     "cullers": "list cullers, their options and promises",
     "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
+    "fuzz": "search for scenes and views in which a culler fails",
     "doctor": "say what works on this machine",
 }
 
