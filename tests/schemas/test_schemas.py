@@ -38,6 +38,8 @@ from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import COUNTS
 from visref.schemas import NAMES, schema
 from visref.search.fault_folder import write_fault
+from visref.search.folder import Fault, Key, SearchFolder, Tally, read_summary
+from visref.search.judging import Kind, Violation
 
 pytestmark = pytest.mark.slow
 
@@ -152,10 +154,21 @@ def valid(run, name: str) -> Any:
         with tempfile.TemporaryDirectory() as folder:
             write_fault(Path(folder), once("last-answer").shrunk, suspect_of("last-answer"))
             return json.loads((Path(folder) / "expected.json").read_text())
+    if name == "fuzz":
+        return searched()
     if name == "witness":
         (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
         return json.loads(file.read_text().splitlines()[0])
     return json.loads((run / f"{name}.json").read_text())
+
+
+def searched() -> dict[str, Any]:
+    """The summary of a search that found something."""
+    miss = Violation(Kind.MISSED, 2, "", 1, "post", 3, 3, 7, 0, 5, 4.5, cause="one-frame-late")
+    hidden = Violation(Kind.SUPERFLUOUS, 0, "left", 0, "wall", 9, 0, 1, 1, 2, math.nan, "left", 4)
+    faults = [Fault(Key.of(one), 11, {}, [], one, 2, "faults/001", 3, 6) for one in (miss, hidden)]
+    tally = Tally(32, 30, 1, 1, 2, 5, "it raised", 4)
+    return SearchFolder(Path("found"), {"culler": "x", "seed": 0}, tally, faults).summary()
 
 
 def read(name: str, value: Any, folder) -> None:
@@ -168,6 +181,8 @@ def read(name: str, value: Any, folder) -> None:
         read_witness(Fields(value, "witness", ""))
     elif name == "policy":
         policy_of(value)
+    elif name == "fuzz":
+        read_summary(value)
     elif name == "path":
         CameraPath.from_json(value)
     elif name.startswith("recording"):
@@ -260,6 +275,7 @@ def test_counts_and_counters_are_those_of_the_code():
 @pytest.mark.parametrize(
     ("name", "least"),
     [
+        ("fuzz", 200),
         ("manifest", 300),
         ("path", 300),
         ("policy", 100),
@@ -284,7 +300,7 @@ def test_the_reader_refuses_what_the_schema_refuses(name, least, run, tmp_path):
     assert refused >= least
 
 
-@pytest.mark.parametrize("name", ["manifest", "policy", "verdict", "witness"])
+@pytest.mark.parametrize("name", ["fuzz", "manifest", "policy", "verdict", "witness"])
 def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
     validator = jsonschema.Draft202012Validator(schema(name))
     for what, value in variants(valid(run, name)):
@@ -295,7 +311,7 @@ def test_the_schema_refuses_what_the_reader_refuses(name, run, tmp_path):
                 pytest.fail(f"{what} fits the schema: {error}")
 
 
-@pytest.mark.parametrize("name", ["manifest", "policy", "verdict", "witness"])
+@pytest.mark.parametrize("name", ["fuzz", "manifest", "policy", "verdict", "witness"])
 def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
     value = valid(run, name)
     for at in places(value):
@@ -304,7 +320,7 @@ def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
             inner = inner[key]
         # Where names are anybody's, a further one is no unknown key.
         free = at and at[-1] in (
-            "ages", "cullers", "files", "samples", "settings", "severities", "versions"
+            "ages", "asked", "cullers", "files", "samples", "settings", "severities", "versions"
         )  # fmt: skip
         if isinstance(inner, dict) and not free and "samples" not in at[:1]:
             more = changed(value, at, {**inner, "someday": 1})

@@ -182,7 +182,7 @@ def _print(found: SearchFolder) -> None:
         (
             one.folder or "-",
             one.key.kind,
-            one.key.cause or "-",
+            one.key.cause or f"none found ({one.key.how})",
             str(one.trial),
             str(one.trials),
             str(one.objects or "-"),

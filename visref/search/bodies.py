@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.conformance.building import Mesh, box, panel, together
 from visref.search.kinds import (
@@ -23,6 +24,12 @@ from visref.search.kinds import (
 BODIES: Catalogue = {}
 
 _WIDE = Gene(-0.2, 1.2)
+
+
+def _about_y(angle: float) -> NDArray[np.float64]:
+    """(3, 3) that turns rows of points about the upright axis."""
+    s, c = math.sin(angle), math.cos(angle)
+    return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
 @register(BODIES, 1.5, x=_WIDE, y=_WIDE, depth=DEPTH, a=log(0.02, 0.6), b=log(0.02, 0.6),
@@ -70,23 +77,29 @@ def around_the_eye(stage: Stage, reach, squash, gate, aside, content, seed, one)
     stage.put("beyond", box(beyond - 0.2 * reach, beyond + 0.2 * reach))
 
 
-@register(BODIES, 2.0, side=whole(0, 3), aside=log(0.05, 8.0), thick=log(0.02, 1.0),
+@register(BODIES, 2.5, side=whole(0, 3), aside=log(0.05, 8.0), thick=log(0.02, 1.0),
           far=log(1.0, 60.0), behind=log(0.05, 30.0), door=YES, width=log(0.1, 4.0),
-          at=log(2.0, 12.0))  # fmt: skip
-def beam(stage: Stage, side, aside, thick, far, behind, door, width, at):  # type: ignore[no-untyped-def]
+          at=log(2.0, 12.0), yaw=Gene(-1.6, 1.6), turns=YES)  # fmt: skip
+def beam(  # type: ignore[no-untyped-def]
+    stage: Stage, side, aside, thick, far, behind, door, width, at, yaw, turns
+):
     """something long beside the eye, from before the near plane to behind the eye"""
     axis, sign = int(side) % 2, 1.0 if side < 2 else -1.0
     low, high = np.full(3, -width), np.full(3, width)
     low[axis], high[axis] = sorted((sign * aside, sign * (aside + thick)))
     low[2], high[2] = -far, behind
-    stage.put("beam", box(low, high))
+    points, faces = box(low, high)
+    if turns:
+        points = points @ _about_y(yaw)
+    stage.put("beam", (points, faces))
     if door:
         # Hides where the beam's ends, and the mirror images of those behind the eye, project.
         door_at = min(at, far * 0.9)
-        stage.put("door", panel((-0.4 * door_at, 0.4 * door_at), (-0.3 * door_at, 0.3 * door_at),
-                                -door_at))  # fmt: skip
-        stage.put("behind the door", box((-0.2 * door_at, -0.1 * door_at, -2.0 * door_at),
-                                         (0.2 * door_at, 0.1 * door_at, -1.5 * door_at)))  # fmt: skip
+        reach = 0.4 * door_at
+        stage.put("door", panel((-reach, reach), (-0.8 * reach, 0.8 * reach), -door_at))
+        half = np.array([0.5 * reach, 0.25 * reach, 0.6 * reach])
+        behind_it = np.array([0.0, 0.0, -1.75 * door_at])
+        stage.put("behind the door", box(behind_it - half, behind_it + half))
 
 
 @register(BODIES, 0.8, x=PLACE, y=PLACE, before=log(0.2, 0.99), after=log(1.01, 3.0),
@@ -167,7 +180,7 @@ def pierced_body(stage: Stage, depth, size, count, reach, flag):  # type: ignore
         stage.put("spike", box(centre + low, centre + high))
 
 
-@register(BODIES, 1.0, level=log(0.02, 5.0), reach=log(10.0, 1e5), stones=whole(0, 8), seed=SEED,
+@register(BODIES, 0.8, level=log(0.02, 5.0), reach=log(10.0, 1e5), stones=whole(0, 8), seed=SEED,
           steep=YES)  # fmt: skip
 def ground(stage: Stage, level, reach, stones, seed, steep):  # type: ignore[no-untyped-def]
     """a huge triangle below the eye, stones on it, and what is buried"""
@@ -179,9 +192,8 @@ def ground(stage: Stage, level, reach, stones, seed, steep):  # type: ignore[no-
     for _ in range(int(stones)):
         x, z, size = rng.uniform(-8.0, 8.0), -rng.uniform(2.0, 30.0), rng.uniform(0.05, 1.0)
         stage.put("stone", box((x - size, -level, z - size), (x + size, size - level, z + size)))
-        stage.put(
-            "buried", box((x, -level - 2 * size, z), (x + size, -level - 0.3 * size, z + size))
-        )
+        deep = -level - 2 * size
+        stage.put("buried", box((x, deep, z), (x + size, deep + 1.7 * size, z + size)))
 
 
 @register(BODIES, 1.0, shape=whole(0, 4), depth=DEPTH)
@@ -251,6 +263,22 @@ def wall_aside(stage: Stage, side, depth, near, far, show, screen, tall):  # typ
     if screen:
         end = stage.rect((-1.0, stage.width), (-1.0, stage.height), depth * (1 + near))
         stage.put("behind all", end)
+
+
+@register(BODIES, 1.2, yaw=Gene(0.2, 1.4), side=YES, away=log(2.0, 15.0), long=log(2.0, 20.0),
+          start=Gene(-1.0, 1.0), screen=Gene(0.5, 1.2), tall=log(0.1, 3.0), flag=YES)  # fmt: skip
+def slanting_wall(stage: Stage, yaw, side, away, long, start, screen, tall, flag):  # type: ignore[no-untyped-def]
+    """a wall that comes nearer towards the image's edge, all but that end behind a screen: its
+    nearest point by distance is not its nearest by depth"""
+    sign = 1.0 if side else -1.0
+    low = (start * away - long / 2, -tall, -away - 0.3)
+    points, faces = box(low, (low[0] + long, tall, -away))
+    points = points @ _about_y(sign * yaw)
+    stage.put("slanting", (points, faces))
+    near = float(-points[:, 2].max())
+    depth = max(screen * away, 1.1 * stage.view.near, near * 1.05)
+    cover = stage.rect((-1.0, stage.width), (-1.0, stage.height), depth)
+    stage.put("screen", stage.flagged(cover, stage.width / 2, 2.0, flag))
 
 
 @register(BODIES, 1.2, seed=SEED, side=whole(2, 4), level=Gene(0.5, 3.0), pitch=log(3.0, 9.0))

@@ -34,18 +34,28 @@ _FIX = "name a folder that `visref fuzz` wrote, or a new one"
 
 @dataclass(frozen=True)
 class Key:
-    """What makes two violations one fault: what was done to an object, and why; where no cause is
-    known, what the object is called, so that what is likely not the same is kept apart."""
+    """What makes two violations one fault: what was done to an object, and why. Where no cause is
+    known, whether all of the object was lost or a part, and how much: one sample, few or many."""
 
     kind: str
     cause: str
-    called: str = ""
+    how: str = ""
 
     @classmethod
-    def of(cls, violation: Violation, called: str) -> Key:
-        # Whether all of an object was lost or a part hangs on the scene, not on the fault.
+    def of(cls, violation: Violation) -> Key:
         what = "superfluous" if violation.kind is Kind.SUPERFLUOUS else "missed"
-        return cls(what, violation.cause, "" if violation.cause else called)
+        if violation.cause:
+            # Whether all was lost or a part then hangs on the scene, not on the fault.
+            return cls(what, violation.cause)
+        samples = violation.samples
+        much = (
+            "one sample" if samples == 1 else "few samples" if samples <= _FEW else "many samples"
+        )
+        return cls(what, "", f"{violation.kind}, {much}")
+
+
+# Samples of an object that a small error of rounding loses, at most.
+_FEW = 8
 
 
 @dataclass
@@ -181,6 +191,7 @@ class SearchFolder:
                     "folder": one.folder,
                     "kind": one.key.kind,
                     "cause": one.key.cause,
+                    "how": one.key.how,
                     "trial": one.trial,
                     "trials": one.trials,
                     "objects": one.objects,
@@ -200,8 +211,8 @@ def read_summary(value: Any, source: str = SUMMARY) -> dict[str, Any]:
     fields = Fields(value, source, _FIX)
     _check_format(fields, SUMMARY_FORMAT)
     fields.free("asked")
-    if fields.whole("exit_status", most=3) == 2:
-        raise fields.error("a search that was made has no such status", "exit_status")
+    if fields.whole("exit_status") not in (0, 1, 3):
+        raise fields.error("it is no status of a search", "exit_status")
     for name in _TALLY:
         _whole(fields, name)
     fields.text("failed")
@@ -211,6 +222,7 @@ def read_summary(value: Any, source: str = SUMMARY) -> dict[str, Any]:
         one.text("folder")
         one.text("kind", among=("missed", "superfluous"))
         one.text("cause")
+        one.text("how")
         for name in ("trial", "objects", "triangles"):
             _whole(one, name)
         one.whole("trials", least=1)
@@ -277,7 +289,7 @@ def _read_fault(fields: Fields) -> Fault:
     if not isinstance(plain.get("before"), list):
         raise fields.error("it is no list", "before")
     return Fault(
-        Key(key.text("kind"), key.text("cause"), key.text("called")),
+        Key(key.text("kind"), key.text("cause"), key.text("how")),
         fields.whole("trial"),
         fields.free("genome"),
         plain["before"],

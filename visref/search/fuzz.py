@@ -20,7 +20,6 @@ from typing import Any
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Status
 from visref.search.folder import Fault, Key, SearchFolder, Tally
-from visref.search.generated import kind_of
 from visref.search.stream import Source, Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
 
@@ -77,7 +76,7 @@ def fuzz(
                         continue
                     if not outcome.skipped:
                         stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
-                    _take_in(folder, outcome, task, source, asked)
+                    _take_in(folder, outcome, task)
             folder.write(stream, source)
             shown(folder)
     return folder
@@ -102,9 +101,7 @@ def _goes_on(tally: Tally, trials: int | None, ends: float | None) -> bool:
     return ends is None or time.monotonic() < ends
 
 
-def _take_in(
-    folder: SearchFolder, outcome: Outcome, task: Task, source: Source[Any], asked: Asked
-) -> None:
+def _take_in(folder: SearchFolder, outcome: Outcome, task: Task) -> None:
     tally = folder.tally
     tally.trials = outcome.trial + 1
     if outcome.skipped:
@@ -122,7 +119,7 @@ def _take_in(
     known = {one.key: one for one in folder.faults}
     seen: set[Key] = set()
     for violation in outcome.violations:
-        key = Key.of(violation, _called(violation.name, violation.object, bool(asked.scene)))
+        key = Key.of(violation)
         if key in seen:
             continue
         seen.add(key)
@@ -134,10 +131,6 @@ def _take_in(
                 key, outcome.trial, task[at][1], [genome for _, genome in task[:at]], violation
             )
             folder.faults.append(fault)
-
-
-def _called(name: str, index: int, own_scene: bool) -> str:
-    return str(index) if own_scene else kind_of(name)
 
 
 # Workers.

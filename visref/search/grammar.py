@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -184,8 +185,7 @@ def built(recipe: Recipe) -> tuple[Scene, CameraPath]:
     # What the path moves it names, and names of its own it must have.
     pieces = _named(stage.pieces, recipe.same_names and not moving)
     scene = _scene(pieces, world, origin)
-    frames = _posed(scene, [_placed(views, world, origin) for views in cameras], pieces, moving)
-    return frames
+    return _posed(scene, [_placed(views, world, origin) for views in cameras], pieces, moving)
 
 
 def _call(kinds: Catalogue, part: Part, *first: Any) -> Any:
@@ -270,7 +270,7 @@ def _posed(
         for frame, of, gone in zip(frames, worlds, absent, strict=True)
     ]
     if grown:
-        positions = [scene.vertices[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        positions = [scene.vertices[a:b] for a, b in pairwise(starts)]
         scene = rigged(scene, positions, Bending(positions, grown))
         posed = [replace(frame, time_s=float(k)) for k, frame in enumerate(posed)]
     return scene, CameraPath(posed, "generated")

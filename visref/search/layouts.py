@@ -81,6 +81,30 @@ def gap(stage: Stage, at, width, share, upright, depth, back, reach, long, acros
     stage.put("beside the gap", place(high + 1.5, high + 6.0, *inner, depth * back * 1.1))
 
 
+@register(LAYOUTS, 2.0, x=PLACE, y=PLACE, w=log(0.05, 0.7), h=log(0.05, 0.7), depth=DEPTH,
+          back=log(1.05, 4.0), over=Gene(0.0, 4.0), crates=whole(1, 8), seed=SEED)  # fmt: skip
+def doorway(stage: Stage, x, y, w, h, depth, back, over, crates, seed):  # type: ignore[no-untyped-def]
+    """an opening in a wall, a door before it, and crates behind: what shows when the door moves"""
+    rng = np.random.default_rng(int(seed))
+    cx, cy = x * stage.width, y * stage.height
+    half = w * stage.width / 2, h * stage.height / 2
+    left, right, top, low = cx - half[0], cx + half[0], cy - half[1], cy + half[1]
+    door = stage.rect((left - over, right + over), (top - over, low + over), depth * 0.99)
+    stage.put("door", door)
+    for number in range(int(crates)):
+        at = rng.uniform((left, top), (right, low))
+        size = rng.uniform(0.1, 0.5) * min(half)
+        sides = (at[0] - size, at[0] + size), (at[1] - size, at[1] + size)
+        stage.put("crate", stage.rect(*sides, depth * back * (1.0 + 0.01 * number)))
+    wide, high = (-2.0, stage.width + 1.0), (-2.0, stage.height + 1.0)
+    parts = [((wide[0], left), high), ((right, wide[1]), high)]
+    parts += [((left, right), (high[0], top)), ((left, right), (low, high[1]))]
+    # What would be the wrong way round is no part of the wall.
+    kept = [part for part in parts if part[0][0] < part[0][1] and part[1][0] < part[1][1]]
+    if kept:
+        stage.put("wall", together(*(stage.rect(*part, depth) for part in kept)))
+
+
 @register(LAYOUTS, 2.0, first=Gene(0.0, 8.0), period=log(1.2, 17.0), solid=Gene(0.3, 0.95),
           upright=YES, depth=DEPTH, back=_BEHIND, x=PLACE, y=PLACE, w=log(0.02, 1.2),
           h=log(0.02, 1.2), many=YES)  # fmt: skip
@@ -173,7 +197,7 @@ def dots(stage: Stage, count, seed, depth, size, wall, border):  # type: ignore[
         stage.put("wall", whole_view)
 
 
-@register(LAYOUTS, 0.7, count=whole(90, 400), seed=SEED, depth=DEPTH, behind=whole(0, 20))
+@register(LAYOUTS, 1.0, count=whole(90, 400), seed=SEED, depth=DEPTH, behind=whole(0, 20))
 def hundreds(stage: Stage, count, seed, depth, behind):  # type: ignore[no-untyped-def]
     """hundreds of objects: numbers of a byte, lists with an end"""
     rng = np.random.default_rng(int(seed))
@@ -262,7 +286,7 @@ def border(stage: Stage, inset, depth, back, sides, out, at, long, flag):  # typ
             stage.put("at the border", stage.rect(x, y, deep))
 
 
-@register(LAYOUTS, 0.8, which=whole(0, 7), x=PLACE, y=PLACE, w=log(0.02, 1.5), h=log(0.02, 1.5))
+@register(LAYOUTS, 1.4, which=whole(0, 7), x=PLACE, y=PLACE, w=log(0.02, 1.5), h=log(0.02, 1.5))
 def at_the_limits(stage: Stage, which, x, y, w, h):  # type: ignore[no-untyped-def]
     """on the near or the far plane, a little before it, and beyond"""
     near, far = stage.view.near, stage.view.far
@@ -322,7 +346,7 @@ def card(stage: Stage, x, y, w, h, depth, back, columns, rows, seed):  # type: i
         stage.put("behind the card", stage.rect(*sides, depth * back * rng.uniform(1.0, 1.3)))
 
 
-@register(LAYOUTS, 1.0, x=PLACE, y=PLACE, w=log(0.05, 1.0), h=log(0.05, 1.0), depth=DEPTH,
+@register(LAYOUTS, 1.6, x=PLACE, y=PLACE, w=log(0.05, 1.0), h=log(0.05, 1.0), depth=DEPTH,
           away=YES, back=_BEHIND)  # fmt: skip
 def one_sided(stage: Stage, x, y, w, h, depth, away, back):  # type: ignore[no-untyped-def]
     """a one-sided wall, seen from its front or from behind, and what is behind it"""
@@ -335,7 +359,7 @@ def one_sided(stage: Stage, x, y, w, h, depth, away, back):  # type: ignore[no-u
     stage.put("behind one side", stage.rect(*inner, depth * back))
 
 
-@register(LAYOUTS, 0.8, side=YES, depth=DEPTH, long=log(1.1, 4.0), along=Gene(0.3, 1.4),
+@register(LAYOUTS, 1.4, side=YES, depth=DEPTH, long=log(1.1, 4.0), along=Gene(0.3, 1.4),
           turned=YES)  # fmt: skip
 def side_wall(stage: Stage, side, depth, long, along, turned):  # type: ignore[no-untyped-def]
     """a one-sided wall almost along the view, at the side of the image"""

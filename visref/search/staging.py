@@ -51,7 +51,7 @@ def wide(size, yfov, near, far):  # type: ignore[no-untyped-def]
     return _lens(size, near, far, yfov=yfov)
 
 
-@register(LENSES, 1.2, size=_SIZE, yfov=log(0.5, 1.6), near=_NEAR, far=_FAR, x=Gene(-60.0, 60.0),
+@register(LENSES, 1.8, size=_SIZE, yfov=log(0.5, 1.6), near=_NEAR, far=_FAR, x=Gene(-60.0, 60.0),
           y=Gene(-40.0, 40.0), part=YES)  # fmt: skip
 def shifted(size, yfov, near, far, x, y, part):  # type: ignore[no-untyped-def]
     """a lens shift: an off-centre frustum, or jitter of a part of a pixel"""
@@ -65,7 +65,7 @@ def parallel(size, ymag, near, far):  # type: ignore[no-untyped-def]
     return _lens(size, near, far, ymag=ymag)
 
 
-@register(LENSES, 0.7, size=_SIZE, yfov=log(0.5, 1.6), depth=log(1.2, 30.0), tilt=Gene(-1.0, 1.0),
+@register(LENSES, 0.9, size=_SIZE, yfov=log(0.5, 1.6), depth=log(1.2, 30.0), tilt=Gene(-1.0, 1.0),
           aside=Gene(-1.0, 1.0), before=YES)  # fmt: skip
 def clipped(size, yfov, depth, tilt, aside, before):  # type: ignore[no-untyped-def]
     """a clip plane across the view: what it cuts off hides nothing"""
@@ -144,7 +144,7 @@ def jumping(view, frames, reach, seed, cut):  # type: ignore[no-untyped-def]
     return [*views, replace(view, cut=bool(cut))]
 
 
-@register(PATHS, 1.0, frames=whole(2, 4), zoom=log(0.4, 2.5), roll=Gene(-3.2, 3.2), size=_SIZE,
+@register(PATHS, 1.4, frames=whole(2, 4), zoom=log(0.4, 2.5), roll=Gene(-3.2, 3.2), size=_SIZE,
           sizes=YES)  # fmt: skip
 def changing_lens(view, frames, zoom, roll, size, sizes):  # type: ignore[no-untyped-def]
     """another angle, roll or image size in each frame"""
@@ -247,7 +247,7 @@ def turned(a, b, c, away) -> World:  # type: ignore[no-untyped-def]
     return result, np.zeros(3)
 
 
-@register(WORLDS, 0.6, x=Gene(-1.0, 1.0), z=Gene(-1.0, 1.0), far=log(1e3, 6.4e6))
+@register(WORLDS, 0.9, x=Gene(-1.0, 1.0), z=Gene(-1.0, 1.0), far=log(1e3, 6.4e6))
 def far_out(x, z, far) -> World:  # type: ignore[no-untyped-def]
     """far from the world's origin, about an origin of its own"""
     # Whole multiples of 16, as a reader of such a scene finds them.
@@ -255,7 +255,7 @@ def far_out(x, z, far) -> World:  # type: ignore[no-untyped-def]
     return np.eye(4), origin
 
 
-@register(WORLDS, 0.5, x=Gene(-1.0, 1.0), z=Gene(-1.0, 1.0), far=log(1e2, 1e6))
+@register(WORLDS, 0.8, x=Gene(-1.0, 1.0), z=Gene(-1.0, 1.0), far=log(1e2, 1e6))
 def coarse(x, z, far) -> World:  # type: ignore[no-untyped-def]
     """far out in plain float32, which is coarse there"""
     result = np.eye(4)
