@@ -3,7 +3,8 @@
     python -m tests.search.benchmark generated --seed 0 --out FILE.json
 
 tries generated scenes, guided, on every unsafe mutant and wrong culler until each is convicted or
-the time is over: each case's truth is cast once, and those that are not found yet are tried on it.
+the time is over: each case's truth is cast once for all of them, and each subject goes through the
+trials until it is found, none spending more time than another.
 `--unguided` draws every scene anew. What a culler's trials are before it is convicted depends on
 truths alone, so these are the trials that `visref fuzz` would make.
 
@@ -15,6 +16,7 @@ is what people do: one scene, a city, with cameras anywhere in it.
 from __future__ import annotations
 
 import argparse
+import heapq
 import json
 import multiprocessing
 import time
@@ -72,47 +74,65 @@ def features(trial: Trial, called: Any) -> set[str]:
     return found
 
 
+class Trials:
+    """The trials of a seed, made as far as somebody asks for them, and kept: None where no case can
+    be made."""
+
+    def __init__(self, kind: str, seed: int, guided: bool) -> None:
+        self.seed, self.made = seed, []
+        self.source = GeneratedScenes()
+        self.stream = Stream(self.source, seed, guided=guided)
+        self.cities = RandomCameras() if kind == "random" else None
+
+    def __getitem__(self, number: int) -> Trial | None:
+        while len(self.made) <= number:
+            self._make(round_of(len(self.made)))
+        return self.made[number]
+
+    def _make(self, numbers: range) -> None:
+        if self.cities is not None:
+            for number in numbers:
+                plain = self.cities.random(np.random.default_rng([self.seed, number]))
+                self.made.append(Trial(plain.scene, CameraPath(plain.path.frames)))
+            return
+        genomes = [self.stream.genome(number) for number in numbers]
+        for number, genome in zip(numbers, genomes, strict=True):
+            try:
+                laid = self.source.case(genome)
+                trial = Trial.of(laid)
+                shown = features(trial, self.source.called(laid))
+            except InputError:
+                self.made.append(None)
+                continue
+            self.stream.learn(number, genome, shown)
+            self.made.append(trial)
+
+
 def search(
     every: Sequence[Subject], kind: str, seed: int, seconds: float, guided: bool
 ) -> dict[str, Any]:
-    """Trials until all subjects are found or the time is over: what was found, `{name: [trial,
-    seconds, words]}`, and how many trials there were."""
+    """Trials until all subjects are found or the time is over: `found`, `{name: [trials, seconds,
+    words]}` with the seconds that the subject's own trials took, and `tried`, the trials that each
+    of the others went through. Time is shared evenly: who is slow makes fewer trials."""
     began = time.monotonic()
-    left = {one.name: one for one in every}
+    trials = Trials(kind, seed, guided)
     found: dict[str, Any] = {}
-    cities = RandomCameras()
-    source = GeneratedScenes()
-    stream = Stream(source, seed, guided=guided)
-    trial, in_vain = 0, 0
-    while left and time.monotonic() - began < seconds:
-        numbers = round_of(trial)
-        genomes = [stream.genome(number) for number in numbers] if kind == "generated" else []
-        for number in numbers:
-            if not left or time.monotonic() - began >= seconds:
-                break
-            trial = number + 1
-            try:
-                if kind == "generated":
-                    laid = source.case(genomes[number - numbers.start])
-                    tried = Trial.of(laid)
-                    shown = features(tried, source.called(laid))
-                    stream.learn(number, genomes[number - numbers.start], shown)
-                else:
-                    plain = cities.random(np.random.default_rng([seed, number]))
-                    tried = Trial(plain.scene, CameraPath(plain.path.frames))
-            except InputError:
-                in_vain += 1
-                continue
-            for name, subject in list(left.items()):
-                said = tried.problem(subject)
-                if said:
-                    took = round(time.monotonic() - began, 1)
-                    found[name] = [trial, took, said]
-                    del left[name]
+    # Seconds spent, the subject's place, trials made.
+    queue = [(0.0, place, 0) for place in range(len(every))]
+    while queue and time.monotonic() - began < seconds:
+        spent, place, number = heapq.heappop(queue)
+        trial, subject = trials[number], every[place]
+        start = time.monotonic()
+        said = "" if trial is None else trial.problem(subject)
+        spent += time.monotonic() - start
+        if said:
+            found[subject.name] = [number + 1, round(spent, 2), said]
+        else:
+            heapq.heappush(queue, (spent, place, number + 1))
     return {
         "found": found,
-        "trials": trial,
-        "in_vain": in_vain,
+        "tried": {every[place].name: number for _, place, number in queue},
+        "trials": len(trials.made),
         "seconds": round(time.monotonic() - began, 1),
     }
 
@@ -139,7 +159,7 @@ def benchmark(kind: str, seed: int, seconds: float, workers: int, guided: bool) 
         "trials": max(part["trials"] for part in parts),
         "subjects": len(every),
         "found": {one.name: found[one.name] for one in every if one.name in found},
-        "not_found": [one.name for one in every if one.name not in found],
+        "not_found": {name: n for part in parts for name, n in sorted(part["tried"].items())},
     }
 
 

@@ -63,7 +63,7 @@ def turned(points, frames, axis, turn, when) -> Moves:  # type: ignore[no-untype
     return Moves(worlds)
 
 
-@register(MOTIONS, 2.0, mask=whole(1, 30))
+@register(MOTIONS, 3.0, mask=whole(1, 30))
 def come_and_go(points, frames, mask) -> Moves:  # type: ignore[no-untyped-def]
     """there in some frames and not in others"""
     return Moves(there=[bool(int(mask) >> k & 1) for k in range(frames)])

@@ -75,27 +75,45 @@ def features_of(
     objects = np.full(owner.shape, BACKGROUND, np.int64)
     hit = owner >= 0
     objects[hit] = scene.object_of_triangle[owner[hit]]
-    visible = np.flatnonzero(seen.visible)
+    visible, count = np.flatnonzero(seen.visible), len(seen.samples)
     flags: dict[str, Bool] = {
-        "at the border": _owners(objects, _border(objects.shape), len(seen.samples)),
-        "in a gap": _owners(objects, _in_a_gap(truth.buffer.depth, objects, 1), len(seen.samples)),
-        "in a slit": _owners(objects, _in_a_gap(truth.buffer.depth, objects, 2), len(seen.samples)),
+        "at the border": _owners(objects, _border(objects.shape), count),
+        "in a gap": _owners(objects, _in_a_gap(truth.buffer.depth, objects, 1), count),
+        "in a slit": _owners(objects, _in_a_gap(truth.buffer.depth, objects, 2), count),
         "shares all": seen.samples > seen.alone,
-        "just before": _just_before(truth.buffer.depth, objects, len(seen.samples)),
+        "just before": _just_before(truth.buffer.depth, objects, count),
         **_by_box(camera, scene),
     }
+    if len(truth.blend.sample):
+        flags["behind glass"] = _owners(
+            objects, np.isin(np.arange(owner.size), truth.blend.sample).reshape(owner.shape), count
+        )
     if before is not None:
         flags["comes into view"] = seen.visible & ~before
+    kind = _kind_of(camera)
     for index in visible.tolist():
-        name, count = called(index), count_class(int(seen.samples[index]))
-        yield f"{name}: {count} samples"
+        name, samples = called(index), count_class(int(seen.samples[index]))
+        yield f"{name}: {samples} samples"
         for flag, of in flags.items():
             if of[index]:
                 yield f"{name}: {flag}"
-                yield f"{flag}: {count} samples"
+                yield f"{flag}: {samples} samples"
+                yield f"{kind}: {flag}"
     if before is not None:
         yield f"comes into view: {count_class(int(np.count_nonzero(flags['comes into view'])))}"
     yield f"objects in view: {count_class(len(visible))}"
+
+
+def _kind_of(camera: Camera) -> str:
+    """What is uncommon about a camera, in words."""
+    found = {
+        "orthographic": not camera.is_perspective,
+        "shifted lens": bool(camera.shift_x_px or camera.shift_y_px),
+        "clip plane": camera.clip_plane is not None,
+        "cut": camera.cut,
+        "far out": any(camera.origin),
+    }
+    return ", ".join(name for name, here in found.items() if here) or "plain camera"
 
 
 def _owners(objects: NDArray[np.int64], where: Bool, count: int) -> Bool:
