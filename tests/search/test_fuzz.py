@@ -1,5 +1,5 @@
-"""`visref fuzz` finds a planted fault, finds nothing in what is sound, writes the same bytes for the
-same trials, and goes on where it stopped."""
+"""`visref fuzz` finds a planted fault, finds nothing in what is sound, writes the same bytes for
+the same trials, and goes on where it stopped."""
 
 from __future__ import annotations
 
