@@ -163,10 +163,12 @@ def valid(run, name: str) -> Any:
 
 
 def searched() -> dict[str, Any]:
-    """The summary of a search that found something."""
+    """The summary of a search that found something, of which one fault has no smallest scene."""
     miss = Violation(Kind.MISSED, 2, "", 1, "post", 3, 3, 7, 0, 5, 4.5, cause="one-frame-late")
     hidden = Violation(Kind.SUPERFLUOUS, 0, "left", 0, "wall", 9, 0, 1, 1, 2, math.nan, "left", 4)
-    faults = [Fault(Key.of(one), 11, {}, [], one, 2, "faults/001", 3, 6) for one in (miss, hidden)]
+    faults = [Fault(Key.of(one), 11, {}, [], one) for one in (miss, hidden)]
+    faults[0].folder, faults[0].structure, faults[0].objects = "faults/001", "2 objects", 2
+    faults[1].note = "trial 11 does not show it by itself"
     tally = Tally(32, 30, 1, 1, 2, 5, "it raised", 4)
     return SearchFolder(Path("found"), {"culler": "x", "seed": 0}, tally, faults).summary()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from visref.memory import default_budget
 from visref.numerals import whole_number
 from visref.plug_ins import Making
 from visref.search.folder import FAULTS, SUMMARY, SearchFolder
-from visref.search.fuzz import fuzz
+from visref.search.fuzz import Shown, fuzz
 from visref.search.trying import Asked
 from visref.threads import available_threads
 from visref.wording import counted
@@ -98,7 +98,6 @@ def run(given: argparse.Namespace) -> Exit:
         found = fuzz(
             asked,
             given.out,
-            seed=given.seed,
             trials=given.trials,
             seconds=seconds,
             workers=given.workers or available_threads(),
@@ -142,14 +141,14 @@ def _say(name: str, line: str) -> None:
 
 
 @contextmanager
-def _line() -> Iterator[Callable[[SearchFolder], None]]:
+def _line() -> Iterator[Shown]:
     """A line of progress; its first call says where the search began."""
     began = time.monotonic()
     first: list[int] = []
     with progress() as bar:
         task = bar.add_task("searching", total=None)
 
-        def shown(folder: SearchFolder) -> None:
+        def shown(folder: SearchFolder, doing: str) -> None:
             tally = folder.tally
             first[:] = first or [tally.trials]
             passed = max(time.monotonic() - began, 1e-9)
@@ -157,8 +156,10 @@ def _line() -> Iterator[Callable[[SearchFolder], None]]:
             text = (
                 f"{counted(tally.trials, 'trial')} ({rate:.1f} per second), "
                 f"{counted(tally.violations, 'violation')}, "
-                f"{counted(len(folder.faults), 'distinct fault')}"
+                f"{counted(len(folder.distinct), 'distinct fault')}"
             )
+            if doing:
+                text = f"{doing} ({counted(tally.trials, 'trial')} made)"
             bar.update(task, description=text)
 
         yield shown
@@ -177,18 +178,18 @@ def _print(found: SearchFolder) -> None:
         said = "No violation was found" if tally.judged else "Nothing could be judged"
         OUT.line(f"{said}; {found.out / SUMMARY}")
         return
-    headings = ("fault", "what", "cause", "trial", "in trials", "objects", "triangles")
+    headings = ("fault", "what", "cause", "smallest scene", "triangles", "trial", "in trials")
     rows = [
         (
             one.folder or "-",
             one.key.kind,
-            one.key.cause or f"none found ({one.key.how})",
+            one.key.cause or "-",
+            one.structure or one.note,
+            str(one.triangles or "-"),
             str(one.trial),
             str(one.trials),
-            str(one.objects or "-"),
-            str(one.triangles or "-"),
         )
-        for one in found.faults
+        for one in found.distinct
     ]
-    OUT.table(headings, rows, left=headings[:3])
-    OUT.line(f"{counted(len(found.faults), 'distinct fault')}: {found.out / FAULTS}")
+    OUT.table(headings, rows, left=headings[:4])
+    OUT.line(f"{counted(len(found.distinct), 'distinct fault')}: {found.out / FAULTS}")

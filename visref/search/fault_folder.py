@@ -40,6 +40,7 @@ from visref.search.holding import Wanted
 from visref.search.judging import Drawn, Kind, Verdict, Violation, verdict_from
 from visref.search.shrinking import Shrunk
 from visref.search.suspects import Suspect
+from visref.search.violation_file import violation_json
 
 FORMAT, VERSION = "visref-fault", 1
 DRAWN, UNITS, COMMANDS, EXPECTED = "drawn.jsonl", "units.csv", "command.txt", "expected.json"
@@ -203,32 +204,6 @@ def _expected(
         "triangles": scene.triangle_count,
         "trials": shrunk.trials,
         "smallest": shrunk.whole,
-    }
-
-
-def violation_json(violation: Violation) -> dict[str, Any]:
-    """A violation as `expected.json` has it."""
-    hidden = violation.kind is Kind.SUPERFLUOUS
-    somewhere = violation.x >= 0
-    return {
-        "kind": violation.kind.value,
-        "object": violation.object,
-        "object_name": violation.name,
-        "frame": violation.frame,
-        "view": violation.view,
-        "samples": violation.samples,
-        "owned": None if hidden else violation.owned,
-        "unit": violation.unit if hidden else None,
-        "cause": violation.cause,
-        "witness": {
-            "view": violation.seen_in,
-            "x": violation.x,
-            "y": violation.y,
-            "triangle": violation.triangle,
-            "depth": None if hidden else violation.depth,
-        }
-        if somewhere
-        else None,
     }
 
 

@@ -9,9 +9,9 @@ summary.json         trials, violations and faults; the same bytes for the same 
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +22,7 @@ from visref.promise import Promise
 from visref.run_folder.json_fields import Fields
 from visref.search.judging import Kind, Violation
 from visref.search.stream import Kept, Source, Stream
+from visref.search.violation_file import read_violation, violation_json
 
 G = TypeVar("G")
 
@@ -29,6 +30,7 @@ CORPUS, FAULTS, SUMMARY, STATE = "corpus", "faults", "summary.json", "state.json
 SUMMARY_FORMAT = "visref-fuzz"
 _STATE_FORMAT, _TRIAL_FORMAT = "visref-fuzz-state", "visref-fuzz-trial"
 _VERSION = 1
+_FAULT = re.compile(rf"({FAULTS}/[0-9]{{3,}})?")
 _FIX = "name a folder that `visref fuzz` wrote, or a new one"
 
 
@@ -61,8 +63,11 @@ _FEW = 8
 @dataclass
 class Fault:
     """A distinct fault: the first trial that showed it, with its genome in JSON values and those
-    of the trials judged before it in the same run; the violation there; in how many trials it was
-    seen. `folder`: where its smallest scene is, "" until there is one."""
+    of the trials judged before it in the same run; the violation there, and in its smallest scene
+    once there is one; in how many trials it was seen, where further ones count for the first of
+    their key. `folder`: where that scene is, "" until there
+    is one, and the same for faults that come out alike; `structure`: what that scene is made of;
+    `note`: why there is none."""
 
     key: Key
     trial: int
@@ -71,8 +76,15 @@ class Fault:
     violation: Violation
     trials: int = 1
     folder: str = ""
+    structure: str = ""
     objects: int = 0
     triangles: int = 0
+    note: str = ""
+
+    @property
+    def alike(self) -> tuple[str, str, str]:
+        """What shrunk faults share that are one."""
+        return self.key.kind, self.key.cause, self.structure
 
 
 @dataclass
@@ -113,6 +125,16 @@ class SearchFolder:
         if self.tally.broke_down or not self.tally.judged:
             return Exit.NOTHING_JUDGED
         return Exit.NO_VIOLATION
+
+    @property
+    def distinct(self) -> list[Fault]:
+        """The faults, those that came out alike as the first of them, seen in the trials of all.
+        Trials that show it twice count twice."""
+        found: dict[Any, Fault] = {}
+        for number, one in enumerate(self.faults):
+            first = found.get(key := one.folder or number)
+            found[key] = one if first is None else replace(first, trials=first.trials + one.trials)
+        return list(found.values())
 
     # Reading.
 
@@ -191,14 +213,15 @@ class SearchFolder:
                     "folder": one.folder,
                     "kind": one.key.kind,
                     "cause": one.key.cause,
-                    "how": one.key.how,
+                    "structure": one.structure,
                     "trial": one.trial,
                     "trials": one.trials,
                     "objects": one.objects,
                     "triangles": one.triangles,
-                    "violation": _violation_json(one.violation),
+                    "note": one.note,
+                    "violation": violation_json(one.violation),
                 }
-                for one in self.faults
+                for one in self.distinct
             ],
         }
 
@@ -219,14 +242,15 @@ def read_summary(value: Any, source: str = SUMMARY) -> dict[str, Any]:
     fields.whole("failed_in", least=-1)
     fields.text("promise", among=tuple(Promise))
     for one in fields.each("faults"):
-        one.text("folder")
+        one.text("folder", like=_FAULT)
         one.text("kind", among=("missed", "superfluous"))
         one.text("cause")
-        one.text("how")
+        one.text("structure")
+        one.text("note")
         for name in ("trial", "objects", "triangles"):
             _whole(one, name)
         one.whole("trials", least=1)
-        _read_violation(one.inner("violation"))
+        read_violation(one.inner("violation"))
     found: dict[str, Any] = fields.plain()
     return found
 
@@ -279,7 +303,7 @@ def _fault_json(fault: Fault) -> dict[str, Any]:
     return {
         **vars(fault),
         "key": vars(fault.key),
-        "violation": _violation_json(fault.violation),
+        "violation": violation_json(fault.violation),
     }
 
 
@@ -293,28 +317,11 @@ def _read_fault(fields: Fields) -> Fault:
         fields.whole("trial"),
         fields.free("genome"),
         plain["before"],
-        _read_violation(fields.inner("violation")),
+        read_violation(fields.inner("violation")),
         fields.whole("trials", least=1),
-        fields.text("folder"),
+        fields.text("folder", like=_FAULT),
+        fields.text("structure"),
         fields.whole("objects"),
         fields.whole("triangles"),
+        fields.text("note"),
     )
-
-
-_VIOLATION_WHOLES: Sequence[str] = (
-    "frame", "object", "samples", "owned", "x", "y", "triangle", "unit",
-)  # fmt: skip
-_VIOLATION_TEXTS: Sequence[str] = ("view", "name", "seen_in", "cause")
-
-
-def _violation_json(violation: Violation) -> dict[str, Any]:
-    # A hidden unit's depth is not said.
-    depth = violation.depth if violation.depth == violation.depth else None
-    return {**vars(violation), "kind": violation.kind.value, "depth": depth}
-
-
-def _read_violation(fields: Fields) -> Violation:
-    values: dict[str, Any] = {name: fields.whole(name, least=-1) for name in _VIOLATION_WHOLES}
-    values |= {name: fields.text(name) for name in _VIOLATION_TEXTS}
-    depth = float("nan") if fields.is_null("depth") else fields.number("depth")
-    return Violation(kind=Kind(fields.text("kind", among=tuple(Kind))), depth=depth, **values)

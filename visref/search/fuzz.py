@@ -19,30 +19,34 @@ from typing import Any
 
 from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Status
+from visref.search.distinct import shrink_all
 from visref.search.folder import Fault, Key, SearchFolder, Tally
+from visref.search.judging import Violation
 from visref.search.stream import Source, Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
 
+# Trials of one cause that are shrunk: their smallest scenes may differ.
+EXAMPLES = 3
 # Faults that are kept: a culler that fails everywhere fails in more ways than anybody reads.
 MOST_FAULTS = 50
 
 Task = list[tuple[int, Any]]
-Shown = Callable[[SearchFolder], None]
+# How far it is: the folder, and in words what is done, "" while it searches.
+Shown = Callable[[SearchFolder, str], None]
 
 
 def fuzz(
     asked: Asked,
     out: Path,
     *,
-    seed: int = 0,
     trials: int | None = None,
     seconds: float | None = None,
     workers: int = 1,
-    shown: Shown = lambda _: None,
+    shown: Shown = lambda *_: None,
 ) -> SearchFolder:
     """Search until so many trials are made in all, or for so many seconds more; the folder is
-    written after each round of trials, and goes on where it stopped. `shown` is told after each
-    round.
+    written after each round of trials, and goes on where it stopped. Then each distinct fault is
+    shrunk. `shown` is told after each round, and before each fault.
 
     Raises InputError for anything wrong with what is asked or with the folder, and NothingToJudge
     where the culler cannot start here or ends a worker's process.
@@ -50,14 +54,11 @@ def fuzz(
     if trials is None and seconds is None:
         raise InputError("there is no end to it", fix="give --trials or --time")
     ends = None if seconds is None else time.monotonic() + seconds
-    suspect = asked.suspect()
-    try:
+    with asked.suspect() as suspect:
         moves = moves_of(suspect)
-    finally:
-        suspect.close()
     source = asked.source(moves=moves)
-    stream: Stream[Any] = Stream(source, seed)
-    folder = SearchFolder(out, {**described(asked), "moves": moves, "seed": seed})
+    stream: Stream[Any] = Stream(source, asked.seed)
+    folder = SearchFolder(out, {**described(asked), "moves": moves})
     folder.open(stream, source)
     together = Trier.together_of(source)
     with _trying(asked, moves, source, workers) as try_all:
@@ -78,7 +79,10 @@ def fuzz(
                         stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
                     _take_in(folder, outcome, task)
             folder.write(stream, source)
-            shown(folder)
+            shown(folder, "")
+    with Trier.here(asked, source) as trier:
+        shrink_all(folder, trier, lambda text: shown(folder, text))
+    folder.write(stream, source)
     return folder
 
 
@@ -92,6 +96,7 @@ def described(asked: Asked) -> dict[str, Any]:
         "engine": asked.engine or None,
         "cull_backfaces": asked.cull_backfaces,
         "can": None if asked.can is None else sorted(asked.can),
+        "seed": asked.seed,
     }
 
 
@@ -116,21 +121,17 @@ def _take_in(folder: SearchFolder, outcome: Outcome, task: Task) -> None:
         tally.judged += 1
     tally.violations += len(outcome.violations)
     tally.violating += bool(outcome.violations)
-    known = {one.key: one for one in folder.faults}
-    seen: set[Key] = set()
+    first: dict[Key, Violation] = {}
     for violation in outcome.violations:
-        key = Key.of(violation)
-        if key in seen:
-            continue
-        seen.add(key)
-        if key in known:
-            known[key].trials += 1
-        elif len(folder.faults) < MOST_FAULTS:
+        first.setdefault(Key.of(violation), violation)
+    for key, violation in first.items():
+        known = [one for one in folder.faults if one.key == key]
+        if len(known) < EXAMPLES and len(folder.faults) < MOST_FAULTS:
             at = [number for number, _ in task].index(outcome.trial)
-            fault = Fault(
-                key, outcome.trial, task[at][1], [genome for _, genome in task[:at]], violation
-            )
-            folder.faults.append(fault)
+            before = [genome for _, genome in task[:at]]
+            folder.faults.append(Fault(key, outcome.trial, task[at][1], before, violation))
+        elif known:
+            known[0].trials += 1
 
 
 # Workers.
@@ -143,11 +144,8 @@ def _trying(asked: Asked, moves: bool, source: Source[Any], workers: int) -> Ite
     """What tries trials: here, or in so many processes."""
     together = Trier.together_of(source)
     if workers == 1:
-        trier = Trier(asked, asked.suspect(), source)
-        try:
+        with Trier.here(asked, source) as trier:
             yield lambda trials: ((task, trier.try_all(task)) for task in _tasks(trials, together))
-        finally:
-            trier.close()
         return
     # A process of its own each: a copy of this one would share its GL context.
     context = multiprocessing.get_context("spawn")

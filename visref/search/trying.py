@@ -119,10 +119,17 @@ class Trier:
     @classmethod
     def of(cls, asked: Asked, *, moves: bool) -> Trier:
         """Raises InputError for anything wrong with what is asked."""
-        source = asked.source(moves=moves)
+        return cls.here(asked, asked.source(moves=moves))
+
+    @classmethod
+    def here(cls, asked: Asked, source: Source[Any]) -> Trier:
+        """With a culler of its own; a context manager that closes it."""
         return cls(asked, asked.suspect(), source)
 
-    def close(self) -> None:
+    def __enter__(self) -> Trier:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self.suspect.close()
 
     @staticmethod
@@ -145,7 +152,8 @@ class Trier:
             return [Outcome(trial, skipped=str(error)) for trial in numbers]
 
     @property
-    def _engine(self) -> str:
+    def engine(self) -> str:
+        """The truth engine's name."""
         if self.asked.engine:
             return self.asked.engine
         # Small scenes are cast exactly, so that no miss stays unseen.
@@ -175,10 +183,10 @@ class Trier:
 
     def _judged(self, case: Case, numbers: list[int], frames: int) -> list[Outcome]:
         """The outcomes of trials whose frames, so many each, follow each other in a case."""
-        timeline = case.inputs(self._engine).timeline
+        timeline = case.inputs(self.engine).timeline
         watching = Watching(timeline.at, lambda frame: frame // frames, self.source.called(case))
         try:
-            verdict = verdict_of(case, self.suspect, engine=self._engine, listeners=[watching])
+            verdict = verdict_of(case, self.suspect, engine=self.engine, listeners=[watching])
         except InputError as error:
             return [Outcome(trial, skipped=str(error)) for trial in numbers]
         return [
