@@ -20,7 +20,7 @@ import heapq
 import json
 import multiprocessing
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,8 @@ from visref.search.novelty import features_of
 from visref.search.stream import Stream, round_of
 from visref.visibility import objects_seen
 
-# Every so many trials the sound methods are tried too.
-SOUND_EVERY = 20
+# Processor seconds between two words on how far it is.
+_TOLD_EVERY = 10.0
 
 
 class RandomCameras:
@@ -109,13 +109,28 @@ class Trials:
 
 
 def search(
-    every: Sequence[Subject], kind: str, seed: int, seconds: float, guided: bool
+    every: Sequence[Subject],
+    kind: str,
+    seed: int,
+    seconds: float,
+    guided: bool,
+    shown: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Trials until all subjects are found or the time is over: `found`, `{name: [trials, own
     seconds, seconds of all, words]}`, and `tried`, the trials that each
     of the others went through. Time is this process's processor time, so that what else a machine
-    does is not counted; it is shared evenly: who is slow makes fewer trials."""
-    began = time.process_time()
+    does is not counted; it is shared evenly: who is slow makes fewer trials. `shown` is told how
+    far it is now and then."""
+
+    def so_far() -> dict[str, Any]:
+        return {
+            "found": found,
+            "tried": {every[place].name: number for _, place, number in queue},
+            "trials": len(trials.made),
+            "seconds": round(time.process_time() - began, 1),
+        }
+
+    began = told = time.process_time()
     trials = Trials(kind, seed, guided)
     found: dict[str, Any] = {}
     # Seconds spent, the subject's place, trials made.
@@ -131,23 +146,29 @@ def search(
             found[subject.name] = [number + 1, round(spent, 2), round(at, 1), said]
         else:
             heapq.heappush(queue, (spent, place, number + 1))
-    return {
-        "found": found,
-        "tried": {every[place].name: number for _, place, number in queue},
-        "trials": len(trials.made),
-        "seconds": round(time.process_time() - began, 1),
-    }
+        if time.process_time() - told > _TOLD_EVERY:
+            told = time.process_time()
+            shown(so_far())
+    return so_far()
 
 
-def _part(of: tuple[int, int, str, int, float, bool]) -> dict[str, Any]:
-    part, parts, kind, seed, seconds, guided = of
+def _part(of: tuple[int, int, str, int, float, bool, Path]) -> dict[str, Any]:
+    part, parts, kind, seed, seconds, guided, out = of
     every = subjects()[part::parts]
-    return search(every, kind, seed, seconds, guided)
+    beside = out.with_suffix(f".part{part}")
+
+    def shown(result: dict[str, Any]) -> None:
+        beside.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+    return search(every, kind, seed, seconds, guided, shown)
 
 
-def benchmark(kind: str, seed: int, seconds: float, workers: int, guided: bool) -> dict[str, Any]:
-    """The same over several processes, each with its share of the subjects."""
-    shares = [(part, workers, kind, seed, seconds, guided) for part in range(workers)]
+def benchmark(
+    kind: str, seed: int, seconds: float, workers: int, guided: bool, out: Path
+) -> dict[str, Any]:
+    """The same over several processes, each with its share of the subjects; how far each is stands
+    in a file beside `out`."""
+    shares = [(part, workers, kind, seed, seconds, guided, out) for part in range(workers)]
     with multiprocessing.get_context("spawn").Pool(workers) as pool:
         parts = pool.map(_part, shares, chunksize=1)
     every = subjects()
@@ -204,7 +225,9 @@ def main() -> None:
     if given.kind == "sound":
         result = sound_ones(given.seed, given.seconds)
     else:
-        result = benchmark(given.kind, given.seed, given.seconds, given.workers, not given.unguided)
+        result = benchmark(
+            given.kind, given.seed, given.seconds, given.workers, not given.unguided, given.out
+        )
         print(
             f"{given.kind}, seed {given.seed}: {len(result['found'])} of {result['subjects']} "
             f"in {result['trials']} trials, {result['seconds']} s",

@@ -4,17 +4,26 @@ the same trials, and goes on where it stopped."""
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
+from tests.examples.test_c_culler import FILES, compiled
+from tests.wrong_cullers import WRONG
 from visref.cli.main import main
 from visref.culler import Culler, DrawnSet
+from visref.errors import InputError
+from visref.plug_ins import Making
 from visref.schemas import schema
+from visref.search.case import Case
 from visref.search.folder import read_summary
 from visref.search.fuzz import fuzz
+from visref.search.judging import verdict_of
+from visref.search.suspects import Made
 from visref.search.trying import Asked
 
 PLANTED = "tests.wrong_cullers.frustum:CornersOnly"
@@ -57,8 +66,11 @@ class Nothing(Sound):
         return DrawnSet(np.zeros(0, np.int32))
 
 
-def run(out: Path, *arguments: str) -> int:
-    return main(["fuzz", "--workers", "1", "--in-process", *arguments, "--out", str(out)])
+def search(out: Path, culler: str = PLANTED, trials: int = 16, **asked: Any) -> int:
+    """A search in this process; returns its exit status."""
+    workers = asked.pop("workers", 1)
+    given = Asked(culler=culler, making=Making(in_process=True), **asked)
+    return int(fuzz(given, out, trials=trials, workers=workers).exit)
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
@@ -72,82 +84,138 @@ def summary(out: Path) -> dict:
     return read_summary(value)
 
 
-def test_a_planted_fault_is_found_in_few_trials(tmp_path, capsys):
-    out = tmp_path / "found"
-    assert run(out, "--culler", PLANTED, "--trials", "16") == 1
-    found = summary(out)
-    assert (found["trials"], found["exit_status"]) == (16, 1)
-    assert found["violating"] > 0
-    assert found["violations"] >= found["violating"]
-    assert found["faults"]
-    assert "distinct fault" in capsys.readouterr().out
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    out = tmp_path_factory.mktemp("found") / "out"
+    assert search(out) == 1
+    return out
 
 
-def test_nothing_is_found_in_what_draws_everything(tmp_path, capsys):
-    out = tmp_path / "none"
-    assert run(out, "--culler", HERE + "Sound", "--trials", "16") == 0
-    found = summary(out)
-    assert (found["violations"], found["faults"], found["exit_status"]) == (0, [], 0)
-    assert found["judged"] > 10
-    assert "No violation was found" in capsys.readouterr().out
+def test_a_planted_fault_is_found_in_few_trials(found):
+    told = summary(found)
+    assert (told["trials"], told["exit_status"]) == (16, 1)
+    assert 0 < told["violating"] <= told["judged"] <= 16
+    assert told["violations"] >= told["violating"]
 
 
-def test_the_same_trials_write_the_same_bytes(tmp_path):
-    """Once more, by two workers, and in parts that end within a round."""
-    once, again, by_two, parts = (tmp_path / name for name in ("a", "b", "c", "d"))
-    run(once, "--culler", PLANTED, "--trials", "40")
-    run(again, "--culler", PLANTED, "--trials", "40")
-    fuzz(Asked(culler=PLANTED), by_two, trials=40, workers=2)
-    for trials in ("7", "33", "40"):
-        run(parts, "--culler", PLANTED, "--trials", trials)
-    first = bytes_of(once)
-    assert len(first) > 10
-    assert bytes_of(again) == bytes_of(by_two) == bytes_of(parts) == first
+def test_each_distinct_fault_has_a_folder_of_its_own_that_shows_it(found):
+    faults = summary(found)["faults"]
+    folders = [one["folder"] for one in faults]
+    assert folders == [f"faults/{number:03d}" for number in range(1, len(folders) + 1)]
+    assert sorted(file.name for file in (found / "faults").iterdir()) == [
+        folder.removeprefix("faults/") for folder in folders
+    ]
+    for one in faults:
+        expected = json.loads((found / one["folder"] / "expected.json").read_text())
+        assert expected["violation"] == one["violation"]
+        assert (expected["objects"], expected["triangles"]) == (one["objects"], one["triangles"])
+        made = Case.read(found / one["folder"])
+        verdict = verdict_of(made, Made(PLANTED, WRONG["corners-only"].culler), engine="exact")
+        lost = {(v.name, v.frame, v.samples) for v in verdict.violations}
+        told = one["violation"]
+        assert (told["object_name"], told["frame"], told["samples"]) in lost
+
+
+def test_faults_whose_smallest_scenes_are_alike_are_one(found):
+    faults = summary(found)["faults"]
+    alike = [(one["kind"], one["cause"], one["structure"]) for one in faults]
+    assert len(set(alike)) == len(alike)
+    # More trials than one led to the first.
+    assert faults[0]["trials"] > 1
+
+
+def test_nothing_is_found_in_what_draws_everything(tmp_path):
+    assert search(tmp_path / "none", HERE + "Sound") == 0
+    told = summary(tmp_path / "none")
+    assert (told["violations"], told["faults"], told["exit_status"]) == (0, [], 0)
+    assert told["judged"] > 10
+    assert not (tmp_path / "none" / "faults").exists()
+
+
+def test_a_search_in_parts_writes_the_same_bytes(found, tmp_path):
+    """Parts that end within a round."""
+    for trials in (7, 16):
+        search(tmp_path / "parts", trials=trials)
+    assert bytes_of(tmp_path / "parts") == bytes_of(found)
+    assert len(bytes_of(found)) > 15
+
+
+@pytest.mark.slow
+def test_the_same_trials_write_the_same_bytes_by_any_number_of_workers(tmp_path):
+    search(tmp_path / "one", trials=40)
+    search(tmp_path / "two", trials=40, workers=2)
+    assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two")
 
 
 def test_other_seeds_try_other_scenes(tmp_path):
-    for seed in ("0", "1"):
-        run(tmp_path / seed, "--culler", HERE + "Sound", "--trials", "8", "--seed", seed)
+    for seed in (0, 1):
+        search(tmp_path / str(seed), HERE + "Sound", 2, seed=seed)
     first, second = (bytes_of(tmp_path / seed / "corpus") for seed in ("0", "1"))
     assert first["000000.json"] != second["000000.json"]
 
 
-def test_who_breaks_down_is_not_called_sound(tmp_path, capsys):
-    assert run(tmp_path / "out", "--culler", HERE + "Breaks", "--trials", "16") == 3
-    found = summary(tmp_path / "out")
-    assert found["broke_down"] > 0
-    assert found["failed"] == "ValueError: more than two"
-    assert "It broke down first in trial" in capsys.readouterr().out
+def test_who_breaks_down_is_not_called_sound(tmp_path):
+    assert search(tmp_path / "out", HERE + "Breaks") == 3
+    told = summary(tmp_path / "out")
+    assert told["broke_down"] > 0
+    assert told["failed"] == "ValueError: more than two"
 
 
 def test_who_promises_nothing_breaks_no_promise(tmp_path):
-    assert run(tmp_path / "out", "--culler", HERE + "Nothing", "--trials", "8") == 0
+    assert search(tmp_path / "out", HERE + "Nothing", 4) == 0
     assert summary(tmp_path / "out")["faults"] == []
 
 
 def test_scenes_that_a_culler_is_not_for_are_skipped(tmp_path):
-    run(tmp_path / "out", "--culler", HERE + "Sound", "--trials", "24", "--can", "plain")
-    found = summary(tmp_path / "out")
-    assert 0 < found["skipped"] < 24
-    assert found["judged"] + found["skipped"] <= 24
+    search(tmp_path / "out", HERE + "Sound", 16, can=frozenset())
+    told = summary(tmp_path / "out")
+    assert 0 < told["skipped"] < 16
+    assert told["judged"] + told["skipped"] <= 16
 
 
 def test_views_of_a_scene_find_what_is_missed_there(tmp_path):
-    out = tmp_path / "views"
     scene = "terrain_towers"
-    assert run(out, "--culler", PLANTED, "--scene", scene, "--trials", "16") == 1
-    assert summary(out)["asked"]["scene"] == scene
-    assert run(tmp_path / "sound", "--culler", HERE + "Sound", "--scene", scene,
-               "--trials", "8") == 0  # fmt: skip
+    assert search(tmp_path / "views", scene=scene) == 1
+    told = summary(tmp_path / "views")
+    assert told["asked"]["scene"] == scene
+    assert all(one["objects"] <= 2 and one["folder"] for one in told["faults"])
 
 
 def test_views_write_the_same_bytes_in_parts(tmp_path):
     """What stands before a trial in its run of several is the same wherever a search stopped."""
     late = "tests.wrong_cullers.memory:LastAnswer"
-    for name, parts in (("whole", ("16",)), ("parts", ("3", "16"))):
+    for name, parts in (("whole", (10,)), ("parts", (3, 10))):
         for trials in parts:
-            run(tmp_path / name, "--culler", late, "--scene", "terrain_towers", "--trials", trials)
+            search(tmp_path / name, late, trials, scene="terrain_towers")
     assert bytes_of(tmp_path / "whole") == bytes_of(tmp_path / "parts")
+
+
+def command(out: Path, *arguments: str) -> int:
+    return main(["fuzz", "--workers", "1", *arguments, "--out", str(out)])
+
+
+def test_the_command_tells_what_it_found(tmp_path, capsys):
+    """Of a culler in a process of its own; the search is the same there."""
+    out = tmp_path / "apart"
+    assert command(out, "--culler", PLANTED, "--trials", "6") == 1
+    search(tmp_path / "here", trials=6)
+    assert summary(out) == summary(tmp_path / "here")
+    said = capsys.readouterr().out
+    assert said.startswith("6 trials: 6 judged, 0 skipped, 0 in which the culler broke down;")
+    assert f"distinct fault: {out / 'faults'}" in said or "distinct faults:" in said
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
+def test_a_program_s_fault_is_found_and_replays(tmp_path, monkeypatch):
+    program = compiled(tmp_path, "NEAREST")
+    out = tmp_path / "out"
+    asked = ["--command", f"{program} {FILES}", "--trials", "12", "--can", "plain"]
+    assert command(out, *asked) == 1
+    fault = summary(out)["faults"][0]
+    monkeypatch.chdir(out / fault["folder"])
+    arguments = json.loads(Path("expected.json").read_text())["run"]
+    assert main([*arguments, "--out", str(tmp_path / "run")]) == 1
 
 
 @pytest.mark.parametrize(
@@ -165,46 +233,37 @@ def test_views_write_the_same_bytes_in_parts(tmp_path):
     ],
 )
 def test_wrong_input_is_one_line(arguments, said, tmp_path, capsys):
-    assert run(tmp_path / "out", *arguments) == 2
+    assert command(tmp_path / "out", *arguments) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert said in lines[0]
     assert not (tmp_path / "out").exists()
 
 
-def test_what_stands_in_the_folder_is_never_replaced(tmp_path, capsys):
+def test_what_stands_in_the_folder_is_never_replaced(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("mine")
-    assert run(tmp_path / "mine", "--culler", "none", "--trials", "1") == 2
-    assert "no search" in capsys.readouterr().err
+    with pytest.raises(InputError, match="no search"):
+        search(tmp_path / "mine", HERE + "Sound")
     assert bytes_of(tmp_path / "mine") == {"notes.txt": b"mine"}
 
 
-def test_another_search_is_not_gone_on_with(tmp_path, capsys):
+def test_another_search_is_not_gone_on_with(tmp_path):
     out = tmp_path / "out"
-    run(out, "--culler", HERE + "Sound", "--trials", "4")
+    search(out, HERE + "Sound", 2)
     before = bytes_of(out)
-    assert run(out, "--culler", PLANTED, "--trials", "8") == 2
-    assert run(out, "--culler", HERE + "Sound", "--trials", "8", "--seed", "1") == 2
-    assert capsys.readouterr().err.count("another search") == 2
+    for asked in ({"culler": PLANTED}, {"culler": HERE + "Sound", "seed": 1}):
+        with pytest.raises(InputError, match="another search"):
+            search(out, trials=8, **asked)
     assert bytes_of(out) == before
 
 
 @pytest.mark.parametrize("name", ["corpus/state.json", "corpus/000000.json"])
 @pytest.mark.parametrize("text", ["", "{}", "[]", "{", '{"format": "visref-fuzz-state"}'])
-def test_a_spoilt_corpus_is_refused_in_one_line(name, text, tmp_path, capsys):
+def test_a_spoilt_corpus_is_refused_in_one_line(name, text, tmp_path):
     out = tmp_path / "out"
-    run(out, "--culler", HERE + "Sound", "--trials", "2")
+    search(out, HERE + "Sound", 1)
     (out / name).write_text(text)
-    assert run(out, "--culler", HERE + "Sound", "--trials", "4") == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert name in lines[0]
-
-
-def test_a_culler_in_a_process_of_its_own_is_tried_too(tmp_path):
-    out = tmp_path / "apart"
-    asked = ["fuzz", "--workers", "1", "--culler", HERE + "Breaks", "--trials", "6"]
-    assert main([*asked, "--out", str(out)]) == 3
-    run(tmp_path / "here", "--culler", HERE + "Breaks", "--trials", "6")
-    assert bytes_of(out) == bytes_of(tmp_path / "here")
+    with pytest.raises(InputError, match=name) as caught:
+        search(out, HERE + "Sound", 4)
+    assert "\n" not in str(caught.value)

@@ -75,8 +75,11 @@ def test_what_was_kept_is_changed_and_crossed_where_the_search_is_guided():
     guided = run(Stream(Numbers(), 2), range(6 * ROUND))
     unguided = run(Stream(Numbers(), 2, guided=False), range(6 * ROUND))
     assert max(unguided) <= 1.0
-    assert sum(1.0 < genome < 1000.0 for genome in guided) > ROUND
-    assert sum(genome >= 1000.0 for genome in guided) > ROUND // 2
+    # Of the trials after the first round three in five, give or take.
+    from_kept = [genome for genome in guided if genome > 1.0]
+    assert 0.5 < len(from_kept) / (5 * ROUND) < 0.7
+    assert any(genome < 1000.0 for genome in from_kept)
+    assert any(genome >= 1000.0 for genome in from_kept)
 
 
 def test_rare_features_draw_more_trials():

@@ -83,7 +83,7 @@ def _cases(fault: Fault, trier: Trier) -> Iterator[Case]:
 
 
 def structure_of(shrunk: Shrunk) -> str:
-    """What a smallest scene is made of, in words: whether of several frames and objects, and what is
+    """What a smallest scene is made of, in words: of several frames and objects or one, and what is
     uncommon about them."""
     case = shrunk.case
     scene, frames = case.scene, case.path.frames
