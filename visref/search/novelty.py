@@ -177,7 +177,8 @@ def _by_box(camera: Camera, scene: Scene) -> dict[str, Bool]:
     with np.errstate(invalid="ignore"):
         outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1) | (at <= 0.0)
     # The eye is all but in the box, or on its side.
-    gap = np.linalg.norm(np.maximum(boxes[:, 0] - camera.eye, camera.eye - boxes[:, 1]), axis=1)
+    apart = np.maximum(boxes[:, 0] - camera.eye, camera.eye - boxes[:, 1])
+    gap = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
     diagonal = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))
     close = there & ~inside & (gap < max(2.0 * camera.near, 1e-3 * diagonal))
     return {
