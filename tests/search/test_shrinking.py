@@ -96,7 +96,12 @@ def course_of(name: str) -> Course:
 once = cache(course_of)
 
 
-@pytest.mark.parametrize("name", FAULTS)
+SLOW = ("boxes-of-joints", "depth-at-rest", "shift-ignored", "first-views-frustum")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in FAULTS]
+)
 def test_a_fault_is_shrunk_to_what_shows_it(name):
     course = once(name)
     shrunk = course.shrunk

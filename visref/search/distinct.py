@@ -43,7 +43,6 @@ def shrink_all(folder: SearchFolder, trier: Trier, told: Callable[[str], None]) 
 def _shrink_one(folder: SearchFolder, fault: Fault, trier: Trier) -> None:
     wanted = Wanted.of(fault.violation)
     for case in _cases(fault, trier):
-        trier.suspect.forget()
         holding = Holding(trier.suspect, wanted, engine=trier.engine, effort=EFFORT)
         if holding.at(case) is not None:
             break

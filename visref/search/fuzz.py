@@ -22,7 +22,7 @@ from visref.judging.status import Status
 from visref.search.distinct import shrink_all
 from visref.search.folder import Fault, Key, SearchFolder, Tally
 from visref.search.judging import Violation
-from visref.search.stream import Source, Stream, round_of
+from visref.search.stream import Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
 
 # Trials of one cause that are shrunk: their smallest scenes may differ.
@@ -33,6 +33,7 @@ MOST_FAULTS = 50
 Task = list[tuple[int, Any]]
 # How far it is: the folder, and in words what is done, "" while it searches.
 Shown = Callable[[SearchFolder, str], None]
+TryAll = Callable[[Task], Iterator[tuple[Task, Sequence[Outcome]]]]
 
 
 def fuzz(
@@ -56,34 +57,39 @@ def fuzz(
     ends = None if seconds is None else time.monotonic() + seconds
     with asked.suspect() as suspect:
         moves = moves_of(suspect)
-    source = asked.source(moves=moves)
-    stream: Stream[Any] = Stream(source, asked.seed)
-    folder = SearchFolder(out, {**described(asked), "moves": moves})
-    folder.open(stream, source)
-    together = Trier.together_of(source)
-    with _trying(asked, moves, source, workers) as try_all:
-        while _goes_on(folder.tally, trials, ends):
-            first = folder.tally.trials
-            # Whole runs of trials, so that what stands before one is the same wherever it stopped.
-            start = first - first % together
-            numbers = range(start, round_of(first).stop)
-            if trials is not None:
-                numbers = range(start, min(numbers.stop, trials))
-            genomes = {number: stream.genome(number) for number in numbers}
-            written = {number: source.written(one) for number, one in genomes.items()}
-            for task, outcomes in try_all([(number, written[number]) for number in numbers]):
-                for outcome in outcomes:
-                    if outcome.trial < first:
-                        continue
-                    if not outcome.skipped:
-                        stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
-                    _take_in(folder, outcome, task)
-            folder.write(stream, source)
-            shown(folder, "")
-    with Trier.here(asked, source) as trier:
+        trier = Trier(asked, suspect, asked.source(moves=moves))
+        stream: Stream[Any] = Stream(trier.source, asked.seed)
+        folder = SearchFolder(out, {**described(asked), "moves": moves})
+        folder.open(stream, trier.source)
+        with _trying(trier, moves, workers) as try_all:
+            while _goes_on(folder.tally, trials, ends):
+                _round(folder, stream, trier.together, trials, try_all)
+                folder.write(stream, trier.source)
+                shown(folder, "")
         shrink_all(folder, trier, lambda text: shown(folder, text))
-    folder.write(stream, source)
+        folder.write(stream, trier.source)
     return folder
+
+
+def _round(
+    folder: SearchFolder, stream: Stream[Any], together: int, trials: int | None, try_all: TryAll
+) -> None:
+    """Try the rest of the round at hand."""
+    source, first = stream.source, folder.tally.trials
+    # Whole runs of trials, so that what stands before one is the same wherever it stopped.
+    start = first - first % together
+    end = round_of(first).stop
+    numbers = range(start, end if trials is None else min(end, trials))
+    genomes = {number: stream.genome(number) for number in numbers}
+    for task, outcomes in try_all(
+        [(number, source.written(genomes[number])) for number in numbers]
+    ):
+        for outcome in outcomes:
+            if outcome.trial < first:
+                continue
+            if not outcome.skipped:
+                stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
+            _take_in(folder, outcome, task)
 
 
 def described(asked: Asked) -> dict[str, Any]:
@@ -136,23 +142,19 @@ def _take_in(folder: SearchFolder, outcome: Outcome, task: Task) -> None:
 
 # Workers.
 
-TryAll = Callable[[Task], Iterator[tuple[Task, Sequence[Outcome]]]]
-
 
 @contextmanager
-def _trying(asked: Asked, moves: bool, source: Source[Any], workers: int) -> Iterator[TryAll]:
+def _trying(trier: Trier, moves: bool, workers: int) -> Iterator[TryAll]:
     """What tries trials: here, or in so many processes."""
-    together = Trier.together_of(source)
     if workers == 1:
-        with Trier.here(asked, source) as trier:
-            yield lambda trials: ((task, trier.try_all(task)) for task in _tasks(trials, together))
+        yield lambda trials: ((t, trier.try_all(t)) for t in _tasks(trials, trier.together))
         return
     # A process of its own each: a copy of this one would share its GL context.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, context, _begin, (asked, moves))
+    pool = ProcessPoolExecutor(workers, context, _begin, (trier.asked, moves))
 
     def try_all(trials: Task) -> Iterator[tuple[Task, Sequence[Outcome]]]:
-        tasks = _tasks(trials, together)
+        tasks = _tasks(trials, trier.together)
         futures = [pool.submit(_try, task) for task in tasks]
         for task, future in zip(tasks, futures, strict=True):
             yield task, _result(future)

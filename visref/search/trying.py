@@ -118,24 +118,13 @@ class Trier:
 
     @classmethod
     def of(cls, asked: Asked, *, moves: bool) -> Trier:
-        """Raises InputError for anything wrong with what is asked."""
-        return cls.here(asked, asked.source(moves=moves))
+        """With a culler of its own. Raises InputError for anything wrong with what is asked."""
+        return cls(asked, asked.suspect(), asked.source(moves=moves))
 
-    @classmethod
-    def here(cls, asked: Asked, source: Source[Any]) -> Trier:
-        """With a culler of its own; a context manager that closes it."""
-        return cls(asked, asked.suspect(), source)
-
-    def __enter__(self) -> Trier:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.suspect.close()
-
-    @staticmethod
-    def together_of(source: Source[Any]) -> int:
-        """How many trials of a source are tried in one run."""
-        return _TOGETHER if isinstance(source, ViewsOf) else 1
+    @property
+    def together(self) -> int:
+        """How many trials are tried in one run."""
+        return _TOGETHER if isinstance(self.source, ViewsOf) else 1
 
     def try_all(self, trials: Sequence[tuple[int, Any]]) -> list[Outcome]:
         """The outcomes of some trials, given by number and genome in JSON values: the same for the
