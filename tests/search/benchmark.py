@@ -152,9 +152,15 @@ def search(
     return so_far()
 
 
-def _part(of: tuple[int, int, str, int, float, bool, Path]) -> dict[str, Any]:
-    part, parts, kind, seed, seconds, guided, out = of
-    every = subjects()[part::parts]
+def chosen(one_each: bool) -> list[Subject]:
+    """All subjects, or the first of each fault."""
+    every = subjects()
+    return list({one.fault: one for one in reversed(every)}.values())[::-1] if one_each else every
+
+
+def _part(of: tuple[int, int, str, int, float, bool, bool, Path]) -> dict[str, Any]:
+    part, parts, kind, seed, seconds, guided, one_each, out = of
+    every = chosen(one_each)[part::parts]
     beside = out.with_suffix(f".part{part}")
 
     def shown(result: dict[str, Any]) -> None:
@@ -163,22 +169,21 @@ def _part(of: tuple[int, int, str, int, float, bool, Path]) -> dict[str, Any]:
     return search(every, kind, seed, seconds, guided, shown)
 
 
-def benchmark(
-    kind: str, seed: int, seconds: float, workers: int, guided: bool, out: Path
-) -> dict[str, Any]:
+def benchmark(given: argparse.Namespace) -> dict[str, Any]:
     """The same over several processes, each with its share of the subjects; how far each is stands
     in a file beside `out`."""
-    shares = [(part, workers, kind, seed, seconds, guided, out) for part in range(workers)]
-    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+    guided = not given.unguided
+    asked = (given.kind, given.seed, given.seconds, guided, given.one_each, given.out)
+    shares = [(part, given.workers, *asked) for part in range(given.workers)]
+    with multiprocessing.get_context("spawn").Pool(given.workers) as pool:
         parts = pool.map(_part, shares, chunksize=1)
-    every = subjects()
+    every = chosen(given.one_each)
     found = {name: row for part in parts for name, row in part["found"].items()}
     return {
-        "kind": kind,
-        "seed": seed,
+        "kind": given.kind,
+        "seed": given.seed,
         "guided": guided,
-        "seconds_allowed": seconds,
-        "seconds": max(part["seconds"] for part in parts),
+        "seconds": round(sum(part["seconds"] for part in parts), 1),
         "trials": max(part["trials"] for part in parts),
         "subjects": len(every),
         "found": {one.name: found[one.name] for one in every if one.name in found},
@@ -220,14 +225,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1200.0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--unguided", action="store_true")
+    parser.add_argument("--one-each", action="store_true", help="one method per fault")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     if given.kind == "sound":
         result = sound_ones(given.seed, given.seconds)
     else:
-        result = benchmark(
-            given.kind, given.seed, given.seconds, given.workers, not given.unguided, given.out
-        )
+        result = benchmark(given)
         print(
             f"{given.kind}, seed {given.seed}: {len(result['found'])} of {result['subjects']} "
             f"in {result['trials']} trials, {result['seconds']} s",
