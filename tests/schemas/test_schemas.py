@@ -8,15 +8,18 @@ from __future__ import annotations
 import copy
 import json
 import math
+import tempfile
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from datetime import date
+from pathlib import Path
 from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
 
+from tests.search.test_shrinking import once, suspect_of
 from tests.support import report_runs
 from tests.support.hand_made import still_path
 from visref.camera import Camera, look_at
@@ -34,6 +37,9 @@ from visref.run_folder.facts import read_manifest, read_verdict
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import COUNTS
 from visref.schemas import NAMES, schema
+from visref.search.fault_folder import write_fault
+from visref.search.folder import Fault, Key, SearchFolder, Tally, read_summary
+from visref.search.judging import Kind, Violation
 
 pytestmark = pytest.mark.slow
 
@@ -144,10 +150,27 @@ def valid(run, name: str) -> Any:
         row = Row("glass", "what is right", "what is wrong", ("masks",), lambda: Judged(()))
         declared = Declared(None, {"glass": "windows are drawn apart"})
         return results_json("engine", 0, list(run_rows([row], declared)))
+    if name == "fault":
+        with tempfile.TemporaryDirectory() as folder:
+            write_fault(Path(folder), once("last-answer").shrunk, suspect_of("last-answer"))
+            return json.loads((Path(folder) / "expected.json").read_text())
+    if name == "fuzz":
+        return searched()
     if name == "witness":
         (file,) = (run / "witnesses").glob("module_Forgets-*.jsonl")
         return json.loads(file.read_text().splitlines()[0])
     return json.loads((run / f"{name}.json").read_text())
+
+
+def searched() -> dict[str, Any]:
+    """The summary of a search that found something, of which one fault has no smallest scene."""
+    miss = Violation(Kind.MISSED, 2, "", 1, "post", 3, 3, 7, 0, 5, 4.5, cause="one-frame-late")
+    hidden = Violation(Kind.SUPERFLUOUS, 0, "left", 0, "wall", 9, 0, 1, 1, 2, math.nan, "left", 4)
+    faults = [Fault(Key.of(one), 11, {}, [], one) for one in (miss, hidden)]
+    faults[0].folder, faults[0].structure, faults[0].objects = "faults/001", "2 objects", 2
+    faults[1].note = "trial 11 does not show it by itself"
+    tally = Tally(32, 30, 1, 1, 2, 5, "it raised", 4)
+    return SearchFolder(Path("found"), {"culler": "x", "seed": 0}, tally, faults).summary()
 
 
 def read(name: str, value: Any, folder) -> None:
@@ -160,6 +183,8 @@ def read(name: str, value: Any, folder) -> None:
         read_witness(Fields(value, "witness", ""))
     elif name == "policy":
         policy_of(value)
+    elif name == "fuzz":
+        read_summary(value)
     elif name == "path":
         CameraPath.from_json(value)
     elif name.startswith("recording"):
@@ -250,6 +275,7 @@ def test_counts_and_counters_are_those_of_the_code():
 @pytest.mark.parametrize(
     ("name", "least", "alone"),
     [
+        ("fuzz", 200, False),
         ("manifest", 300, False),
         ("path", 300, True),
         ("policy", 100, False),
@@ -282,7 +308,7 @@ def test_the_reader_refuses_what_the_schema_refuses_and_nothing_else(
     assert refused >= least
 
 
-@pytest.mark.parametrize("name", ["manifest", "policy", "verdict", "witness"])
+@pytest.mark.parametrize("name", ["fuzz", "manifest", "policy", "verdict", "witness"])
 def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
     value = valid(run, name)
     for at in places(value):
@@ -291,7 +317,7 @@ def test_keys_that_nobody_knows_are_ignored(name, run, tmp_path):
             inner = inner[key]
         # Where names are anybody's, a further one is no unknown key.
         free = at and at[-1] in (
-            "ages", "cullers", "files", "samples", "settings", "severities", "versions"
+            "ages", "asked", "cullers", "files", "samples", "settings", "severities", "versions"
         )  # fmt: skip
         if isinstance(inner, dict) and not free and "samples" not in at[:1]:
             more = changed(value, at, {**inner, "someday": 1})

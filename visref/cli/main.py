@@ -29,10 +29,12 @@ COMMANDS = {
     "path": "make camera paths, and say what their cameras see",
     "convert": "between a one-file recording and a path with visible sets",
     "explain": "replay a witness from the run folder alone",
+    "shrink": "make the smallest scene that still shows a miss of a run",
     "objects": "list a scene's objects: ids, bounds, nodes, names, groups",
     "cullers": "list cullers, their options and promises",
     "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
+    "fuzz": "search for scenes and views in which a culler fails",
     "doctor": "say what works on this machine",
     "warm": "compile ahead what runs need",
 }
