@@ -20,6 +20,7 @@ class NoCulling(GLCuller):
     """Draws everything: what culling is measured against."""
 
     name = "none"
+    memory = 0
     summary = "no culling: draws every object"
     notes_asked = True
 
@@ -76,6 +77,7 @@ class FrustumCulling(ViewsCulling):
     """Draws what meets the view frustum, front to back."""
 
     name = "frustum"
+    memory = 0
     summary = "view-frustum culling alone, by bounding boxes"
     notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {**VIEWS_OPTION, **GL_OPTIONS}
@@ -96,6 +98,7 @@ class SingleQueryCulling(ViewsCulling):
     """
 
     name = "occlusion-query"
+    memory = 0
     summary = "front to back, one occlusion query for each object's box"
     notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {

@@ -63,6 +63,7 @@ class OccupancyMapCulling(GLCuller):
     """One map in front of the queries, or five that arrange them; see the module."""
 
     name = "occupancy-map"
+    memory = 0
     summary = "Staneker 2003: screen tiles tell which queries to skip, and which to ask together"
     notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {

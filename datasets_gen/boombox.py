@@ -16,7 +16,7 @@ from visref.errors import InputError
 from visref_datasets_gen.assembly import Assembly, Colour, Place, exactly, facing
 from visref_datasets_gen.boombox_inside import CHROME, PLASTIC, STEEL, furnish
 from visref_datasets_gen.dataset import Dataset
-from visref_datasets_gen.orbit import orbit
+from visref_datasets_gen.orbit import check_frames, orbit
 from visref_datasets_gen.shapes import box, boxes, merge, moved, quads
 from visref_datasets_gen.solids import (
     annulus,
@@ -61,6 +61,7 @@ def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
     """530 shapes, 644,268 triangles at scale 1; another scale is another fineness of the same
     assembly's tessellation. The path is `orbit`'s. Raises InputError for a scale that is none
     of its tessellations, or a path without frames."""
+    check_frames(frames)
     if not 0.0 < scale <= 10.0:
         raise InputError(f"the scale is {scale}", place="scale", fix="give 0.3 to 10")
     made = exactly(partial(_assembly, seed), round(TRIANGLES_AT_SCALE_1 * scale))

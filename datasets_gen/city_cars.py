@@ -31,6 +31,7 @@ from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.formula_one import SHAPES as SHAPES_A_CAR
 from visref_datasets_gen.formula_one import car
 from visref_datasets_gen.graph import Mesh, Node
+from visref_datasets_gen.orbit import check_frames
 from visref_datasets_gen.shapes import Float64, box, boxes, quarter_turn
 from visref_datasets_gen.stock import Stock, placed, plain
 from visref_datasets_gen.terrain import Height, patch
@@ -58,6 +59,7 @@ def city_cars(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset
     the cars. Raises InputError for a scale that leaves no car or no block, or a path without
     frames.
     """
+    check_frames(frames)
     parts = car(seed, scale).nodes()
     shapes = round((SHAPES - CARS * SHAPES_A_CAR) * scale)
     left = round(TRIANGLES_AT_SCALE_1 * scale) - CARS * sum(map(triangles_of, parts))

@@ -19,7 +19,7 @@ from visref_datasets_gen import formula_one_inside, formula_one_wheels
 from visref_datasets_gen.assembly import Assembly, Colour, exactly
 from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.hulls import SKIN_M, Station, hull, open_shell, outline, patch_on, tunnel
-from visref_datasets_gen.orbit import orbit
+from visref_datasets_gen.orbit import check_frames, orbit
 from visref_datasets_gen.shapes import Float64, Soup, box, merge, moved, quads
 from visref_datasets_gen.solids import (
     chords,
@@ -76,6 +76,7 @@ def formula_one(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Datas
     """306 shapes, 746,827 triangles at scale 1; another scale is another fineness of the same
     assembly's tessellation. The path is `orbit`'s. Raises InputError for a scale that is none
     of its tessellations, or a path without frames."""
+    check_frames(frames)
     made = car(seed, scale).nodes()
     return Dataset("formula_one", made, orbit(frames, made, COCKPIT_M, nearest=0.36))
 

@@ -18,6 +18,12 @@ YFOV = math.radians(40.0)
 SIZE_PX = (876, 584)
 
 
+def check_frames(frames: int) -> None:
+    """Raises InputError for a path without frames: at once, a model takes seconds to make."""
+    if frames < 1:
+        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
+
+
 def orbit(frames: int, nodes: tuple[Node, ...], detail: Place, *, nearest: float) -> CameraPath:
     """Two thirds of the frames turn the model about its own y, x and z axes, all in view; the
     rest move in on it and back.
@@ -28,8 +34,7 @@ def orbit(frames: int, nodes: tuple[Node, ...], detail: Place, *, nearest: float
     `nearest`: how far from it, as a share of the first distance. Raises InputError for a path
     without frames.
     """
-    if frames < 1:
-        raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
+    check_frames(frames)
     centre, radius = _sphere(nodes)
     away = radius / math.sin(YFOV / 2)
     turning = frames - frames // 3

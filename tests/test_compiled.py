@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -36,14 +37,28 @@ CALLER = """
 """
 
 
-@pytest.fixture
-def package(tmp_path):
-    folder = tmp_path / "source" / "visref_kernels_of_a_test"
+def package_in(place: Path) -> Path:
+    folder = place / "source" / "visref_kernels_of_a_test"
     folder.mkdir(parents=True)
     (folder / "__init__.py").write_text("", encoding="utf-8")
     (folder / "called.py").write_text(CALLED.format(step=10), encoding="utf-8")
     (folder / "caller.py").write_text(textwrap.dedent(CALLER), encoding="utf-8")
     return folder
+
+
+@pytest.fixture
+def package(tmp_path):
+    return package_in(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A package and the cache that it has filled; both stay as they are."""
+    place = tmp_path_factory.mktemp("filled")
+    package, cache = package_in(place), place / "cache"
+    assert called(package, cache) == ["12", "1"]
+    assert called(package, cache) == ["12", "0"]
+    return package, cache
 
 
 def called(package: Path, cache: Path, **environment: str) -> list[str]:
@@ -73,9 +88,10 @@ def test_a_kernel_is_compiled_once_and_again_when_what_it_calls_was_edited(packa
 
 @pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
 @pytest.mark.parametrize("spoilt", [b"", b"\x80\x04", b"cvisref\nNoSuchName\n."])
-def test_a_spoilt_cache_costs_a_compilation_and_is_mended(package, tmp_path, kind, spoilt):
+def test_a_spoilt_cache_costs_a_compilation_and_is_mended(filled, tmp_path, kind, spoilt):
+    package, kept = filled
     cache = tmp_path / "cache"
-    assert called(package, cache) == ["12", "1"]
+    shutil.copytree(kept, cache)
     files = list(cache.rglob(kind))
     assert files
     for file in files:

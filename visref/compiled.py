@@ -42,20 +42,37 @@ _IMPORT = re.compile(rb"import (visref[\w.]*)")
 _NAME = re.compile(rb"\b[a-z_]\w*")
 
 
+# Where the kernels of each module that was imported are kept.
+_in_use: dict[str, Path] = {}
+
+
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """numba's decorator of the same name and options; the function releases the interpreter's
     lock and is cached where it can be."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        compiled = numba.njit(nogil=True, **options)(function)
+        # Nobody calls a kernel from C: without numba's wrapper for that it compiles sooner.
+        compiled = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)
         # With NUMBA_DISABLE_JIT the function comes back as it is.
         if compiled is not function:
             folder = cache_folder(function.__module__, Path(function.__code__.co_filename))
             if folder is not None:
                 compiled._cache = _Cache(function, folder)
+                _in_use[function.__module__] = folder
         return compiled
 
     return decorate
+
+
+def folders_in_use() -> dict[str, Path]:
+    """Where the kernels are kept of each module with kernels that this process has imported."""
+    return dict(_in_use)
+
+
+def source_of(module: str) -> Path | None:
+    """The file of a module of this project, if there is one; its package was imported."""
+    file = _file_of(module)
+    return None if file is None else Path(file)
 
 
 @cache

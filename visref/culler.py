@@ -217,6 +217,17 @@ class Culler(ABC):
         """Free what the culler holds; it is not used afterwards."""
 
 
+class Recorded(Culler):
+    """A culler that plays back what was recorded: no answer of its hangs on what it was asked
+    before."""
+
+    memory = 0
+
+    @abstractmethod
+    def seek(self, frame: int) -> None:
+        """The next frame that is asked for, once it is prepared."""
+
+
 def check_drawn(drawn: DrawnSet, units: Units) -> NDArray[np.int32]:
     """The drawn unit ids, (k,) int32, one per unit drawn. Raises CullerError where a culler broke
     the contract."""

@@ -2,8 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of several contiguous parts of a run: the `number`-th, from 1, of `count`. Parts differ
+    by one frame at most."""
+
+    number: int
+    count: int
+
+    def of(self, frames: Sequence[int]) -> Sequence[int]:
+        """The frames of this part; none where there are more parts than frames."""
+        start, stop = (len(frames) * n // self.count for n in (self.number - 1, self.number))
+        return frames[start:stop]
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
 
 
 def evenly_picked(count: int, at_most: int) -> NDArray[np.int64]:

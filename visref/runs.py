@@ -31,16 +31,18 @@ from visref.exact import ExactScene
 from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
 from visref.inputs import Inputs
-from visref.judging.again import Answers, Asking, compare, mark_unsteady
+from visref.judging.again import Answers, Difference, ask, mark_unsteady
+from visref.judging.asking import Job, Panel
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
-from visref.judging.referee import ImageCheck, Job, JudgedFrame, Listener, Referee
-from visref.picking import evenly_picked
-from visref.recordings.truth_file import TruthTable, read_truth
+from visref.judging.referee import ImageCheck, JudgedFrame, Listener, Referee
+from visref.picking import Shard, evenly_picked
+from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.layout import RUN_FOLDER, TRUTH
-from visref.run_folder.write import RunWriter
+from visref.run_folder.layout import PART, RUN_FOLDER, TRUTH
+from visref.run_folder.part import InputFindings, Part, PartKeeper
+from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
 
 # Makes the cullers of a run anew, with the same names; they live until the block ends.
@@ -53,10 +55,6 @@ class Misaligned(StrEnum):
 
     KEEP = "keep"
     INCONCLUSIVE = "inconclusive"
-
-
-# How every Parquet file begins: what is none is no earlier truth.
-PARQUET = b"PAR1"
 
 
 def judge_to_folder(
@@ -72,6 +70,7 @@ def judge_to_folder(
     policy: Policy | None = None,
     repeat: int = 1,
     anew: MakingAnew | None = None,
+    shard: Shard | None = None,
 ) -> RunOutcome:
     """Judge cullers, each with the name that reports give it, and write the run folder `out`.
 
@@ -80,7 +79,8 @@ def judge_to_folder(
     OpenGL and compare it with the unculled picture. `policy`: what the user accepts
     (`visref.judging.policy_file.read_policy`). `repeat`: how often cullers are asked about all
     frames, each time made by `anew` but for the first; who answers otherwise is inconclusive.
-    `if_misaligned`: what becomes of a recording that fits another input.
+    `if_misaligned`: what becomes of a recording that fits another input. `shard`: the part of the
+    run to judge; `visref.merging` makes the whole of all.
 
     Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
@@ -91,6 +91,13 @@ def judge_to_folder(
     if repeat < 1 or (repeat > 1 and anew is None):
         raise InputError(f"--repeat is {repeat}", fix="give 1 or more, and a way to make cullers")
     scene, frames = inputs.scene, inputs.frames
+    part = None
+    if shard is not None:
+        part = Part(shard, tuple(frames), 0 if policy is None else policy.latency_frames)
+        if not part.judged:
+            raise InputError(
+                f"--shard {shard} has no frame: the run has {len(frames)}", fix="give fewer shards"
+            )
     refuse_inputs(out, [*inputs.files, truth, policy.source if policy is not None else None])
     recorded = None
     if truth is not None:
@@ -103,6 +110,7 @@ def judge_to_folder(
             # Any engine that redraws and compares pictures would do.
             checker = make_engine("gl", inputs.timeline.still)
             closing.callback(checker.close)
+        planned = [frames[i] for i in evenly_picked(len(frames), pictures)]
         writer = RunWriter(
             folder,
             scene,
@@ -115,10 +123,13 @@ def judge_to_folder(
                 "frames": _slice(frames),
                 **({"repeat": repeat} if repeat > 1 else {}),
                 **({} if if_misaligned is Misaligned.KEEP else {"if_misaligned": if_misaligned}),
+                **({} if shard is None else {"shard": str(shard)}),
             },
             policy=policy,
-            picture_frames=[frames[i] for i in evenly_picked(len(frames), pictures)],
+            picture_frames=planned,
+            part=part,
         )
+        keeper = None if part is None else PartKeeper(folder, part, scene, inputs.path)
         referee = Referee(
             scene,
             inputs.make_engine,
@@ -131,43 +142,74 @@ def judge_to_folder(
             policy=policy or Policy(),
         )
         answers = Answers()
-        kept = [answers] if repeat > 1 else []
-        evidence = Evidence(scene)
-        outcome = referee.run(inputs.path, frames, cullers, [writer, evidence, *kept, *listeners])
+        kept: list[Listener] = [answers] if repeat > 1 else []
+        if keeper is not None:
+            kept.append(keeper)
+        evidence = Evidence()
+        if shard is None:
+            kept.append(evidence)
+        outcome = referee.run(
+            inputs.path, frames, cullers, [writer, *kept, *listeners], shard=shard
+        )
+        again = []
         for _ in range(repeat - 1):
             assert anew is not None
-            _ask_again(inputs, anew, answers, outcome)
-        outcome.findings[:0] = [*inputs.notes, *(recorded.findings if recorded else ())]
-        _ask_of_the_input(inputs, cullers, outcome, if_misaligned)
-        find_causes(
-            evidence, outcome.cullers, inputs.timeline, inputs.path, frames, inputs.make_engine
-        )
+            again.append(_asked_again(inputs, anew, answers, outcome, shard))
+        mark_unsteady(outcome, again)
+        of_inputs = _of_the_input(inputs, cullers, if_misaligned)
+        of_inputs.notes += inputs.notes
+        of_inputs.recorded += recorded.findings if recorded else ()
+        of_inputs.put_first(outcome)
+        name_the_causes(inputs, evidence, outcome)
         writer.finish(outcome)
+        if keeper is not None:
+            said = keeper.finish(
+                outcome, referee.facts, of_inputs, again,
+                pictures=planned, moved=writer.moved, truth=truth is not None,
+            )  # fmt: skip
+            write_json(folder / PART, said)
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
 
 
-def _ask_again(inputs: Inputs, anew: MakingAnew, answers: Answers, outcome: RunOutcome) -> None:
-    """Hold the answers of the run against those of cullers that are made anew."""
-    with anew() as cullers:
-        asking = Asking(
-            inputs.scene, inputs.make_engine, threads=inputs.threads, timeline=inputs.timeline
-        )
-        again, other = asking.ask(inputs.path, inputs.frames, cullers)
-    for record, asked in zip(outcome.cullers, other.cullers, strict=True):
-        if not record.unsteady and (why := compare(answers, again, record, asked)):
-            mark_unsteady(record, outcome, why)
+def name_the_causes(inputs: Inputs, evidence: Evidence, outcome: RunOutcome) -> None:
+    """Say why things were missed (`visref.causes`), in the outcome's records."""
+    find_causes(
+        evidence,
+        outcome.cullers,
+        inputs.timeline,
+        inputs.path,
+        inputs.frames,
+        inputs.make_engine,
+    )
 
 
-def _ask_of_the_input(
+def _asked_again(
     inputs: Inputs,
-    cullers: Sequence[tuple[str, Culler]],
+    anew: MakingAnew,
+    answers: Answers,
     outcome: RunOutcome,
-    if_misaligned: Misaligned,
-) -> None:
-    """Put first what is said of recordings that fit another input."""
-    said = []
+    shard: Shard | None,
+) -> dict[str, Difference]:
+    """Hold the answers of the run against those of cullers that are made anew, by name."""
+    frames = inputs.frames
+    judged = frames if shard is None else shard.of(frames)
+    with anew() as cullers:
+        panel = Panel(cullers, inputs.timeline, outcome.policy)
+        path = inputs.path.relative_to(inputs.scene.origin)
+        again = ask(panel, path, frames, judged)
+    return {
+        record.spec: Difference.between(answers, again, record, asked)
+        for record, asked in zip(outcome.cullers, panel.records, strict=True)
+    }
+
+
+def _of_the_input(
+    inputs: Inputs, cullers: Sequence[tuple[str, Culler]], if_misaligned: Misaligned
+) -> InputFindings:
+    """What is said of recordings that fit another input."""
+    found = InputFindings()
     for name, culler in cullers:
         if not isinstance(culler, Replay):
             continue
@@ -176,11 +218,10 @@ def _ask_of_the_input(
         )
         if finding is None:
             continue
-        said.append(finding)
+        found.misaligned.append(finding)
         if by_input_alone and if_misaligned is Misaligned.INCONCLUSIVE:
-            for record in outcome.cullers:
-                record.misaligned |= record.spec == name
-    outcome.findings[:0] = said
+            found.excused.append(name)
+    return found
 
 
 def _slice(frames: Sequence[int]) -> list[int]:
@@ -235,7 +276,7 @@ def truth_to_file(
             refuse_inputs(file, inputs.files)
     if geometric is not None and Path(geometric).resolve() == Path(out).resolve():
         raise InputError("--geometric and --out are the same file", fix="name two")
-    with replacing_file(out, begins=PARQUET) as file:
+    with replacing_file(out, begins=TRUTH_BEGINS) as file:
         engine = inputs.make_engine()
         search = _geometric_search(inputs, engine) if geometric is not None else None
         cast_ = _Casting(inputs, search)
@@ -254,7 +295,7 @@ def truth_to_file(
             if search is not None:
                 search.close()
         if geometric is not None:
-            with replacing_file(geometric, begins=PARQUET) as beside:
+            with replacing_file(geometric, begins=TRUTH_BEGINS) as beside:
                 write_geometric(
                     beside, inputs.scene, inputs.path, cast_.between, engine=inputs.engine
                 )

@@ -129,6 +129,10 @@ class Scene(Shared):
             if getattr(self, name) is not None:
                 put(self, name, frozen(getattr(self, name)))
 
+    def owner_name(self, triangle: int) -> str:
+        """The name of the object that a triangle belongs to."""
+        return self.names[int(self.object_of_triangle[triangle])]
+
     def _check(self) -> None:
         offsets: Int64 = self.object_offsets
         count = len(self.triangles)

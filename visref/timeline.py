@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,31 @@ class Timeline:
                 worlds[place] = compose(matrix[None], worlds[place][None])[0]
         return worlds
 
+    def standing(self, frame: int, place: int) -> tuple[Float64, NDArray[Any]] | None:
+        """How a moving object stands in a frame, there or not: world_from_object, (4, 4), and its
+        vertices in its own space, (v, 3) float32 or float64, of which `at` makes those of the
+        scene. None where it shares vertices with others, and so has none of its own."""
+        rig, pose = self._rig, self._pose(frame)
+        world = pose.worlds.get(place, rig.worlds[place])
+        if place in pose.before:
+            world = compose(pose.before[place][None], world[None])[0]
+        mesh = int(rig.mesh_of_object[place])
+        if mesh < 0:
+            return None
+        points = pose.positions.get(place)
+        if points is None:
+            points = rig.positions[mesh]
+        return world, points[self._rows(place)[0]]
+
+    def rows(self, place: int) -> slice:
+        """Where a moving object's vertices are in each frame's scene; what `standing` gives are
+        as many, in the same order."""
+        return self._rows(place)[1]
+
+    def mirrored_at_rest(self, place: int) -> bool:
+        """Whether the rest pose mirrors an object, so that its triangles are turned round."""
+        return _mirrors(self._rig.worlds[place])
+
     def _between(self, one: int, other: int) -> Bool:
         result = np.zeros(self._scene.object_count, np.bool_)
         a, b = self._pose(one), self._pose(other)
@@ -129,8 +155,8 @@ class Timeline:
         return self._scene.rig if self._scene.rig is not None else _rig_of(self._scene)
 
     @cached_property
-    def _triangles(self) -> Int32:
-        """Those of all objects; of what is absent at rest, the scene's own are collapsed."""
+    def whole_triangles(self) -> Int32:
+        """(t, 3) int32, those of all objects: of what is absent at rest, the scene's collapse."""
         return self._scene.triangles if self._rig.triangles is None else self._rig.triangles
 
     @cached_property
@@ -238,25 +264,19 @@ class Timeline:
         still, rig, pose = self.still, self._rig, self._pose(index)
         vertices = still.vertices.copy()
         moved = None if still.moved is None else still.moved.copy()
-        triangles: Int32 = self._triangles
+        triangles: Int32 = self.whole_triangles
         flips = []
         posed = sorted(pose.worlds.keys() | pose.positions.keys() | pose.before.keys())
         for place in posed:
             if pose.absent[place]:
                 continue
-            world = pose.worlds.get(place, rig.worlds[place])
-            if place in pose.before:
-                world = compose(pose.before[place][None], world[None])[0]
-            mesh = int(rig.mesh_of_object[place])
-            if mesh < 0:
+            stands = self.standing(index, place)
+            if stands is None:
                 self._refuse_shared(place, index)
                 continue
-            points = pose.positions.get(place)
-            if points is None:
-                points = rig.positions[mesh]
+            world, points = stands
             new, by = (one[0] for one in transformed(world[None], points, still.origin))
-            kept, rows = self._rows(place)
-            new, by = new[kept], by[kept]
+            rows = self._rows(place)[1]
             if not np.isfinite(new).all():
                 raise InputError(
                     "a vertex is NaN or infinite as it is posed",

@@ -89,6 +89,7 @@ class LazyGridCulling(GLCuller):
     """The lazy occlusion grid."""
 
     name = "lazy-grid"
+    memory = 0
     summary = "grid of cells over the depth buffer, brought up to date only when asked"
     notes_asked = True
     options: ClassVar[Mapping[str, Option]] = {

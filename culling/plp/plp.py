@@ -54,6 +54,7 @@ class PLPCulling(GLCuller):
     """PLP alone; see the module."""
 
     name = "plp"
+    memory = 0
     summary = (
         "Klosowski 2001: octree cells, the likeliest to show first, up to a budget of triangles"
     )

@@ -84,9 +84,12 @@ def _cut(
         j = (i + 1) % count
         here, there = sign * (polygon[i, axis] - limit), sign * (polygon[j, axis] - limit)
         if here >= 0.0:
-            result[made] = polygon[i]
+            for k in range(3):
+                result[made, k] = polygon[i, k]
             made += 1
         if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
-            result[made] = polygon[i] + here / (here - there) * (polygon[j] - polygon[i])
+            part = here / (here - there)
+            for k in range(3):
+                result[made, k] = polygon[i, k] + part * (polygon[j, k] - polygon[i, k])
             made += 1
     return made

@@ -84,6 +84,7 @@ class ThreePassCulling(GLCuller):
     """Both modes; see the module."""
 
     name = "three-pass"
+    memory = 0
     summary = "Seismic slides: low-resolution stand-ins are drawn, then queried, then replaced"
     promise = Promise.APPROXIMATE
     options: ClassVar[Mapping[str, Option]] = {

@@ -93,28 +93,61 @@ def test_the_linter_would_notice_what_is_not_safe(here, instead, finding, tmp_pa
     assert f"[{finding}]" in ran.stdout
 
 
-def github_steps():
-    return read("github.yml")["jobs"]["check"]["steps"]
+def github_jobs(shard):
+    """The steps of each job, for one shard."""
+    for name, job in read("github.yml")["jobs"].items():
+        commands = [
+            {**step, "run": step["run"].replace("${{ matrix.shard }}", str(shard))}
+            for step in job["steps"]
+            if "run" in step
+        ]
+        yield name, commands
 
 
-def gitlab_lines():
-    job = read("gitlab.yml")["check"]
-    return [*job["before_script"], *job["script"], *job["after_script"]]
+def gitlab_jobs(shard):
+    """The lines of each job, for one shard: those before and in its script, and those after it."""
+    text = text_of("gitlab.yml").replace("$CI_NODE_INDEX", str(shard))
+    jobs = YAML(typ="safe").load(text.replace("$CI_NODE_TOTAL", "4"))
+    for name in jobs["stages"]:
+        script = [*jobs["default"]["before_script"], *jobs[name]["script"]]
+        yield name, script, jobs[name].get("after_script", [])
 
 
 def visref_commands():
     """Every command of visref in the files, as it stands there."""
-    lines = [step["run"] for step in github_steps() if "run" in step]
-    words = [part.split() for line in [*lines, *gitlab_lines()] for part in re.split(r"\|\|", line)]
+    lines = [step["run"] for _, steps in github_jobs(1) for step in steps]
+    lines += [line for _, script, after in gitlab_jobs(1) for line in [*script, *after]]
+    words = [part.split() for line in lines for part in re.split(r"\|\|", line)]
     return sorted({" ".join(one[1:]) for one in words if one[0] == "visref"})
 
 
-def test_both_files_have_the_same_commands_and_visref_understands_them():
+def test_visref_understands_the_commands_of_both_files():
     commands = visref_commands()
-    assert [command.split()[0] for command in commands] == ["check", "report", "truth"]
+    # GitHub's has a summary, which is left to the whole.
+    assert [command.split()[0] for command in commands] == [
+        "check", "check", "merge", "report", "truth",
+    ]  # fmt: skip
     for command in commands:
         asked = command.split()
         assert callable(_parser(asked[0]).parse_args(asked).command)
+
+
+def test_what_one_job_keeps_the_next_one_takes_by_the_same_name():
+    jobs = read("github.yml")["jobs"]
+    shards = jobs["check"]["strategy"]["matrix"]["shard"]
+    keeps, takes = (
+        {
+            name: [step["with"] for step in job["steps"] if kind in step.get("uses", "")]
+            for name, job in jobs.items()
+        }
+        for kind in ("actions/upload-artifact", "actions/download-artifact")
+    )
+    assert keeps["record"][0]["name"] == takes["check"][0]["name"]
+    assert keeps["check"][0]["name"] == keeps["check"][0]["path"] == "part-${{ matrix.shard }}"
+    assert takes["verdict"] == [{"pattern": "part-*"}]
+    (merge,) = (one for one in visref_commands() if one.startswith("merge"))
+    assert merge.split()[1:-2] == [f"part-{shard}" for shard in shards]
+    assert read("gitlab.yml")["check"]["parallel"] == len(shards)
 
 
 @pytest.fixture
@@ -163,36 +196,54 @@ def test_the_github_workflow_fails_and_leaves_verdict_page_and_annotations(
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "step.md"))
     # Where the truth was kept, it is there after the step that restores it.
     if kept:
-        (cast,) = (step["run"] for step in github_steps() if "visref truth" in step.get("run", ""))
-        assert checkout(cast) == 0
+        (cast,) = (one for one in visref_commands() if one.startswith("truth"))
+        assert checkout(f"visref {cast}") == 0
     holds = {
         "success()": lambda failed: not failed,
         "steps.truth.outputs.cache-hit != 'true'": lambda failed: not failed and not kept,
         "${{ !cancelled() }}": lambda failed: True,
     }
-    statuses = {}
-    for step in github_steps():
-        if holds[step.get("if", "success()")](any(statuses.values())) and "run" in step:
-            statuses[step["run"].split()[1]] = checkout(step["run"])
-    assert statuses == {
-        "-m": 0, **({} if kept else {"truth": 0}), "--scene": 0, "check": 1, "report": 1,
-    }  # fmt: skip
+    # The jobs of a server's machines all work in this folder: what is handed on is there.
+    every = [next(github_jobs(1))]
+    every += [job for shard in (1, 2, 3, 4) for job in github_jobs(shard) if job[0] == "check"]
+    every += [job for job in github_jobs(1) if job[0] == "verdict"]
+    found = []
+    for name, steps in every:
+        statuses = {}
+        for step in steps:
+            if holds[step.get("if", "success()")](any(statuses.values())):
+                statuses[step["run"].split()[1]] = checkout(step["run"])
+        found.append((name, {command: status for command, status in statuses.items() if status}))
+    assert found == [
+        ("record", {}), ("check", {}), ("check", {}), ("check", {}), ("check", {"check": 1}),
+        ("verdict", {"merge": 1, "report": 1}),
+    ]  # fmt: skip
     assert "::error title=visref%3A drawn.jsonl misses beside::" in capsys.readouterr().out
     assert (tmp_path / "step.md").read_text().count("# visref: ") == 1
-    upload = github_steps()[-1]["with"]["path"].split()
-    assert [name for name in upload if not (tmp_path / name).exists()] == []
-    assert convicts(tmp_path / "junit.xml")
+    assert convicts(tmp_path / "page" / "junit.xml")
     assert (tmp_path / "page" / "report.html").is_file()
 
 
-def test_the_gitlab_job_fails_and_leaves_verdict_and_page(checkout, tmp_path):
-    job = read("gitlab.yml")["check"]
-    assert [checkout(line) for line in job["before_script"]] == [0]
-    assert [checkout(line) for line in job["script"]] == [0, 0, 1]
-    assert [checkout(line) for line in job["after_script"]] == [1]
-    assert [name for name in job["artifacts"]["paths"] if not (tmp_path / name).exists()] == []
-    assert convicts(tmp_path / job["artifacts"]["reports"]["junit"])
+def test_the_gitlab_pipeline_fails_and_leaves_verdict_and_page(checkout, tmp_path):
+    every = {
+        (name, shard): (script, after)
+        for shard in (1, 2, 3, 4)
+        for name, script, after in gitlab_jobs(shard)
+    }
+    statuses = {}
+    for name, shards in (("record", [1]), ("check", [1, 2, 3, 4]), ("verdict", [1])):
+        for shard in shards:
+            script, after = every[name, shard]
+            statuses[name, shard] = [checkout(line) for line in script]
+            statuses[name, shard] += [checkout(line) for line in after]
+    assert statuses == {
+        ("record", 1): [0, 0, 0], ("check", 1): [0, 0], ("check", 2): [0, 0], ("check", 3): [0, 0],
+        ("check", 4): [0, 1], ("verdict", 1): [0, 1, 1],
+    }  # fmt: skip
+    job = read("gitlab.yml")["verdict"]["artifacts"]
+    assert [name for name in job["paths"] if not (tmp_path / name).exists()] == []
+    assert convicts(tmp_path / job["reports"]["junit"])
     # The truth that the cache has kept is not cast again.
     cast = (tmp_path / "truth.parquet").stat().st_mtime_ns
-    assert checkout(job["script"][0]) == 0
+    assert checkout(read("gitlab.yml")["record"]["script"][0]) == 0
     assert (tmp_path / "truth.parquet").stat().st_mtime_ns == cast

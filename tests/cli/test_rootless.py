@@ -6,6 +6,7 @@ Permissions mean nothing to root, whom CI may be; so the commands run as another
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_cli import record, write_scene
+from visref.warming import place as kernels
 
 NOBODY = 65534
 
@@ -35,8 +37,11 @@ def place(tmp_path):
     (tmp_path / "closed").chmod(0o755)
 
 
-def as_nobody(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """visref as a user who can write to `folder/out` and nowhere else."""
+def as_nobody(
+    folder: Path, *arguments: str, cache: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """visref as a user who can write to `folder/out` and nowhere else. `cache`: of compiled
+    kernels, which that user can read; without one nothing is kept."""
     kept = ("PATH", "LANG", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     environment |= {
@@ -46,8 +51,11 @@ def as_nobody(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]
         # The folders of the machine are open to anybody, and would be taken instead.
         "PYTHONDONTWRITEBYTECODE": "1",
         # Where the test's own user owns the package, it is closed by telling another place.
-        "NUMBA_CACHE_DIR": str(folder / "closed"),
+        "NUMBA_CACHE_DIR": str(cache or folder / "closed"),
     }
+    if cache is not None:
+        # Numba says then what it loads and what it keeps.
+        environment["NUMBA_DEBUG_CACHE"] = "1"
     # The interpreter may lie in root's home: reading is left to the other user, writing is not.
     other = [
         "setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups",
@@ -93,7 +101,17 @@ def test_who_may_write_nowhere_else_gets_every_verdict(place):
     ended(as_nobody(folder, "objects", scene), 0)
     run = as_nobody(folder, "run", scene, *judging, "--culler", "frustum", "--out", "run")
     assert run.returncode == 0, run.stderr
-    checked = as_nobody(folder, "check", scene, *judging, "--visible", visible, "--out", "check")
+    # A cache that somebody else has filled is read.
+    cache = folder / "cache"
+    shutil.copytree(kernels(), cache / "visref")
+    for one in (cache, *cache.rglob("*")):
+        one.chmod(0o555 if one.is_dir() else 0o444)
+    recorded = ["--visible", visible, "--out", "check"]
+    checked = as_nobody(folder, "check", scene, *judging, *recorded, cache=cache)
+    for one in (cache, *cache.rglob("*")):
+        one.chmod(0o755)
     assert checked.returncode in (0, 2), checked.stderr
+    assert "[cache] data loaded from" in checked.stdout
+    assert "[cache] data saved to" not in checked.stdout
     ended(as_nobody(folder, "report", "run", "--out", "page"), 0)
     ended(as_nobody(folder, "explain", "run", "--frame", "0", "--object", "front"), 0)

@@ -55,7 +55,7 @@ def rows(spec, only):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", share(list(WRONG), 0))
 def test_wrong_culler_is_convicted_by_its_name_as_by_its_class(name):
     only = CONVICTED_BY[name].split()
     ended = list(run_rows(rows(spec_of(WRONG[name].culler), only), EVERYTHING))

@@ -359,7 +359,7 @@ def test_clusters_of_several_objects_are_written_run_by_run():
     objects.append(("b", panel((2.0, 3.0), (0.0, 1.0), -5.0)))
     scene = case(objects, [camera()]).scene
     units = clusters(scene, [[11, 12, 13], [0, 1, 3, 4], [2, 5, 6, 7, 8, 9, 10]])
-    text = files._units_csv(scene, units).decode()
+    text = files.units_csv(scene, units).decode()
     runs = ["0,0,11,1", "0,1,0,2", "1,0,0,2", "1,0,3,2", "2,0,2,1", "2,0,5,6"]
     assert text.splitlines()[1:] == runs
     back = files._units_back(text.encode(), scene)

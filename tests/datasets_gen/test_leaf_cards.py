@@ -142,20 +142,29 @@ def met(scene: Scene, camera: Camera) -> list[tuple[int, NDArray[np.float64]]]:
     return found
 
 
+def looked_up(scene: Scene, camera: Camera) -> list[tuple[NDArray[Any], NDArray[np.uint8]]]:
+    """For some of the samples: all triangles along the ray, and what each is there."""
+    assert scene.masks is not None
+    found = met(scene, camera)
+    along = np.concatenate([triangles for triangles, _ in found])
+    samples = np.repeat([at for _, at in found], [len(one) for one, _ in found], axis=0)
+    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+    corners = scene.vertices.astype(np.float64)[scene.triangles]
+    states = np.full(len(along), SOLID, np.uint8)
+    masked = np.flatnonzero(scene.masks.row[along] >= 0)
+    rows, places = scene.masks.row[along[masked]], corners[along[masked]]
+    states[masked] = states_at(scene.masks, rows, axes, samples[masked], True, places)
+    ends = np.cumsum([len(one) for one, _ in found])
+    return list(zip(np.split(along, ends[:-1]), np.split(states, ends[:-1]), strict=True))
+
+
 @pytest.mark.parametrize("frame", [0, 30, 59])
 def test_at_most_a_fifth_of_the_owned_samples_is_in_doubt(whole: Dataset, frame: int) -> None:
     scene, camera = scene_of(whole), whole.path.cameras[frame]
     assert scene.masks is not None
     assert (camera.width, camera.height) == (1280, 960)
-    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
-    corners = scene.vertices.astype(np.float64)[scene.triangles]
     owned = doubted = leaf = through = 0
-    for along, sample in met(scene, camera):
-        states = np.full(len(along), SOLID, np.uint8)
-        masked = np.flatnonzero(scene.masks.row[along] >= 0)
-        rows, places = scene.masks.row[along[masked]], corners[along[masked]]
-        samples = np.tile(sample, (len(masked), 1))
-        states[masked] = states_at(scene.masks, rows, axes, samples, True, places)
+    for along, states in looked_up(scene, camera):
         there = np.flatnonzero(states != HOLE)
         if not len(there):
             continue
@@ -163,7 +172,7 @@ def test_at_most_a_fifth_of_the_owned_samples_is_in_doubt(whole: Dataset, frame:
         first = there[0]
         # A doubt about any of the triangles before the first that is certain.
         doubted += bool(states[first] == BETWEEN)
-        leaf += bool(states[first] == SOLID and first in masked)
+        leaf += bool(states[first] == SOLID and scene.masks.row[along[first]] >= 0)
         through += bool(states[first] == SOLID and first > 0)
     assert doubted <= 0.2 * owned
     # And the scene is about leaves, and about what is seen through their holes.
@@ -202,8 +211,6 @@ def test_verdict_equals_the_brute_force_at_decided_samples(
     triangles left out."""
     scene, camera, truth = scene_of(whole), whole.path.cameras[30], truths[engine]
     assert scene.masks is not None
-    axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
-    corners = scene.vertices.astype(np.float64)[scene.triangles]
     units = Units(
         np.arange(scene.triangle_count + 1), np.arange(scene.triangle_count, dtype=np.int32), "each"
     )
@@ -215,13 +222,7 @@ def test_verdict_equals_the_brute_force_at_decided_samples(
     flat = np.arange(camera.samples).reshape(camera.height, camera.width)
     places = flat[STEP // 2 :: STEP, STEP // 2 :: STEP].reshape(-1).tolist()
     checked = losses = 0
-    for sample, (along, at) in zip(places, met(scene, camera), strict=True):
-        states = np.full(len(along), SOLID, np.uint8)
-        masked = np.flatnonzero(scene.masks.row[along] >= 0)
-        rows, three = scene.masks.row[along[masked]], corners[along[masked]]
-        states[masked] = states_at(
-            scene.masks, rows, axes, np.tile(at, (len(masked), 1)), True, three
-        )
+    for sample, (along, states) in zip(places, looked_up(scene, camera), strict=True):
         there = np.flatnonzero(states != HOLE)
         in_doubt = len(there) > 0 and states[there[0]] == BETWEEN
         assert (sample in open_) == in_doubt

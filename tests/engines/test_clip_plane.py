@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.shares import examples
 from visref.camera import Camera, look_at
 from visref.engines import make_engine
 from visref.errors import InputError
@@ -86,7 +87,7 @@ def cases(draw):
     return Scene.from_objects(objects), Camera(pose, 8, 6, 0.5, 20.0, clip_plane=plane, **lens)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(cases())
 def test_the_exact_engine_equals_rational_arithmetic(case):
     scene, camera = case
@@ -95,7 +96,7 @@ def test_the_exact_engine_equals_rational_arithmetic(case):
 
 
 @pytest.mark.parametrize("spec", ["embree", "open3d"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(case=cases())
 def test_ray_engines_agree_wherever_float32_lets_them(spec, case):
     """Certain samples alone: those whose neighbourhood of a thousandth of a pixel is of one owner,

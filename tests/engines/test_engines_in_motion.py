@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.support.engine_kinds import engine_kind
 from tests.support.exact_scenes import random_case
 from tests.support.motion import moments, with_own_vertices
+from tests.support.shares import examples, share
 from tests.support.strategies import cases
 from tests.support.truth_scenes import box as solid_box
 from tests.support.truth_scenes import brute_force, random_soup
@@ -315,7 +316,7 @@ def test_other_objects_than_at_first_cannot_be_posed(make: Make) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(case=cases(), seed=st.integers(0, 2**32 - 1), share=st.sampled_from([0.2, 0.6, 1.0]))
 def test_on_a_grid_of_ties_a_posed_engine_is_one_made_of_the_pose(case, seed, share) -> None:
     scenes = moments(case.scene, seed, 3, share=share)
@@ -329,7 +330,8 @@ def test_on_a_grid_of_ties_a_posed_engine_is_one_made_of_the_pose(case, seed, sh
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(12), *(pytest.param(n, marks=pytest.mark.slow) for n in range(12, 60))]
+    "seed",
+    [*range(12), *(pytest.param(n, marks=pytest.mark.slow) for n in share(range(12, 60), 0))],
 )
 def test_posed_arithmetic_is_fresh_arithmetic_bit_for_bit(seed: int) -> None:
     """Against one made of the moment, and against one that knows of no motion."""

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.support.exact_brute import Sample, truth
 from tests.support.exact_scenes import HALF, pose, random_case
+from tests.support.shares import examples, share
 from visref.camera import Camera
 from visref.exact import ExactScene
 from visref.scene import Alpha, Scene
@@ -66,7 +67,7 @@ def assert_equal(
     return seen
 
 
-@pytest.mark.parametrize("chunk", range(CHUNKS))
+@pytest.mark.parametrize("chunk", share(range(CHUNKS), 0))
 def test_random_close_calls_equal_the_brute_force(chunk: int) -> None:
     seen: Counter[str] = Counter()
     for index in range(FRAMES):
@@ -88,7 +89,7 @@ triangles = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(triangles, st.booleans(), st.sampled_from([0.5, 1.0, 2.0]))
 def test_small_whole_coordinates_equal_the_brute_force(
     soup: list[tuple[tuple[int, int, int], ...]], perspective: bool, near: float

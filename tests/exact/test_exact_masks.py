@@ -12,6 +12,7 @@ from tests.exact.test_exact_brute_force import assert_equal
 from tests.support.exact_brute import hits, truth
 from tests.support.exact_scenes import random_case
 from tests.support.hand_made import judged, square
+from tests.support.shares import share
 from visref.camera import Camera, look_at
 from visref.engines import make_engine
 from visref.exact import ExactScene
@@ -194,7 +195,7 @@ def states_of(scene: Scene, camera: Camera) -> dict[tuple[int, int], int]:
     return states | dict(zip(known, found.tolist(), strict=True))
 
 
-@pytest.mark.parametrize("chunk", range(4))
+@pytest.mark.parametrize("chunk", share(range(4), 1, of=2))
 def test_random_masked_scenes_equal_the_brute_force(chunk):
     seen: Counter[str] = Counter()
     for index in range(100):

@@ -18,8 +18,9 @@ from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
 from visref.engines.open3d import Open3DEngine
 from visref.formats.loading import load_path, load_scene
+from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome
-from visref.judging.referee import Job, JudgedFrame, Referee
+from visref.judging.referee import JudgedFrame, Referee
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.recordings.visible_sets import Replay, read_visible_sets
 from visref.scene import Scene, Units

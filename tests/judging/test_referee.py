@@ -375,9 +375,10 @@ def test_compiling_is_no_frames_time(monkeypatch):
         def on_truth(self, frame, truth, seen, ms):
             told.append(ms)
 
-    monkeypatch.setattr(
-        "visref.judging.referee.Stopwatch", lambda: Stopwatch(clock=lambda: clock[0])
-    )
+    for module in ("referee", "asking"):
+        monkeypatch.setattr(
+            f"visref.judging.{module}.Stopwatch", lambda: Stopwatch(clock=lambda: clock[0])
+        )
     outcome = Referee(SCENE, lambda: engine).run(
         PATH, FRAMES, [("compiles", Compiles())], [Listens()]
     )

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.mutants.harness import mutant_named
 from tests.support import strategies
-from tests.support.shares import share
+from tests.support.shares import examples, share
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.conformance import assert_conforms, conformance_checks, exact_truths, judge_on
@@ -102,7 +102,12 @@ def test_culler_conforms_with_each_option(at):
     assert_conforms(variant.make, checks=share(checks, at) if variant.chosen else checks)
 
 
-@settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=examples(60),
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
 @given(
     built=strategies.cases(),
     variants=st.tuples(*map(st.sampled_from, COMBINATIONS)),

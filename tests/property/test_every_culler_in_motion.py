@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.mutants.harness import mutant_named
 from tests.property.test_every_culler import CLASSES, COMBINATIONS, Variant
 from tests.support import strategies
+from tests.support.shares import examples
 from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.conformance import exact_truths, judge_on
@@ -114,7 +115,12 @@ def moving_cases(draw) -> Case:
     return Case(scene, CameraPath(frames, "hypothesis"))
 
 
-@settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=examples(60),
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
 @given(
     built=moving_cases(),
     variants=st.tuples(*(st.sampled_from(variants) for _, variants in MOVING)),

@@ -14,7 +14,7 @@ import trimesh
 from tests.cli.test_cli import record, write_scene
 from tests.support.dying import content
 from visref.cli.main import main
-from visref.runs import PARQUET
+from visref.recordings.truth_file import TRUTH_BEGINS
 
 
 @pytest.fixture
@@ -159,7 +159,7 @@ def test_a_full_disk_is_one_line_and_what_stood_there_stays(run):
     out, arguments = run
     scene, path = arguments[1], arguments[3]
     truth = out.parent / "truth.parquet"
-    truth.write_bytes(PARQUET)
+    truth.write_bytes(TRUTH_BEGINS)
     page = out.parent / "page"
     before = content(out.parent)
     for command in (

@@ -1,42 +1,44 @@
-"""What a run keeps for the question why things were missed: who was drawn in each answer, and who
-was lost by it."""
+"""What a run keeps for the question why things were missed: what was drawn in each answer, and
+which objects were missed."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.judging.frame import SettledFrame
+from visref.judging.asking import Job
 from visref.judging.judge import FrameVerdict, MissKind
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.outcome import FrameRecord
+from visref.judging.referee import JudgedFrame
 from visref.picking import evenly_picked
-from visref.scene import Int32, Int64, Scene, Units
+from visref.scene import Int32, Int64, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
 # So many answers that lost nothing are looked at, evenly spread.
 CLEAN = 16
-NO_UNIT = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A culler's answer that was judged. `packed`: the units drawn, a bit each, compressed. `lost`:
-    (k, 2) int32, the pairs of a unit that was not drawn and an object that loses samples by it,
-    sorted; `NO_UNIT` where what was lost is in no unit."""
+    """A culler's answer that was judged. `packed`: the units drawn, a bit each, compressed.
+    `missed`: (k,) int32, the objects that it loses samples of, ascending."""
 
     frame: int
     view: str
     packed: bytes
-    lost: Int32
+    missed: Int32
 
     @classmethod
-    def of(cls, frame: int, view: str, drawn: NDArray[np.bool_], lost: Int32) -> Answer:
-        return cls(frame, view, zlib.compress(np.packbits(drawn).tobytes(), 1), lost)
+    def of(cls, record: FrameRecord, drawn: Int32, units: int) -> Answer:
+        """From a verdict and the ids of the units drawn, of so many."""
+        flags = np.zeros(units, np.bool_)
+        flags[drawn] = True
+        packed = zlib.compress(np.packbits(flags).tobytes(), 1)
+        return cls(record.frame, record.view, packed, convicted(record.verdict))
 
     def drawn(self, units: int) -> NDArray[np.bool_]:
         """(units,) bool."""
@@ -53,11 +55,11 @@ class Answers:
 
     @property
     def lossy(self) -> list[Answer]:
-        return [answer for answer in self.every if len(answer.lost)]
+        return [answer for answer in self.every if len(answer.missed)]
 
     def some_clean(self) -> list[Answer]:
         """Some of those that lost nothing, evenly spread."""
-        clean = [answer for answer in self.every if not len(answer.lost)]
+        clean = [answer for answer in self.every if not len(answer.missed)]
         return [clean[i] for i in evenly_picked(len(clean), CLEAN)]
 
     @cached_property
@@ -71,65 +73,32 @@ class Answers:
 
 
 class Evidence:
-    """A run's listener. `answers`: by the culler's name."""
+    """What a run keeps of every answer, by the culler's name: a run's listener, or told of verdicts
+    by who has them from elsewhere."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self) -> None:
         self.answers: dict[str, Answers] = {}
-        self._scene = scene
-        self._units_at: dict[str, Membership] = {}
+
+    def add(self, spec: str, units: Units, record: FrameRecord, drawn: Int32) -> None:
+        """A verdict, and the ids of the units drawn, (k,) int32."""
+        kept = self.answers.setdefault(spec, Answers(units))
+        kept.every.append(Answer.of(record, drawn, units.count))
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         pass
 
     def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
-        kept = self.answers.setdefault(job.spec, Answers(job.units))
-        drawn = np.zeros(job.units.count, np.bool_)
-        drawn[judged.drawn_units] = True
-        record = judged.record
-        lost = np.zeros((0, 2), np.int32)
-        objects = convicted(record.verdict)
-        if len(objects):
-            if job.spec not in self._units_at:
-                self._units_at[job.spec] = Membership(job.units)
-            lost = self._lost(judged.settled, self._units_at[job.spec], objects, drawn)
-        kept.every.append(Answer.of(record.frame, record.view, drawn, lost))
+        self.add(job.spec, job.units, judged.record, judged.drawn_units)
 
     def on_frame_done(self, frame: int) -> None:
         pass
 
-    def _lost(
-        self,
-        settled: Sequence[SettledFrame],
-        of_triangle: Membership,
-        objects: Int64,
-        drawn: NDArray[np.bool_],
-    ) -> Int32:
-        counted = np.zeros(self._scene.object_count, np.bool_)
-        counted[objects] = True
-        owner = self._scene.object_of_triangle
-        triangles = [np.flatnonzero(one.walk.lost_triangle) for one in settled]
-        lost = np.unique(np.concatenate([np.zeros(0, np.int64), *triangles]))
-        lost = lost[counted[owner[lost]]]
-        unit, at = of_triangle.units(lost)
-        left_out = ~drawn[unit]
-        unit, at = unit[left_out], at[left_out]
-        listed = np.zeros(len(lost), np.bool_)
-        listed[at] = True
-        nowhere = owner[lost[~listed]]
-        pairs = np.concatenate(
-            [
-                np.stack([unit, owner[lost[at]]], axis=1),
-                np.stack([np.full(len(nowhere), NO_UNIT), nowhere], axis=1),
-            ]
-        )
-        return np.unique(pairs, axis=0).astype(np.int32).reshape(-1, 2)
 
-
-def convicted(verdict: FrameVerdict) -> Int64:
-    """(k,) int64, the objects that a verdict says were missed, ties and roundings aside."""
+def convicted(verdict: FrameVerdict) -> Int32:
+    """(k,) int32, the objects that a verdict says were missed, ties and roundings aside."""
     kinds = (MissKind.TIE, MissKind.WITHIN_RASTER)
     found = sorted({miss.object for miss in verdict.misses if miss.kind not in kinds})
-    return np.array(found, np.int64)
+    return np.array(found, np.int32)
 
 
 class Membership:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.causes.evidence import NO_UNIT, Answers
+from visref.causes.evidence import Answers
 from visref.causes.sights import At, Tell, Told
 from visref.judging.outcome import CullerRecord
 
@@ -33,10 +35,11 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         most = max(most, size)
     sizes = [int(np.count_nonzero(one.drawn(count))) for one in answers.lossy]
     fewest = min(sizes, default=0)
-    missed = np.zeros(count, np.int64)
+    missed: Counter[int] = Counter()
     for answer in answers.lossy:
-        missed[np.unique(answer.lost[answer.lost[:, 0] != NO_UNIT, 0])] += 1
-    never = (drawn == 0) & (missed >= OFTEN)
+        missed.update(answer.missed.tolist())
+    often = [obj for obj, times in missed.items() if times >= OFTEN]
+    never = drawn == 0
 
     def full(at: At) -> Told:
         # Every answer that lost something is as long as the longest, and that is a round number.
@@ -49,7 +52,7 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         return None if now is None else now[at.ids]
 
     def never_drawn(at: At) -> Told:
-        return ~never[at.ids] if never.any() else None
+        return ~(never[at.ids] & np.isin(at.objects(), often)) if never.any() else None
 
     ignored = np.zeros(count, np.bool_)
     ignored[list(record.ignored)] = True

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from visref.camera_path import CameraPath
 from visref.causes.answers import ANOTHER_VIEW, ANSWERED
 from visref.causes.boxes import some
-from visref.causes.evidence import NO_UNIT, Answer, Answers, Evidence
+from visref.causes.evidence import Answer, Answers, Evidence
 from visref.causes.fitted import FEW, FITS, Fit, odds, threshold
 from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN, SWEEPING
 from visref.causes.in_view import IN_VIEW, SELDOM, kept_by_depth
 from visref.causes.lists import LISTS
 from visref.causes.other import LEFT_OUT, MOVED, MOVED_IN_VIEW
-from visref.causes.sights import At, Hypothesis, Moments, Sights, by_code
+from visref.causes.sights import At, Hypothesis, Moments, Sight, Sights, by_code
 from visref.engines.base import TruthEngine
 from visref.judging.causes import CODES, CausesFound, Named, Where
 from visref.judging.outcome import CullerRecord
@@ -73,7 +73,8 @@ HYPOTHESES = [
 ]
 # Of hypotheses that fit alike, the first of these is named: the ordinary before the odd, and what
 # says something of few scenes before what might be said of any.
-UNLISTED = -2
+# In place of a unit: of what is in none.
+NO_UNIT, UNLISTED = -1, -2
 LAST = ("never-drawn",)
 ORDER = {cause: place for place, cause in enumerate(CODES)}
 
@@ -82,9 +83,11 @@ ORDER = {cause: place for place, cause in enumerate(CODES)}
 class Looked:
     """Some of an answer's units: `ids` (k,), and of each whether it is `lost`, rightly drawn
     (`good`), drawn and hidden (`idle`), or left out and hidden (`left`). `views`: the answer in
-    each view that it is for."""
+    each view that it is for. `pairs`: (m, 2) int32, a unit that was left out and an object that
+    loses samples by it, `NO_UNIT` where what is lost is in no unit."""
 
     answer: Answer
+    pairs: Int32
     views: tuple[At, ...]
     ids: Int32
     lost: Bool
@@ -150,8 +153,9 @@ class Search:
         if scene.absent is not None:
             first = np.minimum(units.offsets[:-1], max(len(units.triangles) - 1, 0))
             there &= ~scene.absent[scene.object_of_triangle[units.triangles[first]]]
+        pairs = self._lost(answer, sights, drawn)
         lost = np.zeros(units.count, np.bool_)
-        lost[answer.lost[answer.lost[:, 0] != NO_UNIT, 0]] = True
+        lost[pairs[pairs[:, 0] != NO_UNIT, 0]] = True
         kinds = (lost, seen & drawn, drawn & ~seen & there, ~drawn & ~seen & there)
         picked = [
             ids[evenly_picked(len(ids), most)]
@@ -161,7 +165,29 @@ class Search:
         small = np.zeros(units.count, np.bool_)
         small[[one.unit for one in self._record.too_small if one.frame <= answer.frame]] = True
         at = tuple(At(self._sights, answer.frame, view, ids, small[ids]) for view in views)
-        return Looked(answer, at, ids, *(kind[ids] for kind in kinds))
+        return Looked(answer, pairs, at, ids, *(kind[ids] for kind in kinds))
+
+    def _lost(self, answer: Answer, sights: Sequence[Sight], drawn: Bool) -> Int32:
+        """Of the objects missed the triangles that show and that no drawn unit holds: the units
+        that hold them, each with the object, (m, 2), sorted."""
+        place = sights[0].place
+        owner = place.scene.object_of_triangle
+        shown = np.unique(np.concatenate([sight.shown().triangles for sight in sights]))
+        shown = shown[np.isin(owner[shown], answer.missed)].astype(np.int64)
+        unit, at = place.members.units(shown)
+        held = np.zeros(len(shown), np.bool_)
+        held[at[drawn[unit]]] = True
+        listed = np.zeros(len(shown), np.bool_)
+        listed[at] = True
+        left_out = ~held[at]
+        nowhere = owner[shown[~listed]]
+        pairs = np.concatenate(
+            [
+                np.stack([unit[left_out], owner[shown[at[left_out]]]], axis=1),
+                np.stack([np.full(len(nowhere), NO_UNIT), nowhere], axis=1),
+            ]
+        )
+        return np.unique(pairs, axis=0).astype(np.int32).reshape(-1, 2)
 
     def _hypotheses(self) -> list[Hypothesis]:
         return [*HYPOTHESES, *by_code(LISTS(self._answers, self._record))]
@@ -205,7 +231,7 @@ class Search:
             kept = [one.kept(each.hypothesis) for each in every]
             of_object: dict[int, list[int]] = defaultdict(list)
             place = {int(unit): i for i, unit in enumerate(one.ids)}
-            for unit, obj in one.answer.lost.tolist():
+            for unit, obj in one.pairs.tolist():
                 of_object[obj].append(UNLISTED if unit == NO_UNIT else place.get(unit, -1))
             for obj, places in of_object.items():
                 where = (one.answer.frame, one.answer.view, obj)
@@ -380,8 +406,8 @@ def _covering(answers: Sequence[Answer], most: int) -> list[Answer]:
     if len(answers) <= most:
         return list(answers)
     picked = set(evenly_picked(len(answers), most // 2).tolist())
-    covered = {obj for i in picked for obj in answers[i].lost[:, 1].tolist()}
-    objects = [set(answer.lost[:, 1].tolist()) for answer in answers]
+    covered = {obj for i in picked for obj in answers[i].missed.tolist()}
+    objects = [set(answer.missed.tolist()) for answer in answers]
     while len(picked) < most:
         gain = [0 if i in picked else len(one - covered) for i, one in enumerate(objects)]
         if not any(gain):

@@ -336,8 +336,9 @@ Tell = Callable[[At], Told]
 @dataclass(frozen=True)
 class Hypothesis:
     """A cause, in one of the ways in which a culler may err so (`variant`). `odd`: such a way is
-    seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's whole answer, of another moment or about
-    another thing. `depth`: it says what hides, so that it is about a culler that asks for that."""
+    seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's
+    whole answer, of another moment or about another thing. `depth`: it says what hides, so that it
+    is about a culler that asks for that."""
 
     cause: str
     variant: str

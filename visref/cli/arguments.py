@@ -19,6 +19,7 @@ from visref.judging.policy import Policy
 from visref.judging.policy_file import day_of, read_policy
 from visref.memory import parse_size
 from visref.numerals import decimal_number, whole_number
+from visref.picking import Shard
 from visref.recordings.visible_sets import VisibleSets
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
@@ -92,6 +93,39 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         help="the day on which the policy's waivers are asked whether they expired (default: "
         "the clock's, UTC)",
     )
+    add_shard_argument(parser)
+    parser.add_argument(
+        "--workers",
+        type=whole_number,
+        metavar="N",
+        help="processes that judge a part of the frames each (default: a core each, where frames "
+        "and memory are enough; 1 to measure times)",
+    )
+
+
+def add_shard_argument(parser: argparse.ArgumentParser) -> None:
+    """For commands whose work can be shared out; `shard_of` reads it."""
+    parser.add_argument(
+        "--shard",
+        metavar="I/N",
+        help="judge only the I-th of N parts of the frames; `visref merge` makes the whole of all",
+    )
+
+
+def shard_of(given: argparse.Namespace) -> Shard | None:
+    """The part that --shard names, None without it. Raises InputError for no part."""
+    if given.shard is None:
+        return None
+    number, _, count = given.shard.partition("/")
+    try:
+        shard = Shard(whole_number(number), whole_number(count))
+        if not 1 <= shard.number <= shard.count:
+            raise ValueError
+    except ValueError as error:
+        raise InputError(
+            f"--shard {given.shard} is no part", fix="write I/N, such as 2/4, with I from 1 to N"
+        ) from error
+    return shard
 
 
 def policy_of(given: argparse.Namespace) -> Policy | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from visref.cli.arguments import (
@@ -16,7 +18,7 @@ from visref.cli.arguments import (
 from visref.cli.judged import judge
 from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
-from visref.culler import Promise
+from visref.culler import Culler, Promise
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_file
 from visref.judging.outcome import RunOutcome
@@ -78,6 +80,8 @@ def run(given: argparse.Namespace) -> Exit:
     # What stands there already has reasons that somebody wrote by hand.
     if waivers is not None and waivers.exists():
         raise InputError("cannot write here: it exists", source=str(waivers), fix="name a new file")
+    if waivers is not None and given.shard is not None:
+        raise InputError("--write-waivers and --shard", fix="write waivers of the whole run")
     refuse_inputs(given.out, [file, waivers])
     if given.recording is not None:
         inputs, recorded = recorded_inputs_of(given)
@@ -86,11 +90,16 @@ def run(given: argparse.Namespace) -> Exit:
         recorded = read_visible_sets(
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
-    replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
+
+    @contextmanager
+    def anew() -> Iterator[list[tuple[str, Culler]]]:
+        replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
+        yield [(file.name, replay)]
+
     outcome = judge(
         given,
         inputs,
-        [(file.name, replay)],
+        anew,
         policy=policy,
         if_misaligned=Misaligned(given.if_misaligned),
     )

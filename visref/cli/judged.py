@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 from visref.beside import steady
+from visref.cli.arguments import shard_of
 from visref.cli.terminal import OUT, frame_bar
-from visref.culler import Culler
+from visref.errors import InputError
 from visref.findings import Code, Finding, fails_run
 from visref.inputs import Inputs
 from visref.judging.judge import Counts
@@ -21,6 +24,7 @@ from visref.report.misses import why_lines
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
+from visref.workers import default_workers, judging_at_once
 
 FINDINGS_SHOWN = 10
 
@@ -28,31 +32,59 @@ FINDINGS_SHOWN = 10
 def judge(
     given: argparse.Namespace,
     inputs: Inputs,
-    cullers: Sequence[tuple[str, Culler]],
+    anew: MakingAnew,
     *,
     policy: Policy | None = None,
     image_check: bool = False,
     repeat: int = 1,
-    anew: MakingAnew | None = None,
     if_misaligned: Misaligned = Misaligned.KEEP,
+    alone: str = "",
 ) -> RunOutcome:
-    """Judge by the judging arguments, print the verdict and the papers' numbers beside ours."""
-    with frame_bar(len(inputs.frames)) as bar:
-        outcome = judge_to_folder(
-            inputs,
-            cullers,
-            given.out,
-            truth=given.truth,
-            pictures=given.pictures,
-            image_check=image_check,
-            if_misaligned=if_misaligned,
-            listeners=[bar],
-            policy=policy,
-            repeat=repeat,
-            anew=anew,
-        )
+    """Judge by the judging arguments, print the verdict and the papers' numbers beside ours. `anew`
+    makes the cullers; `alone`: why one worker must judge them, empty where it need not."""
+    shard = shard_of(given)
+    workers = _workers(given, inputs, alone or ("--shard" if shard is not None else ""))
+    judged = inputs.frames if shard is None else shard.of(inputs.frames)
+    options: dict[str, Any] = {
+        "truth": given.truth,
+        "pictures": given.pictures,
+        "image_check": image_check,
+        "if_misaligned": if_misaligned,
+        "policy": policy,
+        "repeat": repeat,
+    }
+    with ExitStack() as closing:
+        # Before the display, which has a thread: workers are copies of this process.
+        if workers > 1:
+            at_once = judging_at_once(inputs, anew, given.out, workers=workers, **options)
+            finish = closing.enter_context(at_once)
+            bar = closing.enter_context(frame_bar(len(judged)))
+            outcome = finish(bar.on_frame_done)
+        else:
+            cullers = closing.enter_context(anew())
+            bar = closing.enter_context(frame_bar(len(judged)))
+            outcome = judge_to_folder(
+                inputs, cullers, given.out, listeners=[bar], anew=anew, shard=shard, **options
+            )
+    print_run(given.out, outcome)
+    return outcome
+
+
+def _workers(given: argparse.Namespace, inputs: Inputs, alone: str) -> int:
+    """How many workers judge."""
+    asked: int | None = given.workers
+    if asked is None:
+        return 1 if alone else default_workers(inputs)
+    if asked < 1 or (asked > 1 and alone):
+        problem = f"--workers is {asked}" + (f", with {alone}" if alone and asked > 1 else "")
+        raise InputError(problem, fix="give 1" if alone else "give 1 or more")
+    return min(asked, len(inputs.frames))
+
+
+def print_run(out: Path, outcome: RunOutcome) -> None:
+    """The verdict of a run folder that was just written, and the papers' numbers beside ours."""
     print_outcome(outcome)
-    written = steady(given.out, lambda folder: read_run(folder, objects=False))
+    written = steady(out, lambda folder: read_run(folder, objects=False))
     for culler, verdict in written.verdict.cullers.items():
         for line in why_lines(verdict.causes):
             OUT.line(f"{culler}: {line}")
@@ -60,8 +92,7 @@ def judge(
         for table in tables:
             _print_beside_published(paper.name, table)
     OUT.line()
-    OUT.line(f"The run: {given.out}; `visref report {given.out} --out PAGE`")
-    return outcome
+    OUT.line(f"The run: {out}; `visref report {out} --out PAGE`")
 
 
 def print_outcome(outcome: RunOutcome) -> None:

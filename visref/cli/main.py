@@ -22,21 +22,25 @@ COMMANDS = {
     "truth": "cast who owns which samples, to a Parquet file",
     "run": "judge cullers on a scene and a camera path",
     "check": "judge an engine's recorded visible sets",
+    "merge": "put the parts of a run together that --shard left",
     "bench": "speed against error: where to stop paying",
     "report": "make a page from run folders",
     "tables": "measure the papers' tables again, beside the published numbers",
     "path": "make camera paths, and say what their cameras see",
     "convert": "between a one-file recording and a path with visible sets",
     "explain": "replay a witness from the run folder alone",
+    "shrink": "make the smallest scene that still shows a miss of a run",
     "objects": "list a scene's objects: ids, bounds, nodes, names, groups",
     "cullers": "list cullers, their options and promises",
     "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
+    "fuzz": "search for scenes and views in which a culler fails",
     "doctor": "say what works on this machine",
+    "warm": "compile ahead what runs need",
 }
 
 # These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
-TELLING = ("run", "check")
+TELLING = ("run", "check", "merge")
 
 
 def main(

@@ -177,7 +177,7 @@ def _refused(given: argparse.Namespace, wanted: Wanted) -> dict[Path, InputError
     from visref.report.junit import BEGINS
     from visref.report.markdown import TITLE
 
-    inputs = [getattr(given, name, None) for name in _INPUTS]
+    inputs = [getattr(given, name, None) for name in _INPUTS] + getattr(given, "parts", [])
     outputs = [getattr(given, name, None) for name in _OUTPUTS]
     refused: dict[Path, InputError] = {}
     for file, begins in ((wanted.junit, BEGINS), (wanted.summary, TITLE.encode())):

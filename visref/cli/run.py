@@ -30,7 +30,7 @@ from visref.inputs import Inputs
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
-from visref.plug_ins import Making, making_cullers
+from visref.plug_ins import Making, check_cullers, check_time_limit, making_cullers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,22 +87,23 @@ def run(given: argparse.Namespace) -> Exit:
             memory_limit=limit,
         )
 
+    alone = "--in-process" if given.in_process else "--command" if commands else ""
     # An unknown culler is said before a large scene is read.
-    with making_cullers(specs, making) as cullers:
-        inputs = with_commands(inputs_of(given), commands, names)
+    check_cullers(specs)
+    check_time_limit(given.time_limit)
+    inputs = with_commands(inputs_of(given), commands, names)
 
-        @contextmanager
-        def anew() -> Iterator[list[tuple[str, Culler]]]:
-            with making_cullers(specs, making) as others, programs_on(inputs) as programs:
-                yield [*others, *programs]
+    @contextmanager
+    def anew() -> Iterator[list[tuple[str, Culler]]]:
+        with making_cullers(specs, making) as cullers, programs_on(inputs) as programs:
+            yield [*cullers, *programs]
 
-        with programs_on(inputs) as programs:
-            return judge(
-                given,
-                inputs,
-                [*cullers, *programs],
-                policy=policy,
-                image_check=given.image_check,
-                repeat=given.repeat,
-                anew=anew,
-            ).exit
+    return judge(
+        given,
+        inputs,
+        anew,
+        policy=policy,
+        image_check=given.image_check,
+        repeat=given.repeat,
+        alone=alone,
+    ).exit

@@ -27,7 +27,8 @@ from visref.wording import shown
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from visref.judging.referee import Job, JudgedFrame
+    from visref.judging.asking import Job
+    from visref.judging.referee import JudgedFrame
     from visref.visibility import FrameTruth, ObjectVisibility
 
 # For terminals whose encoding lacks them; anything else becomes an escape.

@@ -92,13 +92,15 @@ def _written(made: SceneMaker, seed: int) -> WrittenCase:
     growth = None
     if isinstance(motion, Bending):
         last = max(frame.time_s or 0.0 for frame in built.path.frames)
-        growth = Growth(motion.grown, int(np.ceil(last)), motion.clips[0])
+        seconds = np.arange(int(np.ceil(last)) + 1, dtype=np.float32)
+        moves = {index: grown[None] for index, grown in motion.grown.items()}
+        growth = Growth(moves, seconds[:, None], motion.clips[0])
     files = {
         SCENE: glb_of(built.scene, growth),
         PATH: _json(built.path.to_json()),
     }
     if built.units is not None:
-        files[UNITS] = _units_csv(built.scene, built.units)
+        files[UNITS] = units_csv(built.scene, built.units)
     with tempfile.TemporaryDirectory(prefix="visref-case-") as folder:
         file = Path(folder) / SCENE
         file.write_bytes(files[SCENE])
@@ -123,7 +125,8 @@ def _runs(scene: Scene, triangles: Sequence[int]) -> Iterator[tuple[int, int, in
         yield index, members[0] - int(scene.object_offsets[index]), len(members)
 
 
-def _units_csv(scene: Scene, units: Units) -> bytes:
+def units_csv(scene: Scene, units: Units) -> bytes:
+    """Units as a table that a recording names (`visref.recordings.units`)."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(UNIT_COLUMNS)

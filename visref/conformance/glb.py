@@ -36,11 +36,12 @@ _INSTANCING = "EXT_mesh_gpu_instancing"
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """How objects change their shape: by object id, (v, 3) float32 that each of its vertices, in
-    the scene's order, moves in a second; from second 0 to the last of `seconds`."""
+    """How objects change their shape, by morph targets. `moves`: by object id, (k, v, 3) float32,
+    what each of k targets adds to each of its vertices, in the scene's order; `weights`: (s, k)
+    float32, of each target at seconds 0, 1, … s - 1, and evenly between."""
 
     moves: Mapping[int, Float32]
-    seconds: int
+    weights: Float32
     clip: str
 
 
@@ -211,8 +212,11 @@ class _File:
         entry["material"] = self._material(look)
         if self.growth is not None and index in self.growth.moves:
             # The object's own vertices are in the scene's order.
-            moves = self.growth.moves[index][kept - int(self.scene.triangles[triangles].min())]
-            entry["targets"] = [{"POSITION": self._accessor(moves, _ARRAY_BUFFER)}]
+            rows = kept - int(self.scene.triangles[self._triangles(index)].min())
+            entry["targets"] = [
+                {"POSITION": self._accessor(moves[rows], _ARRAY_BUFFER)}
+                for moves in self.growth.moves[index]
+            ]
         return entry
 
     def _exact(self, values: NDArray[Any], index: int) -> Float32:
@@ -282,10 +286,10 @@ class _File:
     # Motion.
 
     def _animate(self, growth: Growth) -> None:
-        """Each object's morph target by as much as it is later; a key in every second."""
-        seconds = np.arange(growth.seconds + 1, dtype=np.float32)
+        """The weights of each object's morph targets; a key in every second."""
+        seconds = np.arange(len(growth.weights), dtype=np.float32)
         keys = self._accessor(seconds, None, bounded=True)
-        sampler = {"input": keys, "output": self._accessor(seconds, None)}
+        sampler = {"input": keys, "output": self._accessor(growth.weights.reshape(-1), None)}
         channels = [
             {"sampler": 0, "target": {"node": self._node_of(index), "path": "weights"}}
             for index in growth.moves

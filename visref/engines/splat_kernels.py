@@ -141,6 +141,15 @@ def splat(
                     depth[s] = z
 
 
+@njit()
+def _doubled(values: NDArray[Any]) -> NDArray[Any]:
+    """With as much room again. (`np.concatenate` takes numba seconds to compile.)"""
+    grown = np.empty(2 * len(values), values.dtype)
+    for k in range(len(values)):
+        grown[k] = values[k]
+    return grown
+
+
 @njit(error_model="numpy")
 def layers(
     which: NDArray[Any],
@@ -186,10 +195,8 @@ def layers(
                     if not (sure or (doubtful and z - error <= behind + slack)):
                         continue
                 if count == len(sample):
-                    sample = np.concatenate((sample, np.empty(count, np.int64)))
-                    triangle = np.concatenate((triangle, np.empty(count, np.int32)))
-                    depth = np.concatenate((depth, np.empty(count)))
-                    bound = np.concatenate((bound, np.empty(count)))
+                    sample, triangle = _doubled(sample), _doubled(triangle)
+                    depth, bound = _doubled(depth), _doubled(bound)
                 sample[count], triangle[count] = s, t
                 depth[count], bound[count] = z, error
                 count += 1

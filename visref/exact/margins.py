@@ -264,7 +264,7 @@ def _examine(
                 continue
             lens = view.lens
             if one_sided[t] and (
-                set_up(corners[t], True, view.perspective, lens, terms) == NOTHING
+                set_up(corners[t], one_sided[t], view.perspective, lens, terms) == NOTHING
             ):
                 # Certainly seen from behind, wherever the sample moves. If it is the corners that
                 # move, a triangle thinner than that may turn over, and stays as one that can hide.

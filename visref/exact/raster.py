@@ -196,7 +196,8 @@ def rasterise(
     block_low = np.empty((blocks, blocks))
     c = np.empty(SET_UP_SIZE)
     out = np.empty((1024, 4))
-    count = 0
+    # Of a type, not a literal: for that numba would compile all it is given to a second time.
+    count = np.int64(0)
     for tile in tiles:
         left, top = (tile % tile_columns) * TILE, (tile // tile_columns) * TILE
         right, bottom = min(left + TILE, width), min(top + TILE, height)

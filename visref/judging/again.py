@@ -5,19 +5,16 @@ gives the same answers. Nothing is cast and nothing is judged for it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler
-from visref.errors import InputError
 from visref.findings import Code, Finding
-from visref.judging.absences import without_absent
+from visref.judging.asking import Job, Panel
 from visref.judging.outcome import ALL_VIEWS, CullerRecord, RunOutcome
-from visref.judging.referee import Cast, Job, JudgedFrame, Listener, Referee
+from visref.judging.referee import JudgedFrame
 from visref.scene import Int32, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -50,77 +47,91 @@ class Answers:
         self.drawn.setdefault(job.spec, {})[cell] = _digest(np.unique(drawn_units))
 
 
-class Asking(Referee):
-    """Asks cullers as a referee does, in the same order, and keeps their answers alone."""
-
-    def ask(
-        self, path: CameraPath, frames: Iterable[int], cullers: Sequence[tuple[str, Culler]]
-    ) -> tuple[Answers, RunOutcome]:
-        """What they answer, and their records, in which only who broke down counts."""
-        self._answers = Answers()
-        outcome = self.run(path, frames, cullers)
-        return self._answers, outcome
-
-    def _frame(
-        self,
-        path: CameraPath,
-        frame: int,
-        jobs: Sequence[Job],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        self._ask_all(path.views(frame), frame, jobs, outcome, {}, listeners)
-
-    def _audit(self, job: Job, frame: int, casts: object, outcome: RunOutcome) -> None:
-        """Which boxes it tested is no answer."""
-
-    def _cell(
-        self,
-        cameras: Sequence[Camera],
-        frame: int,
-        job: Job,
-        casts: dict[str, Cast],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        try:
-            drawn_set, _ = without_absent(self._now, job.units, self._cull(job, cameras))
-        except (InputError, KeyboardInterrupt):
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others go on
-            self._fail(job.record, outcome, frame, error)
-            return
-        view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
-        self._answers.add(job, (frame, view), drawn_set.unit_ids)
-
-    def _summarise(self, outcome: RunOutcome, path: CameraPath) -> None:
-        """Nothing was judged."""
+def ask(panel: Panel, path: CameraPath, frames: Sequence[int], judged: Sequence[int]) -> Answers:
+    """What cullers answer in the frames `judged` of a run over `frames`, asked as a referee asks
+    them; the panel's records say who broke down. Which boxes they tested is no answer. `path` is
+    relative to the scene's origin.
+    """
+    answers = Answers()
+    try:
+        panel.prepare(frames[0] if frames else None)
+        if judged:
+            panel.warm_up(path, frames, judged[0])
+        for frame in judged:
+            panel.pose(frame)
+            cameras = path.views(frame)
+            for job in panel.jobs:
+                for cell, answer in panel.cells(job, cameras, frame):
+                    view = cell[0].view if len(cell) == 1 else ALL_VIEWS
+                    answers.add(job, (frame, view), answer.drawn_set.unit_ids)
+    finally:
+        panel.close()
+    return answers
 
 
-def compare(first: Answers, again: Answers, record: CullerRecord, other: CullerRecord) -> str:
-    """What is otherwise the second time, in a sentence; empty where nothing is. `record`, `other`:
-    the culler's records of both times."""
-    spec = record.spec
-    if record.failed or other.failed:
-        # One that broke down is inconclusive by that; where it broke down only now, that is new.
-        return "" if record.failed else "it broke down when it was asked again"
-    if first.units.get(spec) != again.units.get(spec):
-        return "it decides about other units when it is asked again"
-    before, after = first.drawn.get(spec, {}), again.drawn.get(spec, {})
-    differing = [cell for cell in before if before[cell] != after.get(cell)]
-    if not differing:
-        return ""
-    frames = sorted({frame for frame, _ in differing})
-    return (
-        f"it draws another set in {len(frames)} of {len({frame for frame, _ in before})} frames "
-        f"when it is asked again, first in frame {frames[0]}"
-    )
+@dataclass(frozen=True)
+class Difference:
+    """What was otherwise when a culler was asked again: it `failed`, its `units` were others, or
+    its drawn set in these `frames` of the number `asked`."""
+
+    failed: bool = False
+    units: bool = False
+    frames: tuple[int, ...] = ()
+    asked: int = 0
+
+    @classmethod
+    def between(
+        cls, first: Answers, again: Answers, record: CullerRecord, other: CullerRecord
+    ) -> Difference:
+        """`record`, `other`: the culler's records of both times. One that broke down the first time
+        is inconclusive by that, and nothing is asked of its answers."""
+        if record.failed:
+            return cls()
+        spec = record.spec
+        before, after = first.drawn.get(spec, {}), again.drawn.get(spec, {})
+        differing = {
+            frame for frame, view in before if before[frame, view] != after.get((frame, view))
+        }
+        return cls(
+            other.failed,
+            first.units.get(spec) != again.units.get(spec),
+            tuple(sorted(differing)),
+            len({frame for frame, _ in before}),
+        )
+
+    def __add__(self, later: Difference) -> Difference:
+        """Of two parts of a run, one after the other."""
+        return Difference(
+            self.failed or later.failed,
+            self.units or later.units,
+            self.frames + later.frames,
+            self.asked + later.asked,
+        )
+
+    @property
+    def text(self) -> str:
+        """It in a sentence; empty where nothing is otherwise."""
+        if self.failed:
+            return "it broke down when it was asked again"
+        if self.units:
+            return "it decides about other units when it is asked again"
+        if not self.frames:
+            return ""
+        return (
+            f"it draws another set in {len(self.frames)} of {self.asked} frames when it is asked "
+            f"again, first in frame {self.frames[0]}"
+        )
 
 
-def mark_unsteady(record: CullerRecord, outcome: RunOutcome, why: str) -> None:
-    """Say of a culler that it answers otherwise when it is asked again."""
-    record.unsteady = True
-    outcome.findings.append(Finding(Code.NOT_DETERMINISTIC, why, record.spec))
+def mark_unsteady(outcome: RunOutcome, again: Sequence[Mapping[str, Difference]]) -> None:
+    """Say of each culler that answers otherwise when it is asked again how it does so, the first
+    time that it does."""
+    for time in again:
+        for record in outcome.cullers:
+            said = time[record.spec].text if record.spec in time else ""
+            if said and not record.unsteady and not record.failed:
+                record.unsteady = True
+                outcome.findings.append(Finding(Code.NOT_DETERMINISTIC, said, record.spec))
 
 
 def _digest(*arrays: np.ndarray) -> _Digest:

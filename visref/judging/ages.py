@@ -75,22 +75,40 @@ class CellAges:
         frame: int,
         view: str,
         culler: str,
-        units: Units,
-        settled: Sequence[SettledFrame],
+        cut: bool,
+        followed: Followed | None,
     ) -> FrameVerdict:
         """A culler's verdict on one drawn set, with the ages of its misses. To be asked in every
-        frame, misses or not: where `units` are finer than objects, this is how they are followed.
+        frame, misses or not: where units are finer than objects, this is how they are followed.
         """
-        if units.kind == OBJECT or not settled:
+        if followed is None:
             ages = self.objects[view]
             return _with(verdict, [ages.of(miss.object) for miss in verdict.misses])
         of_units = self.units.setdefault((culler, view), Ages())
-        truths = [one.truth for one in settled]
-        of_units.look(frame, truths[0].camera.cut, units_seen(settled[0].scene, truths, units))
+        of_units.look(frame, cut, followed.seen)
         if not verdict.misses:
             return verdict
-        lost = lost_units(settled)
-        return _with(verdict, [_oldest(miss, lost, of_units) for miss in verdict.misses])
+        return _with(verdict, [_oldest(miss, followed.lost, of_units) for miss in verdict.misses])
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Of units that are finer than objects: which of them own a sample, (u,) bool, and by object
+    those by which it is missed, (k,) ids."""
+
+    seen: Bool
+    lost: Mapping[int, Int64]
+
+    @classmethod
+    def of(
+        cls, units: Units, settled: Sequence[SettledFrame], verdict: FrameVerdict
+    ) -> Followed | None:
+        """Of one drawn set and the verdict on it; None where objects are followed."""
+        if units.kind == OBJECT or not settled:
+            return None
+        truths = [one.truth for one in settled]
+        seen = units_seen(settled[0].scene, truths, units)
+        return cls(seen, lost_units(settled) if verdict.misses else {})
 
 
 def _with(verdict: FrameVerdict, ages: Sequence[int | None]) -> FrameVerdict:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from visref.findings import Code, Finding
 from visref.judging.judge import MissKind
+from visref.judging.names import Names
 from visref.judging.outcome import CullerRecord
 from visref.judging.superfluous import Superfluous
-from visref.scene import OBJECT, Scene
+from visref.scene import OBJECT
 from visref.wording import counted
 
 _CODES = {
@@ -18,7 +19,7 @@ _CODES = {
 }
 
 
-def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
+def culler_findings(record: CullerRecord, scene: Names) -> list[Finding]:
     """One finding per object and kind, and what else a reader of the numbers should know."""
     found: list[Finding] = []
     confirmed = Code.MISSED_OBJECT if record.promise.convicts else Code.MISSED_DECLARED
@@ -89,7 +90,7 @@ def culler_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
     return found
 
 
-def _hidden_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
+def _hidden_findings(record: CullerRecord, scene: Names) -> list[Finding]:
     """One finding for each hidden unit that was drawn against the promise, the most often drawn
     first, with what was found where most of its samples were examined."""
     found: dict[int, list[tuple[int, Superfluous]]] = {}
@@ -101,7 +102,7 @@ def _hidden_findings(record: CullerRecord, scene: Scene) -> list[Finding]:
         frame, worst = max(found[unit], key=lambda pair: pair[1].samples)
         where = "it covers no sample"
         if worst.occluder >= 0:
-            occluder = scene.names[scene.object_of_triangle[worst.occluder]]
+            occluder = scene.owner_name(worst.occluder)
             where = (
                 f"hidden at all {counted(worst.samples, 'sample')} that it covers, nearest by "
                 f"triangle {worst.occluder} of '{occluder}'"

@@ -17,6 +17,7 @@ from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.causes import CausesFound
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.names import Names
 from visref.judging.policy import Policy
 from visref.judging.status import (
     MAX_UNDECIDED,
@@ -26,7 +27,6 @@ from visref.judging.status import (
     run_status,
     status_of,
 )
-from visref.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class FrameRecord:
 class CullerRecord:
     """One culler's run. `spec` is its name with options, unique within a run; `raster` the
     tolerance that its rasteriser declares (the loosest of its frames), None without one.
-    `too_small`: the units whose boxes did not hold them, where it `tells_boxes`. `ignored`: by
+    `too_small`: the units whose boxes did not hold them. `ignored`: by
     unit, the first frame in which it was drawn and not there. `max_undecided`: the share of the
     owned samples above which it is inconclusive. `unsteady`: it answered otherwise when it was
     asked again. `misaligned`: it fits another input, and nothing is concluded from it, as the user
@@ -63,7 +63,6 @@ class CullerRecord:
     failed: bool = False
     raster: RasterTolerance | None = None
     too_small: list[BoundsTooSmall] = field(default_factory=list)
-    tells_boxes: bool = False
     ignored: dict[int, int] = field(default_factory=dict)
     max_undecided: float = MAX_UNDECIDED
     unsteady: bool = False
@@ -146,7 +145,7 @@ class RunOutcome:
         return self.status.exit
 
 
-def witness_json(scene: Scene, frame: int, miss: Miss) -> dict[str, object]:
+def witness_json(scene: Names, frame: int, miss: Miss) -> dict[str, object]:
     """A miss's witness as it stands in `verdict.json`, the objects table and reports."""
     return {
         "frame": frame,
@@ -182,7 +181,18 @@ def _finite(margin: float | None) -> float | None:
     return margin if margin is not None and math.isfinite(margin) else None
 
 
-def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
+def finding_json(finding: Finding) -> dict[str, object]:
+    """A finding as records have it, but for its severity, which is the policy's."""
+    return {
+        "code": finding.code.value,
+        "message": finding.message,
+        "culler": finding.culler,
+        "frame": finding.frame,
+        "object": finding.object,
+    }
+
+
+def verdict_json(outcome: RunOutcome, scene: Names) -> dict[str, object]:
     """The content of `verdict.json`."""
     cullers: dict[str, object] = {}
     for record in outcome.cullers:
@@ -205,12 +215,8 @@ def verdict_json(outcome: RunOutcome, scene: Scene) -> dict[str, object]:
         "cullers": cullers,
         "findings": [
             {
-                "code": finding.code,
+                **finding_json(finding),
                 "severity": outcome.policy.severity_of(finding.code).value,
-                "message": finding.message,
-                "culler": finding.culler,
-                "frame": finding.frame,
-                "object": finding.object,
             }
             for finding in outcome.findings
         ],

@@ -18,9 +18,9 @@ from typing import Any
 
 from visref.findings import Code, Finding, Severity
 from visref.judging.judge import FrameVerdict, Miss, MissKind, violations
+from visref.judging.names import Names
 from visref.judging.status import MAX_UNDECIDED
 from visref.promise import Promise
-from visref.scene import Scene
 
 # What a policy decides: these are one kind before it, a confirmed miss.
 _OPEN = frozenset({MissKind.CONFIRMED, MissKind.SMALL, MissKind.LATE, MissKind.WAIVED})
@@ -117,7 +117,7 @@ class Policy:
 class Accepting:
     """A policy on the objects of one scene."""
 
-    def __init__(self, policy: Policy, scene: Scene) -> None:
+    def __init__(self, policy: Policy, scene: Names) -> None:
         self.policy = policy
         self._scene = scene
         # A waiver by its place in the policy: plain names apart, of which there may be thousands.

@@ -1,8 +1,9 @@
-"""Scene × path × cullers: the order of work, progress, and the isolation of failures.
+"""Scene × path × cullers: the order of work, and what a run concludes.
 
-Each view of a frame is cast once and judged against every culler; without cullers a run is the
-truth alone. A culler that breaks down stops alone. With a recorded truth, a frame is cast again
-only if a culler left something visible out of it.
+Each view of a frame is cast once and judged against every culler (`Sitting`); without cullers a run
+is the truth alone. With a recorded truth, a frame is cast again only if a culler left something
+visible out of it. How old a miss is and what a policy says of it hang on frames before it and on
+the user alone: `Review` says that of verdicts as they come, or later, of verdicts on file.
 """
 
 from __future__ import annotations
@@ -16,41 +17,28 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import (
-    Culler,
-    CullerError,
-    DrawnSet,
-    Promise,
-    Raster,
-    check_asked,
-    check_drawn,
-    check_stats,
-    fault_text,
-)
+from visref.culler import Culler, CullerError, DrawnSet
 from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
-from visref.errors import InputError, NothingToJudge
+from visref.errors import InputError
 from visref.exact import ExactScene
-from visref.findings import Code, Finding
-from visref.judging.absences import without_absent
-from visref.judging.ages import CellAges
-from visref.judging.bounds import BoundsAudit
-from visref.judging.culler_findings import culler_findings
+from visref.findings import Finding
+from visref.judging.ages import Followed
+from visref.judging.asking import Answer, Job, Panel
 from visref.judging.frame import SettledFrame
 from visref.judging.joint import joined, located
-from visref.judging.judge import Counts, FrameVerdict, judge
-from visref.judging.limits import LOOKED_AT, hidden_by_limits, known_to_be_wrong
-from visref.judging.outcome import ALL_VIEWS, CullerRecord, FrameRecord, RunOutcome
-from visref.judging.policy import Accepting, Policy
-from visref.judging.rasters import looser, raster_of
-from visref.judging.restored import settings_restored
-from visref.judging.rounding import FORGIVEN_PX, greatest_move
+from visref.judging.judge import judge
+from visref.judging.on_file import clean_verdict
+from visref.judging.outcome import ALL_VIEWS, FrameRecord, RunOutcome
+from visref.judging.policy import Policy
+from visref.judging.rasters import looser
+from visref.judging.review import Review
+from visref.judging.rounding import greatest_move
 from visref.judging.settle import settle
-from visref.judging.stale import policy_findings
-from visref.judging.winding import inside_out
-from visref.picking import evenly_picked
-from visref.recordings.truth_file import FrameRows, RecordedTruth
-from visref.scene import OBJECT, Int32, Scene, Units, unique_names
+from visref.judging.summary import Caster, Facts, Moved, conclude, examined
+from visref.picking import Shard
+from visref.recordings.truth_file import RecordedTruth
+from visref.scene import Int32, Scene
 from visref.stopwatch import Stopwatch
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
@@ -83,32 +71,237 @@ class Listener(Protocol):
         ...
 
 
-@dataclass(eq=False)
-class Job:
-    """A culler under judgement, and its record."""
-
-    spec: str
-    culler: Culler
-    record: CullerRecord
-    units: Units
-    audit: BoundsAudit = field(default_factory=BoundsAudit)
-
-
 @dataclass(frozen=True, eq=False)
 class JudgedFrame:
     """What a listener may want to keep of one culler's answer. `settled`: what the verdict rests
     on, one per view of the drawn set, none where a recorded truth was enough. `drawn`: (t,) bool.
+    `followed`: where units are finer than objects, what their ages hang on.
     """
 
     record: FrameRecord
     settled: tuple[SettledFrame, ...]
     drawn_set: DrawnSet
     drawn: NDArray[np.bool_]
+    followed: Followed | None = None
 
     @property
     def drawn_units(self) -> Int32:
         """(k,) int32, the ids of the units drawn."""
         return self.drawn_set.unit_ids
+
+
+# What becomes of a verdict as it was found: the job, its frame's record, and what it rests on.
+OnVerdict = Callable[[Job, JudgedFrame], None]
+OnTruth = Callable[[int, FrameTruth, ObjectVisibility, float], None]
+
+
+@dataclass(eq=False)
+class Sitting:
+    """A referee at work: whatever frame is asked for is cast and judged by itself. Verdicts are as
+    they are found: their misses have no age yet, and no policy was asked.
+
+    The fields are the referee's. `path` is relative to the scene's origin.
+    """
+
+    path: CameraPath
+    timeline: Timeline
+    panel: Panel
+    engine: Callable[[], TruthEngine]
+    threads: int | None = None
+    recorded: RecordedTruth | None = None
+    image_check: ImageCheck | None = None
+
+    def __post_init__(self) -> None:
+        self.caster: TruthEngine | None = None
+        self._exact: ExactScene | None = None
+        # By frame, by how many pixels rounding moved a vertex that is seen, whose triangle it is,
+        # and for which cullers that frame was cast: nobody where it was for the truth itself.
+        self.moved: dict[int, Moved] = {}
+        self._posed = self.timeline.still
+
+    def frame(
+        self, frame: int, jobs: Sequence[Job], on_truth: OnTruth, on_verdict: OnVerdict,
+        before: Callable[[Mapping[str, NDArray[np.bool_]]], None] = lambda seen: None,
+    ) -> None:  # fmt: skip
+        """Judge a frame by these jobs. `before` is given, by view, (n,) bool, which objects own a
+        sample, before any culler is asked."""
+        self._pose(frame)
+        cameras = self.path.views(frame)
+        casts: dict[str, Cast] = {}
+        if self.recorded is None:
+            for camera in cameras:
+                truth, seen, ms = self._cast(camera, frame, len(cameras) > 1)
+                on_truth(frame, truth, seen, ms)
+                casts[camera.view] = truth, seen
+        if not jobs:
+            return
+        before({camera.view: self._seen(frame, camera.view, casts) for camera in cameras})
+        for job in jobs:
+            for cell, answer in self.panel.cells(job, cameras, frame):
+                self._cell(cell, answer, frame, job, casts, on_verdict)
+            if not job.record.failed:
+                boxes = self.panel.bounds(job, frame)
+                self.panel.audit(job, frame, boxes, [truth for truth, _ in casts.values()])
+
+    def begin(self, frames: Sequence[int], first: int | None) -> None:
+        """Let cullers meet the scene, and look back from the frame `first` of a run over `frames`,
+        all ascending."""
+        self.panel.prepare(frames[0] if frames else None)
+        if first is not None:
+            self.panel.warm_up(self.path, frames, first)
+        self._posed = self.panel.scene
+        if self._posed is not self.timeline.still and isinstance(self.image_check, TruthEngine):
+            self.image_check.pose(self._posed)
+
+    def examine(self, scene: Scene, frames: Sequence[int]) -> list[Finding]:
+        """What is to be said of engine and scene once a run over these frames is through."""
+        if self.caster is None or not frames:
+            return []
+        # Whichever part of the run this is: as at the end of the whole.
+        last = self.timeline.at(frames[-1])
+        if last is not self.panel.scene:
+            self.caster.pose(last)
+        return examined(self.caster, scene, self.path, frames, self.threads)
+
+    def _pose(self, frame: int) -> None:
+        """Let everybody meet the scene of a frame, where it is not that of the frame before."""
+        self.panel.pose(frame)
+        scene = self.panel.scene
+        if scene is self._posed:
+            return
+        self._posed = scene
+        if self._exact is not None and not isinstance(self.caster, ExactEngine):
+            self._exact.pose(scene)
+        for sees in (self.caster, self.image_check):
+            if isinstance(sees, TruthEngine):
+                sees.pose(scene)
+
+    def _seen(self, frame: int, view: str, casts: Mapping[str, Cast]) -> NDArray[np.bool_]:
+        """(n,) bool, the objects that own a sample of a view."""
+        if self.recorded is None:
+            return casts[view][1].visible
+        return self.recorded.seen(frame, view, self.panel.scene.object_count)
+
+    def _cell(
+        self,
+        cameras: Sequence[Camera],
+        answer: Answer,
+        frame: int,
+        job: Job,
+        casts: dict[str, Cast],
+        on_verdict: OnVerdict,
+    ) -> None:
+        """One culler's drawn set for these views, judged. Truths that it needs go to `casts`."""
+        scene, drawn_set = self.panel.scene, answer.drawn_set
+        if answer.raster is not None:
+            job.record.raster = looser(job.record.raster, answer.raster.tolerance)
+        for unit in answer.ignored.tolist():
+            job.record.ignored.setdefault(unit, frame)
+        drawn_units = drawn_set.unit_ids
+        drawn = job.units.mask(drawn_units, scene.triangle_count)
+        verdict = None
+        if self.recorded is not None:
+            rows = [self.recorded.views[frame, camera.view] for camera in cameras]
+            verdict = clean_verdict(scene, rows, job, drawn_units)
+        settled: tuple[SettledFrame, ...] = ()
+        if verdict is None:
+            try:
+                settled = tuple(
+                    self._settled(camera, frame, job, answer, drawn, casts) for camera in cameras
+                )
+            except CullerError as error:  # its rasteriser's picture is the plug-in's too
+                self.panel.fail_in_frame(job.record, frame, error)
+                return
+            verdict = located(judge(joined(settled), job.record.promise), cameras)
+        view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
+        differ = None
+        if self.image_check is not None:
+            differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
+        record = FrameRecord(
+            frame,
+            view,
+            cameras[0].width,
+            verdict,
+            drawn_set.stats,
+            int(np.count_nonzero(drawn)),
+            sum(one.rulings.corrections for one in settled),
+            differ,
+        )
+        on_verdict(job, JudgedFrame(record, settled, drawn_set, drawn))
+
+    def _settled(
+        self,
+        camera: Camera,
+        frame: int,
+        job: Job,
+        answer: Answer,
+        drawn: NDArray[np.bool_],
+        casts: dict[str, Cast],
+    ) -> SettledFrame:
+        if camera.view not in casts:
+            casts[camera.view] = self._cast(camera, frame, True)[:2]
+        if self.recorded is not None:
+            self.moved[frame].want(job.spec)
+        truth, seen = casts[camera.view]
+        return settle(
+            self.panel.scene,
+            truth,
+            job.units,
+            answer.drawn_set.unit_ids,
+            exact=self._arithmetic,
+            raster=answer.raster,
+            drawn=drawn,
+            seen=seen,
+            only_visible=not job.record.promise.may_draw_hidden,
+        )
+
+    def _cast(
+        self, camera: Camera, frame: int, keep: bool
+    ) -> tuple[FrameTruth, ObjectVisibility, float]:
+        """A view's truth; in arrays of its own where others are cast before it is done with."""
+        scene = self.panel.scene
+        if self.caster is None:
+            self.caster = self.make_caster()
+        with Stopwatch() as watch:
+            truth = self.caster.frame(camera)
+            if truth.ties_complete != self.caster.exact:
+                # An engine that lists its ties and says so nowhere is taken at its class's word.
+                truth = replace(truth, ties_complete=self.caster.exact)
+            if keep:
+                truth = truth.copy()
+            seen = objects_seen(truth, scene)
+            pixels, triangle = greatest_move(scene, truth)
+            self.moved.setdefault(frame, Moved(frame)).grow(pixels, triangle, scene)
+        return truth, seen, watch.ms
+
+    def make_caster(self) -> TruthEngine:
+        """The engine, on the scene of the frame at hand."""
+        engine, scene = self.engine(), self.panel.scene
+        moving = scene.moving is not None
+        if moving and not engine.poses:
+            raise InputError(
+                f"engine '{engine.name}' casts scenes that stand still",
+                fix="use another, such as 'exact'",
+            )
+        if moving and engine.scene is not scene:
+            engine.pose(scene)
+        return engine
+
+    def _arithmetic(self) -> ExactScene:
+        if self._exact is None:
+            if isinstance(self.caster, ExactEngine):
+                self._exact = self.caster.arithmetic
+            else:
+                self._exact = ExactScene(self.panel.scene, threads=self.threads)
+        return self._exact
+
+    def close(self) -> None:
+        """Let cullers and engine go."""
+        try:
+            self.panel.close()
+        finally:
+            if self.caster is not None:
+                self.caster.close()
 
 
 @dataclass(eq=False)
@@ -136,14 +329,7 @@ class Referee:
     policy: Policy = field(default_factory=Policy)
 
     def __post_init__(self) -> None:
-        self._accepting = Accepting(self.policy, self.scene)
-        self._engine: TruthEngine | None = None
-        self._exact: ExactScene | None = None
-        # The scene of the frame at hand.
-        self._now = self.scene
-        self._ages = CellAges()
-        # By how many pixels rounding moved a vertex that is seen, less the frame, and a triangle.
-        self._moved = (0.0, 0, -1)
+        self.facts = Facts()
 
     def run(
         self,
@@ -151,375 +337,67 @@ class Referee:
         frames: Iterable[int],
         cullers: Sequence[tuple[str, Culler]],
         listeners: Sequence[Listener] = (),
+        *,
+        shard: Shard | None = None,
     ) -> RunOutcome:
-        """Judge every culler on these frames of the path, in order."""
+        """Judge every culler on these frames of the path, in order; of a `shard`, in its frames
+        alone, as the whole run would judge them. What was found beside verdicts is in `facts`."""
         path = path.relative_to(self.scene.origin)
-        names = unique_names([spec for spec, _ in cullers])
-        cullers = [(name, culler) for name, (_, culler) in zip(names, cullers, strict=True)]
         frames = list(frames)
+        judged = frames if shard is None else shard.of(frames)
         timeline = self.timeline or Timeline(self.scene, path)
-        self._now = timeline.at(frames[0]) if frames else timeline.still
-        outcome = RunOutcome([], policy=self.policy)
+        panel = Panel(cullers, timeline, self.policy)
+        sitting = Sitting(
+            path, timeline, panel, self.engine, self.threads, self.recorded, self.image_check
+        )
+        outcome = RunOutcome(panel.records, policy=self.policy)
+        review = Review(self.policy, self.scene)
+        self.facts = facts = Facts(failures=panel.failures)
         try:
-            jobs = [j for spec, culler in cullers if (j := self._prepare(spec, culler, outcome))]
-            for frame in frames:
-                self._pose(timeline.at(frame), frame, jobs, outcome)
-                self._frame(path, frame, jobs, outcome, listeners)
+            sitting.begin(frames, judged[0] if judged else None)
+            if self.recorded is not None and panel.jobs:
+                review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
+            for frame in judged:
+                self._judge(sitting, frame, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
-            if self.examine and self._engine is not None:
+            if self.examine:
                 # Afterwards: nobody needs the engine's arrays any more.
-                picked = [path.views(frames[i]) for i in evenly_picked(len(frames), LOOKED_AT)]
-                kind = type(self._engine)
-                outcome.findings[:0] = [
-                    *hidden_by_limits(self._engine, self.scene, picked),
-                    *known_to_be_wrong(self._engine, self.scene, picked),
-                    *inside_out(kind, self.scene, picked, threads=self.threads),
-                ]
+                facts.examined = sitting.examine(self.scene, frames)
         finally:
-            for spec, culler in cullers:
-                self._close(spec, culler, outcome)
-            if self._engine is not None:
-                self._engine.close()
-        self._summarise(outcome, path)
+            sitting.close()
+        if sitting.caster is not None:
+            facts.caster = Caster.of(sitting.caster)
+        if self.recorded is not None:
+            facts.recorded = Caster(self.recorded.engine, self.recorded.exact)
+        facts.moved = list(sitting.moved.values())
+        whole = len(judged) == len(frames)
+        conclude(outcome, facts, review.accepting, path.numbers, self.scene, whole=whole)
         return outcome
 
-    def _prepare(self, spec: str, culler: Culler, outcome: RunOutcome) -> Job | None:
-        record = CullerRecord(spec, Promise.CONSERVATIVE, max_undecided=self.policy.max_undecided)
-        outcome.cullers.append(record)
-        try:
-            # Here and below a plug-in gets records of its own, and is not asked for its own later.
-            with settings_restored():
-                record.promise = _promise(culler)
-                if self._now.moving is not None and not culler.moves:
-                    raise CullerError("it is for scenes that stand still: it has no update()")
-                units = _checked(culler.prepare(self._now.handed_out()), self._now)
-                # `prepare` may have settled what the options promise.
-                record.promise = _promise(culler)
-        except NothingToJudge as error:
-            record.failed = True
-            outcome.findings.append(Finding(Code.NO_GL, str(error), culler=spec))
-            return None
-        except (InputError, KeyboardInterrupt):
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others go on
-            self._fail(record, outcome, None, error)
-            return None
-        record.unit_kind, record.unit_count = units.kind, units.count
-        return Job(spec, culler, record, units)
-
-    def _close(self, spec: str, culler: Culler, outcome: RunOutcome) -> None:
-        try:
-            with settings_restored():
-                culler.close()
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others are closed too
-            record = next((r for r in outcome.cullers if r.spec == spec), None)
-            if record is not None:
-                self._fail(record, outcome, None, error)
-
-    def _fail(
-        self, record: CullerRecord, outcome: RunOutcome, frame: int | None, error: BaseException
+    def _judge(
+        self, sitting: Sitting, frame: int, review: Review, listeners: Sequence[Listener]
     ) -> None:
-        record.failed = True
-        text = fault_text(error)
-        outcome.findings.append(Finding(Code.CULLER_FAILED, text, culler=record.spec, frame=frame))
+        cut = sitting.path.views(frame)[0].cut
 
-    def _pose(self, scene: Scene, frame: int, jobs: Sequence[Job], outcome: RunOutcome) -> None:
-        """Let everybody meet the scene of a frame, where it is not that of the frame before."""
-        if scene is self._now:
-            return
-        self._now = scene
-        if self._exact is not None and not isinstance(self._engine, ExactEngine):
-            self._exact.pose(scene)
-        for sees in (self._engine, self.image_check):
-            if isinstance(sees, TruthEngine):
-                sees.pose(scene)
-        for job in jobs:
-            if job.record.failed:
-                continue
-            try:
-                with settings_restored():
-                    job.culler.update(scene.handed_out())
-            except (InputError, KeyboardInterrupt):
-                raise
-            except BaseException as error:  # a plug-in may raise anything; the others go on
-                self._fail(job.record, outcome, frame, error)
+        def on_truth(frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
+            for listener in listeners:
+                listener.on_truth(frame, truth, seen, ms)
 
-    def _frame(
-        self,
-        path: CameraPath,
-        frame: int,
-        jobs: Sequence[Job],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        cameras = path.views(frame)
-        casts: dict[str, Cast] = {}
-        if self.recorded is None:
-            for camera in cameras:
-                casts[camera.view] = self._cast(camera, frame, listeners, len(cameras) > 1)
-        if jobs:
-            seen = {camera.view: self._seen(frame, camera.view, casts) for camera in cameras}
-            self._ages.look(frame, cameras[0].cut, seen, ALL_VIEWS)
-        self._ask_all(cameras, frame, jobs, outcome, casts, listeners)
+        def on_verdict(job: Job, judged: JudgedFrame) -> None:
+            record = judged.record
+            followed = Followed.of(job.units, judged.settled, record.verdict)
+            verdict = review.verdict(record, job.record.promise, job.spec, cut, followed)
+            record = replace(record, verdict=verdict)
+            job.record.frames.append(record)
+            told = replace(judged, record=record, followed=followed)
+            for listener in listeners:
+                listener.on_verdict(job, told)
+            if not self.keeps_superfluous:
+                kept = replace(verdict, superfluous_units=np.zeros(0, np.int32))
+                job.record.frames[-1] = replace(record, verdict=kept)
 
-    def _ask_all(
-        self,
-        cameras: Sequence[Camera],
-        frame: int,
-        jobs: Sequence[Job],
-        outcome: RunOutcome,
-        casts: dict[str, Cast],
-        listeners: Sequence[Listener],
-    ) -> None:
-        """Ask each culler about all views of a frame, joint or one by one."""
-        for job in jobs:
-            if job.record.failed:
-                continue
-            try:
-                joint = bool(job.culler.joint)
-            except Exception as error:  # a plug-in's may be anything
-                self._fail(job.record, outcome, frame, error)
-                continue
-            for cell in [cameras] if joint else [(camera,) for camera in cameras]:
-                if not job.record.failed:
-                    self._cell(cell, frame, job, casts, outcome, listeners)
-            if not job.record.failed:
-                self._audit(job, frame, casts, outcome)
+        def before(seen: Mapping[str, NDArray[np.bool_]]) -> None:
+            review.look(frame, cut, seen)
 
-    def _seen(self, frame: int, view: str, casts: Mapping[str, Cast]) -> NDArray[np.bool_]:
-        """(n,) bool, the objects that own a sample of a view."""
-        if self.recorded is None:
-            return casts[view][1].visible
-        seen = np.zeros(self._now.object_count, np.bool_)
-        seen[self.recorded.views[frame, view].objects] = True
-        return seen
-
-    def _audit(self, job: Job, frame: int, casts: Mapping[str, Cast], outcome: RunOutcome) -> None:
-        """Hold the boxes that the culler says it tested against what they stand for."""
-        truths = [truth for truth, _ in casts.values()]
-        try:
-            with settings_restored():
-                boxes = job.culler.bounds()
-            if boxes is not None:
-                job.record.tells_boxes = True
-                job.audit.look(frame, self._now, job.units, boxes, truths)
-        except (InputError, KeyboardInterrupt):
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others go on
-            self._fail(job.record, outcome, frame, error)
-        job.record.too_small = list(job.audit.found.values())
-
-    def _cell(
-        self,
-        cameras: Sequence[Camera],
-        frame: int,
-        job: Job,
-        casts: dict[str, Cast],
-        outcome: RunOutcome,
-        listeners: Sequence[Listener],
-    ) -> None:
-        """One culler's drawn set for these views, judged. Truths that it needs go to `casts`."""
-        try:
-            drawn_set, ignored = without_absent(self._now, job.units, self._cull(job, cameras))
-            # A rasteriser may declare more for each camera that it sees: once a frame.
-            with settings_restored():
-                raster = raster_of(job.culler)
-        except (InputError, KeyboardInterrupt):
-            raise
-        except BaseException as error:  # a plug-in may raise anything; the others go on
-            self._fail(job.record, outcome, frame, error)
-            return
-        if raster is not None:
-            job.record.raster = looser(job.record.raster, raster.tolerance)
-        for unit in ignored.tolist():
-            job.record.ignored.setdefault(unit, frame)
-        drawn_units = drawn_set.unit_ids
-        drawn = job.units.mask(drawn_units, self._now.triangle_count)
-        verdict = None
-        if self.recorded is not None:
-            rows = [self.recorded.views[frame, camera.view] for camera in cameras]
-            verdict = _clean_verdict(self._now, rows, job, drawn_units)
-        settled: tuple[SettledFrame, ...] = ()
-        if verdict is None:
-            try:
-                settled = tuple(
-                    self._settled(camera, frame, job, drawn_units, drawn, raster, casts)
-                    for camera in cameras
-                )
-            except CullerError as error:  # its rasteriser's picture is the plug-in's too
-                self._fail(job.record, outcome, frame, error)
-                return
-            verdict = located(judge(joined(settled), job.record.promise), cameras)
-        view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
-        verdict = self._ages.aged(verdict, frame, view, job.spec, job.units, settled)
-        verdict = self._accepting.verdict(verdict, job.record.promise, frame, job.spec)
-        differ = None
-        if self.image_check is not None:
-            differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
-        record = FrameRecord(
-            frame,
-            view,
-            cameras[0].width,
-            verdict,
-            drawn_set.stats,
-            int(np.count_nonzero(drawn)),
-            sum(one.rulings.corrections for one in settled),
-            differ,
-        )
-        job.record.frames.append(record)
-        judged = JudgedFrame(record, settled, drawn_set, drawn)
-        for listener in listeners:
-            listener.on_verdict(job, judged)
-        if not self.keeps_superfluous:
-            kept = replace(verdict, superfluous_units=np.zeros(0, np.int32))
-            job.record.frames[-1] = replace(record, verdict=kept)
-
-    def _settled(
-        self,
-        camera: Camera,
-        frame: int,
-        job: Job,
-        drawn_units: Int32,
-        drawn: NDArray[np.bool_],
-        raster: Raster | None,
-        casts: dict[str, Cast],
-    ) -> SettledFrame:
-        if camera.view not in casts:
-            casts[camera.view] = self._cast(camera, frame, (), True)
-        truth, seen = casts[camera.view]
-        return settle(
-            self._now,
-            truth,
-            job.units,
-            drawn_units,
-            exact=self._arithmetic,
-            raster=raster,
-            drawn=drawn,
-            seen=seen,
-            only_visible=not job.record.promise.may_draw_hidden,
-        )
-
-    def _cast(self, camera: Camera, frame: int, listeners: Sequence[Listener], keep: bool) -> Cast:
-        """A view's truth; in arrays of its own where others are cast before it is done with."""
-        if self._engine is None:
-            self._engine = engine = self.engine()
-            moving = self._now.moving is not None
-            if moving and not engine.poses:
-                raise InputError(
-                    f"engine '{engine.name}' casts scenes that stand still",
-                    fix="use another, such as 'exact'",
-                )
-            if moving and engine.scene is not self._now:
-                engine.pose(self._now)
-        with Stopwatch() as watch:
-            truth = self._engine.frame(camera)
-            if truth.ties_complete != self._engine.exact:
-                # An engine that lists its ties and says so nowhere is taken at its class's word.
-                truth = replace(truth, ties_complete=self._engine.exact)
-            if keep:
-                truth = truth.copy()
-            seen = objects_seen(truth, self._now)
-            moved, triangle = greatest_move(self._now, truth)
-            self._moved = max(self._moved, (moved, -frame, triangle))
-        for listener in listeners:
-            listener.on_truth(frame, truth, seen, watch.ms)
-        return truth, seen
-
-    def _cull(self, job: Job, cameras: Sequence[Camera]) -> DrawnSet:
-        handed = tuple(camera.handed_out() for camera in cameras)
-        with settings_restored(), Stopwatch() as watch:
-            if job.culler.joint:
-                drawn_set = job.culler.cull_joint(handed)
-            else:
-                drawn_set = job.culler.cull(handed[0])
-        if not isinstance(drawn_set, DrawnSet):
-            raise CullerError("cull() returned no DrawnSet")
-        ids = check_drawn(drawn_set, job.units)
-        asked_at = check_asked(drawn_set.asked_at, len(ids))
-        elapsed_ms = watch.ms if job.culler.timed else None
-        stats = check_stats(drawn_set.stats, elapsed_ms)
-        return DrawnSet(ids, stats, asked_at, drawn_set.ordered)
-
-    def _arithmetic(self) -> ExactScene:
-        if self._exact is None:
-            engine = self._engine
-            if isinstance(engine, ExactEngine):
-                self._exact = engine.arithmetic
-            else:
-                self._exact = ExactScene(self._now, threads=self.threads)
-        return self._exact
-
-    def _summarise(self, outcome: RunOutcome, path: CameraPath) -> None:
-        outcome.findings.extend(policy_findings(self._accepting, outcome.cullers, path.numbers))
-        for record in outcome.cullers:
-            outcome.findings.extend(culler_findings(record, self.scene))
-        engine = self._engine
-        caster: RecordedTruth | TruthEngine | None = self.recorded or engine
-        if caster is not None and not caster.exact:
-            name = caster.engine if isinstance(caster, RecordedTruth) else caster.name
-            outcome.findings.append(
-                Finding(Code.ENGINE_BLIND_SPOTS, f"the truth was cast by '{name}'")
-            )
-        moved, frame, triangle = self._moved
-        if moved > FORGIVEN_PX:
-            owner = self.scene.names[self.scene.object_of_triangle[triangle]]
-            outcome.findings.append(
-                Finding(Code.VERTICES_ROUNDED, f"by {moved:.3g} pixels at most", "", -frame, owner)
-            )
-        if engine is not None and not getattr(engine, "rebase_exact", True):
-            outcome.findings.append(Finding(Code.REBASE_INEXACT, "the scene spans too far"))
-
-
-def _promise(culler: Culler) -> Promise:
-    said = culler.promise
-    try:
-        return Promise(said)
-    except (ValueError, TypeError) as error:
-        raise CullerError(
-            f"it promises {said!r}; a promise is one of {', '.join(Promise)}"
-        ) from error
-
-
-def _checked(units: object, scene: Scene) -> Units:
-    """What `prepare` returned, if it is units of the scene; CullerError otherwise."""
-    if not isinstance(units, Units):
-        raise CullerError("prepare() returned no Units")
-    try:
-        units.check(scene, source="")
-    except InputError as error:  # not the user's: the culler made them
-        raise CullerError(str(error)) from error
-    units = units.owned()
-    if units.kind == OBJECT and not units.are_objects(scene):
-        units = replace(units, kind="unit")
-    return units
-
-
-def _clean_verdict(
-    scene: Scene, rows: Sequence[FrameRows], job: Job, drawn_units: Int32
-) -> FrameVerdict | None:
-    """The verdict on a set from a recorded truth, `rows` of each view that the set is for, or None
-    if the views must be looked at by sample.
-
-    Enough where units are objects and every object that some view sees was drawn whole.
-    """
-    if scene.has_mask or job.units.kind != OBJECT:
-        return None
-    visible = np.unique(np.concatenate([view.objects for view in rows]))
-    if not np.isin(visible, drawn_units).all():
-        return None
-    superfluous = np.setdiff1d(drawn_units, visible).astype(np.int32)
-    superfluous = superfluous[job.units.sizes[superfluous] > 0]
-    if len(superfluous) and not job.record.promise.may_draw_hidden:
-        return None
-    owned = [view.owned for view in rows]
-    counts = Counts(
-        visible=len(visible),
-        owned_samples=sum(count or 0 for count in owned),
-        drawn=len(drawn_units),
-        superfluous=len(superfluous),
-    )
-    known = None if None in owned else counts.owned_samples
-    return FrameVerdict(counts, (), superfluous, owned=known)
+        sitting.frame(frame, sitting.panel.jobs, on_truth, on_verdict, before)

@@ -6,6 +6,18 @@ all others. A process of its own keeps faults apart; it is no sandbox: a plug-in
 user's rights.
 """
 
-from visref.plug_ins.making import DEFAULT_TIME_LIMIT_S, Making, making_cullers
+from visref.plug_ins.making import (
+    DEFAULT_TIME_LIMIT_S,
+    Making,
+    check_cullers,
+    check_time_limit,
+    making_cullers,
+)
 
-__all__ = ["DEFAULT_TIME_LIMIT_S", "Making", "making_cullers"]
+__all__ = [
+    "DEFAULT_TIME_LIMIT_S",
+    "Making",
+    "check_cullers",
+    "check_time_limit",
+    "making_cullers",
+]

@@ -21,7 +21,7 @@ import numpy as np
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler, CullerError, DrawnSet, Promise, Raster, RasterTolerance
+from visref.culler import CullerError, DrawnSet, Promise, Raster, RasterTolerance, Recorded
 from visref.errors import InputError
 from visref.findings import Code
 from visref.plug_ins.making import DEFAULT_TIME_LIMIT_S
@@ -110,7 +110,7 @@ class Command:
         return [_PLACEHOLDER.sub(lambda found: str(files[found[1]]), word) for word in self.words]
 
 
-class CommandCuller(Culler):
+class CommandCuller(Recorded):
     """A program on one scene and one path: `prepare` runs it, and what it wrote is played back.
 
     `scene_file`: what {scene} stands for; the scene that `prepare` is given must be what that file
@@ -229,6 +229,9 @@ class CommandCuller(Culler):
             problem = ": ".join([*cut_off, error.problem])
             raise InputError(problem, place=error.place, fix=error.fix)
         return found.sets.only(frames)
+
+    def seek(self, frame: int) -> None:
+        self._played.seek(frame)
 
     def update(self, scene: Scene) -> None:
         """The program has been told by the path."""

@@ -10,7 +10,7 @@ from visref.culler import Culler
 from visref.errors import InputError
 from visref.plug_ins.in_process import CullerGuarded
 from visref.plug_ins.process import CullerApart
-from visref.registry import CULLERS, available, make_culler
+from visref.registry import CULLERS, available, find_culler, make_culler
 
 # Long for any frame, and for what a method builds from a scene; short for a job in CI.
 DEFAULT_TIME_LIMIT_S = 120.0
@@ -42,6 +42,14 @@ def making_cullers(specs: Sequence[str], making: Making) -> Iterator[list[tuple[
     check_time_limit(making.time_limit_s)
     with ExitStack() as closing:
         yield [(spec, _make(spec, making, closing)) for spec in specs]
+
+
+def check_cullers(specs: Sequence[str]) -> None:
+    """Raise InputError for a spec of ours that names nothing, or an option that there is not. No
+    culler is made: one on OpenGL starts threads, which a copy of this process would not have."""
+    for spec in specs:
+        if is_ours(spec):
+            find_culler(spec)
 
 
 def check_time_limit(time_limit_s: float | None) -> None:

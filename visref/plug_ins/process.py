@@ -8,7 +8,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,11 +56,16 @@ class CullerApart(Culler):
         say: Said | None = None,
     ) -> None:
         self.spec = spec
-        self._process = _Process(time_limit_s, memory_limit, say)
+        self._begin: Callable[[], _Process] = partial(_Process, time_limit_s, memory_limit, say)
+        self._process = self._begin()
+        self._make()
+
+    def _make(self) -> None:
+        """Have it made in its process."""
         self._declared: dict[str, Any] = {}
         self._unmade: CullerError | None = None
         try:
-            self._ask("make", {"spec": spec})
+            self._ask("make", {"spec": self.spec})
         except CullerError as error:
             self._unmade = error
         except BaseException:
@@ -149,6 +155,22 @@ class CullerApart(Culler):
         if isinstance(said, dict):
             self._declared = said
         return answer
+
+
+class CullerKept(CullerApart):
+    """One that is asked about scene after scene: its process stays when it is closed, until `end`,
+    and what its module keeps stays there."""
+
+    def renewed(self) -> CullerKept:
+        """Itself, made anew; in a new process where the last one has ended."""
+        if not self._process.runs:
+            self._process = self._begin()
+        self._make()
+        return self
+
+    def close(self) -> None:
+        if self._process.runs and self._unmade is None:
+            self._ask("close")
 
 
 class _RasterApart(Raster):

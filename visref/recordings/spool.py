@@ -3,6 +3,7 @@ its own that goes with the process. So a recording of any length takes a few byt
 
 from __future__ import annotations
 
+import os
 import tempfile
 import weakref
 
@@ -23,6 +24,7 @@ class Spool:
         # Whoever replays may come back to any frame.
         weakref.finalize(self, self._file.close)
         self._end = 0
+        self._on_disk = False
 
     def put_set(self, numbers: Int32) -> tuple[int, int]:
         """Keep a set, (k,) int32 ascending; returns where. A large one takes a bit per number."""
@@ -57,9 +59,15 @@ class Spool:
         self._file.seek(at)
         self._file.write(data)
         self._end += len(data)
+        if self._end > _IN_MEMORY:
+            self._file.flush()
+            self._on_disk = hasattr(os, "pread")
         return at, len(data)
 
     def _get(self, at: tuple[int, int]) -> bytes:
         place, length = at
+        if self._on_disk:
+            # A copy of this process has the same file, and one place in it for both.
+            return os.pread(self._file.fileno(), length, place)
         self._file.seek(place)
         return self._file.read(length)

@@ -45,6 +45,8 @@ _SCHEMA = pa.schema(
         ("depth", pa.float64()),
     ]
 )
+# How every Parquet file begins: what is none is no earlier truth.
+TRUTH_BEGINS = b"PAR1"
 _KEY = b"visref"
 _FORMAT = "visref-truth"
 _VERSION = 2
@@ -73,6 +75,12 @@ class RecordedTruth:
     exact: bool | None
     views: dict[tuple[int, str], FrameRows]
     findings: tuple[Finding, ...] = ()
+
+    def seen(self, frame: int, view: str, objects: int) -> NDArray[np.bool_]:
+        """(objects,) bool, those that own a sample of a view."""
+        result = np.zeros(objects, np.bool_)
+        result[self.views[frame, view].objects] = True
+        return result
 
     @cached_property
     def frames(self) -> dict[int, FrameRows]:
@@ -124,7 +132,7 @@ class TruthTable:
         """Write the file; the caller has made the place safe. `exact`: whether the engine is,
         None where that is not known."""
         table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
-        facts = {
+        facts: dict[str, Any] = {
             "format": _FORMAT,
             "version": _VERSION,
             "engine": engine,
@@ -136,9 +144,15 @@ class TruthTable:
             "views": self._views,
             "owned": self._owned,
         }
-        facts["digest"] = _digest(table, facts)
-        table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
-        pq.write_table(table, file, compression="zstd")
+        _seal(file, table, facts)
+
+
+def _seal(file: Path, table: pa.Table, facts: dict[str, Any]) -> None:
+    """Write rows and facts, with a digest of both."""
+    facts = {**facts, "digest": _digest(table, facts)}
+    table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
+    # How a table is put together shows in a file's bytes.
+    pq.write_table(table.combine_chunks(), file, compression="zstd")
 
 
 def _digest(table: pa.Table, facts: dict[str, Any]) -> str:
@@ -175,7 +189,7 @@ def read_truth(
     one of the frames.
     """
     source = str(file)
-    table, facts = _table_and_facts(Path(file), source, scene)
+    table, facts = _table_and_facts(Path(file), source, scene.object_count)
     for what, now in (("scene", scene.digest), ("path", path_digest(path))):
         if facts[what] != now:
             raise InputError(
@@ -287,8 +301,66 @@ def _rows_by_cell(
     return found
 
 
-def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, dict[str, Any]]:
-    """The table, and what its metadata says, both of the form that `TruthTable` writes."""
+@dataclass(frozen=True, eq=False)
+class TruthRows:
+    """A truth file as it stands, without the scene and the path that it is of: its rows, and what
+    its metadata says."""
+
+    file: Path
+    table: pa.Table
+    facts: dict[str, Any]
+
+    @property
+    def cells(self) -> dict[tuple[int, str], int]:
+        """By frame and view, how many samples anything owns."""
+        lists = (self.facts[name] for name in ("frames", "views", "owned"))
+        return {(frame, view): owned for frame, view, owned in zip(*lists, strict=True)}
+
+    def recorded(self) -> RecordedTruth:
+        """By frame and view."""
+        rows = _rows_by_cell(self.table, dict(self.cells), self.table["view"])
+        return RecordedTruth(self.facts["engine"], self.facts["exact"], rows)
+
+
+def read_rows(file: Path, objects: int | None = None) -> TruthRows:
+    """A truth file of version 2, and of a scene with so many `objects` (None: any). Raises
+    InputError where it is none, or was changed after it was written."""
+    source = str(file)
+    table, facts = _table_and_facts(file, source, objects)
+    if facts["version"] != _VERSION:
+        raise InputError("it is of version 1", source=source, fix="cast the truth again")
+    lists = [facts[name] for name in ("frames", "views", "owned")]
+    whole = all(map(_is_whole, facts["owned"]))
+    if (
+        len(set(map(len, lists))) > 1
+        or not whole
+        or len(set(zip(*lists[:2], strict=True))) < len(lists[0])
+    ):
+        raise _spoilt(source, "its frames, views and owned samples do not go together")
+    found = table["object"].to_numpy()
+    if len(found) and (found.min() < 0 or (objects is not None and found.max() >= objects)):
+        raise _spoilt(source, "a row names an object that there is not")
+    return TruthRows(file, table, facts)
+
+
+def write_joined(file: Path, parts: Sequence[TruthRows]) -> None:
+    """Write the truth of all parts, of frames that ascend from one to the next, as if it had been
+    cast at once; the caller has made the place safe."""
+    first = parts[0].facts
+    lists = {
+        name: [value for part in parts for value in part.facts[name]]
+        for name in ("frames", "views", "owned")
+    }
+    tables = [part.table.replace_schema_metadata(None) for part in parts]
+    facts = {name: value for name, value in first.items() if name != "digest"}
+    _seal(file, pa.concat_tables([_SCHEMA.empty_table(), *tables]), {**facts, **lists})
+
+
+def _table_and_facts(
+    file: Path, source: str, objects: int | None
+) -> tuple[pa.Table, dict[str, Any]]:
+    """The table, and what its metadata says, both of the form that `TruthTable` writes. `objects`:
+    how many the scene has, None where that is not known."""
     fix = "write one with `visref truth`"
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
@@ -332,7 +404,7 @@ def _table_and_facts(file: Path, source: str, scene: Scene) -> tuple[pa.Table, d
     ):
         raise spoilt("its frames or views are not those of a truth file")
     # An object has one row at most in each view of a frame; looked at before rows are made.
-    if count > len(facts["frames"]) * scene.object_count:
+    if objects is not None and count > len(facts["frames"]) * objects:
         raise spoilt(f"it has {count} rows, more than objects in its frames")
     try:
         table = pq.read_table(file.absolute())

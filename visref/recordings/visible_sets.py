@@ -19,12 +19,12 @@ import numpy as np
 from visref.camera import ALL_VIEWS, Camera
 from visref.camera_path import CameraPath
 from visref.culler import (
-    Culler,
     DrawnSet,
     Promise,
     QueryStats,
     Raster,
     RasterTolerance,
+    Recorded,
 )
 from visref.errors import InputError
 from visref.memory import Budget
@@ -87,7 +87,7 @@ class DeclaredRaster(Raster):
         return None
 
 
-class Replay(Culler):
+class Replay(Recorded):
     """Plays recorded visible sets back, so that they are judged like any culler: one set for all
     views in the frames that have one, else one per view. It knows what moved: nothing that was
     recorded changes by it."""
@@ -121,6 +121,12 @@ class Replay(Culler):
         """`joint` says how the next set is asked for."""
         coming = self._calls[self._done : self._done + 1]
         self.joint = any(len(cameras) > 1 for _, cameras, _ in coming)
+
+    def seek(self, frame: int) -> None:
+        self._done = next(
+            place for place, (found, _, _) in enumerate(self._calls) if found == frame
+        )
+        self._look_ahead()
 
     def prepare(self, scene: Scene) -> Units:
         return self.recorded.units

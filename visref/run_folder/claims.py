@@ -133,8 +133,7 @@ def _read_facts(facts: Fields) -> None:
     for name in ("age", "gap_px"):
         if not facts.is_null(name):
             facts.whole(name)
-    if not facts.is_null("box_holds_it"):
-        facts.flag("box_holds_it")
+    facts.flag("box_too_small")
     if not facts.is_null("in_front"):
         before = facts.inner("in_front")
         before.whole("object")

@@ -28,10 +28,11 @@ def table_inside(
     required: frozenset[str],
     most: int,
     repeated: tuple[str, ...] = (),
+    views: bool = True,
 ) -> pa.Table:
     """A table of a run folder of this version, with the columns of `schema`; those that it lacks,
     and need not have, are null. Of a column that is `repeated`, which holds few different texts,
-    each is kept once.
+    each is kept once. `views`: whether its rows are of views.
 
     Raises InputError for a file that is no such table: another kind of column, a column that
     stands twice, an empty cell in one that is `required`, more than `most` rows.
@@ -48,7 +49,8 @@ def table_inside(
             raise spoilt(f"it has {rows} rows, where at most {most} can be")
         # An unknown column is somebody else's.
         names = [column for column in schema.names if column in found.names]
-        needed = required | {"view"} if version >= 2 else required.difference(SINCE_VERSION_2)
+        of_views = {"view"} if views else set[str]()
+        needed = required | of_views if version >= 2 else required.difference(SINCE_VERSION_2)
         if missing := sorted(needed.difference(names)):
             raise spoilt(f"it has no column '{missing[0]}'")
         for column in names:

@@ -173,17 +173,28 @@ Place = tuple[int, str, int]
 
 class CutKeeper:
     """Keeps the cuts that a culler's witnesses may need: of the `worst` misses, by samples lost,
-    and of the worst confirmed miss of each of at most `MAX_OBJECTS` objects."""
+    and of the worst confirmed miss of each of at most `objects` objects (None: of all)."""
 
-    def __init__(self, worst: int) -> None:
+    def __init__(self, worst: int, objects: int | None = MAX_OBJECTS) -> None:
         self._worst = worst
+        self._objects = objects
         self._top: list[tuple[Key, Place]] = []
         self._best: dict[int, tuple[Key, Place]] = {}
         self._cuts: dict[Place, bytes] = {}
+        self._open: set[Place] = set()
         self._added = 0
 
-    def add(self, frame: int, misses: tuple[Miss, ...], settled: tuple[SettledFrame, ...]) -> None:
-        """Add a frame's misses, each in one of the settled views."""
+    def add(
+        self,
+        frame: int,
+        misses: tuple[Miss, ...],
+        settled: tuple[SettledFrame, ...],
+        *,
+        open_: bool = False,
+    ) -> None:
+        """Add a frame's misses, each in one of the settled views. `open_`: of which a policy may
+        yet accept some that are confirmed, so that they are kept, and no others for them forgotten.
+        """
         views = {one.truth.camera.view: FrameCuts(one) for one in settled}
         for miss in misses:
             self._added += 1
@@ -194,13 +205,21 @@ class CutKeeper:
                 (frame, miss.view, miss.object),
             )
             is_top = len(self._top) < self._worst or entry < self._top[-1]
-            is_best = miss.kind is MissKind.CONFIRMED and (
-                entry < self._best[miss.object]
-                if miss.object in self._best
-                else len(self._best) < MAX_OBJECTS
+            confirmed = miss.kind is MissKind.CONFIRMED
+            is_best = (
+                confirmed
+                and not open_
+                and (
+                    entry < self._best[miss.object]
+                    if miss.object in self._best
+                    else self._objects is None or len(self._best) < self._objects
+                )
             )
-            if not (is_top or is_best):
+            is_open = confirmed and open_
+            if not (is_top or is_best or is_open):
                 continue
+            if is_open:
+                self._open.add(entry[1])
             self._cuts[entry[1]] = views[miss.view].of(miss).packed()
             left = []
             if is_top:
@@ -214,7 +233,8 @@ class CutKeeper:
                 self._forget(other)
 
     def _forget(self, entry: tuple[Key, Place]) -> None:
-        if entry not in self._top and self._best.get(entry[1][2]) != entry:
+        best = self._best.get(entry[1][2]) == entry
+        if entry not in self._top and not best and entry[1] not in self._open:
             del self._cuts[entry[1]]
 
     def get(self, frame: int, view: str, obj: int) -> Cut | None:

@@ -14,6 +14,10 @@ witnesses/         one file per culler, one JSON line per miss: its ray and the 
                    as hexadecimal floats, so that it replays without the scene; its causes and the
                    plain facts about it; and, for pictures, what is seen around it
 pictures/          PNGs of a few frames, listed in manifest.json
+part.json          of a shard: which part of which run it is, and what `visref merge` needs
+part.parquet       of a shard: one row per row of frames.parquet, with who was drawn and what ages
+                   hang on
+part-units.parquet of a shard: the units of cullers that decide about others than objects
 
 `visref explain` adds PNGs to witnesses/, and `visref report` its three files where it is told to.
 
@@ -45,6 +49,10 @@ OBJECTS = "objects.parquet"
 TRUTH = "truth.parquet"
 WITNESSES = "witnesses"
 PICTURES = "pictures"
+# Of a part of a run: what the whole run needs beside the above (`visref.run_folder.part`).
+PART = "part.json"
+PART_CELLS = "part.parquet"
+PART_UNITS = "part-units.parquet"
 
 # What `visref report` writes, into a folder of the user's choice.
 REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY = "report.html", "junit.xml", "summary.md"
@@ -165,6 +173,29 @@ OBJECTS_SCHEMA = pa.schema(
         ("occluder_name", pa.string()),
     ]
 )
+# `settled`: whether samples were looked at. `drawn`: a bit for each unit, compressed. Of units
+# finer than objects, `seen`: a bit for each that owns a sample; and for each object in `objects`,
+# so many (`counts`) of the `units` by which it is missed. The last three hold int64, little-endian.
+PART_SCHEMA = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("frame", pa.int32()),
+        ("view", pa.string()),
+        ("settled", pa.bool_()),
+        ("drawn", pa.binary()),
+        ("seen", pa.binary()),
+        ("objects", pa.binary()),
+        ("counts", pa.binary()),
+        ("units", pa.binary()),
+    ]
+)
+PART_UNITS_SCHEMA = pa.schema(
+    [
+        ("culler", pa.string()),
+        ("offsets", pa.list_(pa.int64())),
+        ("triangles", pa.list_(pa.int32())),
+    ]
+)
 # Columns of few different texts, each of which a reader of the table keeps once.
 OBJECTS_REPEATED = ("culler", "view", "kind", "name", "occluder_name")
 
@@ -220,7 +251,8 @@ def _wrote(manifest: Any) -> Sequence[str] | None:
         pictures = [re.escape(file) for file in drawn if file.startswith(f"{PICTURES}/")]
     except (AttributeError, KeyError, TypeError):
         return None
-    files = (MANIFEST, VERDICT, FRAMES, TIMINGS, OBJECTS, TRUTH, *REPORT)
+    of_a_part = (PART, PART_CELLS, PART_UNITS)
+    files = (MANIFEST, VERDICT, FRAMES, TIMINGS, OBJECTS, TRUTH, *of_a_part, *REPORT)
     # With, for each culler, what `explained_name` gives.
     witnesses = [rf"{WITNESSES}/{slug}(\.jsonl|-\d{{5,}}(-[\w.~-]+)?-\d+\.png)" for slug in slugs]
     return [*map(re.escape, files), *witnesses, *pictures]

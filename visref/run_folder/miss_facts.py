@@ -36,7 +36,7 @@ def miss_facts(
         "eye_to_box": float(away) if math.isfinite(away) else None,
         "near": camera.near,
         "age": miss.age,
-        "box_holds_it": _box_holds(record, miss.object),
+        "box_too_small": box_too_small(record, miss.object),
         "depth_min": None,
         "depth_max": None,
         "gap_px": None,
@@ -47,11 +47,18 @@ def miss_facts(
     return facts
 
 
-def _box_holds(record: CullerRecord, obj: int) -> bool | None:
-    """None where the culler told no boxes, or of other units than objects."""
-    if not record.tells_boxes or record.unit_kind != OBJECT:
-        return None
-    return all(one.unit != obj for one in record.too_small)
+def box_too_small(record: CullerRecord, obj: int) -> bool:
+    """Whether a box that the culler says it tested did not hold the object, in some frame; of
+    units that are no objects, no."""
+    return record.unit_kind == OBJECT and any(one.unit == obj for one in record.too_small)
+
+
+def causes_json(record: CullerRecord, frame: int, view: str, obj: int) -> list[dict[str, Any]]:
+    """Why an object was missed, as a witness's line says it."""
+    return [
+        {"cause": one.cause, "text": one.text, "score": round(one.score, 3)}
+        for one in record.causes.of(frame, view, obj)
+    ]
 
 
 def _around(scene: Scene, camera: Camera, miss: Miss, cut: Cut) -> dict[str, Any]:

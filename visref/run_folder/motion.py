@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -48,15 +48,21 @@ class MotionRecord:
             )
         )
 
-    def json(self) -> dict[str, object] | None:
-        """The manifest's `motion`; None where nothing ever moves."""
+    def found(self) -> Motion | None:
+        """What moved so far, with every object that did; None where nothing ever moves."""
         if not self._timeline.moves:
             return None
         names = self._timeline.still.names
-        order = np.lexsort((np.arange(len(self._often)), -self._often))[:MOST_NAMED]
-        most = tuple(
+        often = tuple(
             MovedObject(int(index), names[index], int(self._often[index]))
-            for index in order
-            if self._often[index]
+            for index in np.flatnonzero(self._often)
         )
-        return asdict(Motion(int(np.count_nonzero(self._often)), tuple(self._frames), most))
+        return Motion(len(often), tuple(self._frames), often)
+
+
+def motion_json(motion: Motion | None) -> dict[str, object] | None:
+    """The manifest's `motion`, of all objects that moved those that did most often."""
+    if motion is None:
+        return None
+    often = sorted(motion.most, key=lambda one: (-one.frames, one.object))
+    return asdict(replace(motion, most=tuple(often[:MOST_NAMED])))

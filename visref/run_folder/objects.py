@@ -10,17 +10,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.judging.asking import Job
 from visref.judging.causes import CausesFound
 from visref.judging.judge import FrameVerdict
 from visref.judging.outcome import witness_json
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.referee import JudgedFrame
 from visref.run_folder.causes import superfluous_causes
+from visref.run_folder.groups import RowGroups
 from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
 from visref.scene import OBJECT, Int32, Scene
-
-# Rows that are held before they are written: some 10 MB. A culler of small units over a long path
-# has tens of millions.
-PENDING_ROWS = 1 << 17
 
 
 class ObjectsWriter:
@@ -28,11 +26,10 @@ class ObjectsWriter:
 
     def __init__(self, file: Path, scene: Scene, explained: Sequence[int]) -> None:
         self._file = file
+        self._groups = RowGroups(file, OBJECTS_SCHEMA)
         self._scene = scene
         self._explained = frozenset(explained)
         self._names = pa.array(scene.names, pa.string())
-        self._pending: list[pa.Table] = []
-        self._writer: pq.ParquetWriter | None = None
 
     def add(self, job: Job, judged: JudgedFrame) -> None:
         """Add what a culler missed, drew for nothing or left in doubt in one view of a frame."""
@@ -42,7 +39,7 @@ class ObjectsWriter:
             witness = witness_json(self._scene, record.frame, miss)
             witness["name"] = witness.pop("object_name")
             misses.append({"culler": job.spec, **witness, "age": miss.age})
-        self._pending.append(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
+        self._groups.add(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
 
         def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:
             """Rows of which all columns that are not given are null."""
@@ -53,7 +50,7 @@ class ObjectsWriter:
                 "kind": pa.repeat(pa.scalar(kind.value), count),
             }
             every = [columns.get(f.name, pa.nulls(count, f.type)) for f in OBJECTS_SCHEMA]
-            self._pending.append(pa.table(every, schema=OBJECTS_SCHEMA))
+            self._groups.add(pa.table(every, schema=OBJECTS_SCHEMA))
 
         units = pa.array(verdict.superfluous_units, pa.int32())
         columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
@@ -66,35 +63,12 @@ class ObjectsWriter:
         objects = pa.array(verdict.undecided_objects, pa.int32())
         columns = {"object": objects, "name": self._names.take(objects)}
         rows(ObjectKind.UNDECIDED, len(objects), columns)
-        if sum(map(len, self._pending)) >= PENDING_ROWS:
-            self._write()
 
     def close(self, causes: Mapping[str, CausesFound]) -> None:
         """Write what is left, and the file if there was nothing at all. `causes`: by culler, why
         it missed what it missed."""
-        self._write()
-        assert self._writer is not None
-        self._writer.close()
-        if any(found.named for found in causes.values()):
-            self._name_causes(causes)
-
-    def _name_causes(self, causes: Mapping[str, CausesFound]) -> None:
-        """Write the file again, with the causes of misses. They are known only when every answer
-        was judged, and the rows are too many to be held until then."""
-        named = self._file.with_name(self._file.name + ".named")
-        with (
-            pq.ParquetFile(self._file) as read,
-            pq.ParquetWriter(named, OBJECTS_SCHEMA, compression="zstd") as write,
-        ):
-            for group in range(read.num_row_groups):
-                write.write_table(_with_causes(read.read_row_group(group), causes))
-        named.replace(self._file)
-
-    def _write(self) -> None:
-        if self._writer is None:
-            self._writer = pq.ParquetWriter(self._file, OBJECTS_SCHEMA, compression="zstd")
-        self._writer.write_table(pa.concat_tables([OBJECTS_SCHEMA.empty_table(), *self._pending]))
-        self._pending = []
+        self._groups.close()
+        name_causes(self._file, causes)
 
     def _hiders(self, units: Int32, verdict: FrameVerdict) -> dict[str, pa.Array]:
         """What exact arithmetic found of each superfluous unit that a promise forbids; null for
@@ -108,7 +82,7 @@ class ObjectsWriter:
             row["samples"] = one.samples
             if one.occluder >= 0:
                 row["occluder"] = one.occluder
-                row["occluder_name"] = scene.names[scene.object_of_triangle[one.occluder]]
+                row["occluder_name"] = scene.owner_name(one.occluder)
                 row["y"], row["x"] = divmod(one.sample, one.width)
         return {
             name: pa.array([row.get(name) for row in rows], OBJECTS_SCHEMA.field(name).type)
@@ -128,6 +102,20 @@ class ObjectsWriter:
         names = np.full(len(units), None, object)
         names[np.searchsorted(units, list(causes))] = list(causes.values())
         return pa.array(names, pa.string())
+
+
+def name_causes(file: Path, causes: Mapping[str, CausesFound]) -> None:
+    """Write objects.parquet again, with the causes of misses, by culler. They are known only when
+    every answer was judged, and the rows are too many to be held until then."""
+    if not any(found.named for found in causes.values()):
+        return
+    named = file.with_name(file.name + ".named")
+    groups = RowGroups(named, OBJECTS_SCHEMA)
+    with pq.ParquetFile(file) as read:
+        for number in range(read.num_row_groups):
+            groups.add(_with_causes(read.read_row_group(number), causes))
+    groups.close()
+    named.replace(file)
 
 
 def _with_causes(rows: pa.Table, causes: Mapping[str, CausesFound]) -> pa.Table:

@@ -167,11 +167,13 @@ def _rasterise(
         for i in range(3):
             j = (i + 1) % 3
             if local[i, 2] >= near:
-                clipped[count] = local[i]
+                for axis in range(3):
+                    clipped[count, axis] = local[i, axis]
                 count += 1
             if (local[i, 2] >= near) != (local[j, 2] >= near):
                 t = (near - local[i, 2]) / (local[j, 2] - local[i, 2])
-                clipped[count] = local[i] + t * (local[j] - local[i])
+                for axis in range(2):
+                    clipped[count, axis] = local[i, axis] + t * (local[j, axis] - local[i, axis])
                 clipped[count, 2] = near
                 count += 1
         if count < 3:

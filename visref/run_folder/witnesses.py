@@ -19,7 +19,8 @@ from visref.judging.judge import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.run_folder.balls import BALL_ERROR, BLOCK, balls_about
 from visref.run_folder.cuts import CutKeeper
-from visref.run_folder.miss_facts import miss_facts
+from visref.run_folder.miss_facts import causes_json, miss_facts
+from visref.run_folder.part import Part
 from visref.run_folder.surroundings import Surroundings
 from visref.scene import Alpha, Int32, Int64, Scene
 from visref.timeline import Timeline
@@ -107,7 +108,8 @@ def _along(
             continue
         if count == len(found):
             grown = np.empty(2 * count, np.int64)
-            grown[:count] = found
+            for k in range(count):
+                grown[k] = found[k]
             found = grown
         found[count] = t
         count += 1
@@ -162,27 +164,16 @@ def write_witnesses(
     record: CullerRecord,
     drawn: Callable[[int, str], NDArray[np.bool_]],
     cuts: CutKeeper | None = None,
+    part: Part | None = None,
 ) -> None:
     """One JSON line for each of the culler's worst misses, at least one of every object with a
     confirmed one, by frame, view and object.
 
     `drawn` gives the drawn triangles of a frame's view, (t,) bool. `cuts`: what was kept around the
     misses; the worst of them, and the worst of the objects that lose most, get their surroundings.
+    Of a `part`, all that the whole run may have are written, with their surroundings.
     """
-    most_lost = {miss.object for _, _, miss in record.losses()[:SURROUNDED_OBJECTS]}
-    surrounded: set[tuple[int, str, int]] = set()
-    misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
-    misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
-    by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
-    convicted: set[int] = set()
-    for place, (frame, view, miss) in enumerate(misses):
-        first = miss.kind is MissKind.CONFIRMED and miss.object not in convicted
-        if place < WITNESSES_PER_CULLER or first:
-            by_view[frame, view].append(miss)
-        if place < WITNESSES_PER_CULLER or (first and miss.object in most_lost):
-            surrounded.add((frame, view, miss.object))
-        if first:
-            convicted.add(miss.object)
+    by_view, surrounded = choose(record, part)
     scene: Scene | None = None
     with file.open("w", encoding="utf-8") as lines:
         for frame, view in sorted(by_view):
@@ -202,10 +193,7 @@ def write_witnesses(
                 )
                 witness: dict[str, Any] = witness_json(scene, frame, miss)
                 witness["culler"] = record.spec
-                witness["causes"] = [
-                    {"cause": one.cause, "text": one.text, "score": round(one.score, 3)}
-                    for one in record.causes.of(frame, view, miss.object)
-                ]
+                witness["causes"] = causes_json(record, frame, view, miss.object)
                 witness["samples"] = camera.definition()
                 witness["triangles"] = [
                     _triangle_json(scene, int(t), drawn=bool(shown[t]), state=int(s))
@@ -220,6 +208,29 @@ def write_witnesses(
                         camera, cut, miss.object, miss.sample, shown
                     )
                 lines.write(json.dumps(witness, sort_keys=True) + "\n")
+
+
+Chosen = tuple[dict[tuple[int, str], list[Miss]], set[tuple[int, str, int]]]
+
+
+def choose(record: CullerRecord, part: Part | None = None) -> Chosen:
+    """The misses that get a witness, by frame and view; and by frame, view and object, those of
+    them that get their surroundings. Of a `part`, all that may be among them in the whole run."""
+    most_lost = {miss.object for _, _, miss in record.losses()[:SURROUNDED_OBJECTS]}
+    surrounded: set[tuple[int, str, int]] = set()
+    misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
+    misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
+    by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
+    convicted: set[int] = set()
+    for place, (frame, view, miss) in enumerate(misses):
+        first = miss.kind is MissKind.CONFIRMED and miss.object not in convicted
+        if place < WITNESSES_PER_CULLER or first:
+            by_view[frame, view].append(miss)
+        if place < WITNESSES_PER_CULLER or (first and (part or miss.object in most_lost)):
+            surrounded.add((frame, view, miss.object))
+        if first and not (part and frame in part.open):
+            convicted.add(miss.object)
+    return by_view, surrounded
 
 
 def _triangle_json(scene: Scene, triangle: int, *, drawn: bool, state: int) -> dict[str, Any]:

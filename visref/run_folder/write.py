@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,14 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
-from visref.judging.judge import FrameVerdict
+from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.policy import Policy
-from visref.judging.referee import Job, JudgedFrame
+from visref.judging.referee import JudgedFrame
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
-from visref.run_folder.cuts import CutKeeper
+from visref.run_folder.cuts import MAX_OBJECTS, CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
     FORMAT,
@@ -40,10 +40,11 @@ from visref.run_folder.layout import (
     WITNESSES,
     slug,
 )
-from visref.run_folder.motion import MotionRecord
+from visref.run_folder.motion import MotionRecord, motion_json
 from visref.run_folder.objects import ObjectsWriter
+from visref.run_folder.part import Part, PicturePlan
 from visref.run_folder.pictures import draw_pictures
-from visref.run_folder.rows import PictureSet
+from visref.run_folder.rows import Motion, PictureSet
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
 from visref.timeline import Timeline
@@ -57,7 +58,8 @@ _LONE = re.compile("[\ud800-\udfff]")
 class RunWriter:
     """A run's listener that writes its folder. `folder` exists and is empty. `exact`: whether a
     truth that is on file already is exact, None where that is not known. `timeline`: the scene
-    of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by."""
+    of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by.
+    `part`: which part of a run this is, None where it is the whole."""
 
     def __init__(
         self,
@@ -71,6 +73,7 @@ class RunWriter:
         exact: bool | None = None,
         picture_frames: Sequence[int] = (),
         policy: Policy | None = None,
+        part: Part | None = None,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -81,12 +84,13 @@ class RunWriter:
         self._exact = exact
         self._settings = settings
         self._policy = policy
+        self._part = part
         self._truth = TruthTable(scene)
         self._has_truth = False
         self._frames: list[dict[str, Any]] = []
         self._timings: list[dict[str, Any]] = []
         self._objects = ObjectsWriter(folder / OBJECTS, scene, picture_frames)
-        self._plan = _PicturePlan(picture_frames)
+        self._plan = PicturePlan(picture_frames, part.open if part is not None else frozenset())
         self._pictures: list[PictureSet] = []
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
@@ -130,11 +134,15 @@ class RunWriter:
         if verdict.misses:
             drawn = self._drawn.setdefault(job.spec, (job.units, {}))[1]
             put = self._spool.put_set(np.sort(judged.drawn_units))
-            keeper = self._cuts.setdefault(job.spec, CutKeeper(WITNESSES_PER_CULLER))
-            keeper.add(record.frame, verdict.misses, judged.settled)
+            keeper = self._cuts.get(job.spec)
+            if keeper is None:
+                objects = MAX_OBJECTS if self._part is None else None
+                keeper = self._cuts[job.spec] = CutKeeper(WITNESSES_PER_CULLER, objects)
+            open_ = self._part is not None and record.frame in self._part.open
+            keeper.add(record.frame, verdict.misses, judged.settled, open_=open_)
             for one in judged.settled:
                 drawn[record.frame, one.truth.camera.view] = put
-        if judged.settled and self._plan.wants(job.spec, record.frame, verdict):
+        if judged.settled and self._plan.wants(job.spec, record.frame, verdict.counts):
             self._pictures += [
                 draw_pictures(
                     self._folder / PICTURES,
@@ -154,12 +162,8 @@ class RunWriter:
     def finish(self, outcome: RunOutcome) -> None:
         """Write everything that is left to write."""
         folder = self._folder
-        for name, rows, schema in (
-            (FRAMES, self._frames, FRAMES_SCHEMA),
-            (TIMINGS, self._timings, TIMINGS_SCHEMA),
-        ):
-            table = pa.Table.from_pylist(rows, schema=schema)
-            pq.write_table(table, folder / name, compression="zstd")
+        write_rows(folder / FRAMES, self._frames, FRAMES_SCHEMA)
+        write_rows(folder / TIMINGS, self._timings, TIMINGS_SCHEMA)
         self._objects.close({record.spec: record.causes for record in outcome.cullers})
         if self._has_truth:
             self._truth.write(
@@ -181,7 +185,7 @@ class RunWriter:
                 file = folder / f"{slug(record.spec)}.jsonl"
                 drawn = self._drawn_in(record.spec)
                 cuts = self._cuts.get(record.spec)
-                write_witnesses(file, self._timeline, self._path, record, drawn, cuts)
+                write_witnesses(file, self._timeline, self._path, record, drawn, cuts, self._part)
 
     def _drawn_in(self, spec: str) -> Callable[[int, str], NDArray[np.bool_]]:
         units, drawn = self._drawn[spec]
@@ -191,6 +195,11 @@ class RunWriter:
 
     def _verdict(self, outcome: RunOutcome) -> dict[str, Any]:
         return {"version": VERSION, **verdict_json(outcome, self._scene)}
+
+    @property
+    def moved(self) -> Motion | None:
+        """What moved in the frames so far, with every object that did."""
+        return self._motion.found()
 
     def _manifest(self, outcome: RunOutcome) -> dict[str, Any]:
         scene, path = self._scene, self._path
@@ -225,7 +234,7 @@ class RunWriter:
                 for record in outcome.cullers
             },
             "pictures": [asdict(pictures) for pictures in self._pictures],
-            "motion": self._motion.json(),
+            "motion": motion_json(self.moved),
             "samples": [
                 {camera.view: camera.definition() for camera in path.views(frame)}
                 for frame in path.numbers
@@ -235,26 +244,13 @@ class RunWriter:
         }
 
 
-class _PicturePlan:
-    """Which frames get pictures: the planned ones, and for each culler as many more in which
-    something was missed."""
-
-    def __init__(self, frames: Sequence[int]) -> None:
-        self._frames = frozenset(frames)
-        self._extra: dict[str, int] = {}
-
-    def wants(self, spec: str, frame: int, verdict: FrameVerdict) -> bool:
-        if frame in self._frames:
-            return True
-        taken = self._extra.get(spec, 0)
-        if not verdict.counts.confirmed or taken >= len(self._frames):
-            return False
-        self._extra[spec] = taken + 1
-        return True
-
-
 def _timing(culler: str, frame: int, view: str, phase: str, ms: float) -> dict[str, Any]:
     return {"culler": culler, "frame": frame, "view": view, "phase": phase, "ms": ms}
+
+
+def write_rows(file: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
+    """Write a table whose rows are at hand."""
+    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), file, compression="zstd")
 
 
 def write_json(path: Path, value: object) -> None:

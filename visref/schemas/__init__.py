@@ -9,6 +9,8 @@ recording           a line of a recording, header or frame, version 1
 policy              what a user accepts (TOML, as its value in JSON)
 conformance         the manifest of a conformance suite, version 1
 conformance_results what `visref conformance --json` writes, version 1
+fault               `expected.json` of a shrunk fault, version 1
+fuzz                `summary.json` of a search for faults, version 1
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from importlib.resources import files
 from typing import Any
 
 NAMES = (
-    "conformance", "conformance_results", "manifest", "path", "policy", "recording",
-    "verdict", "visible_sets", "witness",
+    "conformance", "conformance_results", "fault", "fuzz", "manifest", "path", "policy",
+    "recording", "verdict", "visible_sets", "witness",
 )  # fmt: skip
 
 

@@ -27,7 +27,8 @@ from visref.errors import InputError, NothingToJudge
 from visref.files import FolderKind, remove_folder, replacing_folder
 from visref.findings import Code
 from visref.inputs import generated_with, open_scene
-from visref.judging.referee import Job, JudgedFrame, Referee
+from visref.judging.asking import Job
+from visref.judging.referee import JudgedFrame, Referee
 from visref.papers import Paper
 from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import SCENES, available, load_entry, make_culler

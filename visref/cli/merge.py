@@ -1,0 +1,43 @@
+"""visref merge: the parts of a run, or of a truth, put together."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from visref.cli.judged import print_run
+from visref.cli.reports import add_report_arguments
+from visref.cli.terminal import OUT
+from visref.errors import InputError
+from visref.judging.status import Exit
+from visref.merging import merge_runs, merge_truths
+from visref.wording import counted
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "parts",
+        nargs="+",
+        type=Path,
+        metavar="PART",
+        help="the folders that --shard left, all of them; or truth files of parts of a path",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the run folder, or the truth file"
+    )
+    add_report_arguments(parser)
+
+
+def run(given: argparse.Namespace) -> Exit:
+    files = [part for part in given.parts if part.is_file()]
+    if not files:
+        outcome = merge_runs(given.parts, given.out)
+        print_run(given.out, outcome)
+        return outcome.exit
+    if len(files) < len(given.parts):
+        raise InputError(
+            "some are files and some are folders", fix="give run folders, or truth files"
+        )
+    frames = merge_truths(files, given.out)
+    OUT.line(f"{given.out}: {counted(frames, 'frame')}")
+    return Exit.NO_VIOLATION

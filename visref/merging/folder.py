@@ -1,0 +1,255 @@
+"""The run folder of all parts."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from visref.errors import InputError
+from visref.files import refuse_inputs, replacing_folder
+from visref.judging.judge import MissKind
+from visref.judging.outcome import CullerRecord, RunOutcome, verdict_json
+from visref.merging.belonging import in_order
+from visref.merging.joining import Cell, Joined, join
+from visref.merging.reading import FIX, PartFolder, read_part
+from visref.merging.truths import check_truths
+from visref.provenance import machine
+from visref.recordings.truth_file import write_joined
+from visref.run_folder.cuts import MAX_OBJECTS
+from visref.run_folder.groups import RowGroups
+from visref.run_folder.inside import file_inside, lines_inside
+from visref.run_folder.layout import (
+    FRAMES,
+    FRAMES_SCHEMA,
+    MANIFEST,
+    OBJECTS,
+    OBJECTS_SCHEMA,
+    RUN_FOLDER,
+    TIMINGS,
+    TIMINGS_SCHEMA,
+    TRUTH,
+    VERDICT,
+    VERSION,
+    WITNESSES,
+    slug,
+)
+from visref.run_folder.miss_facts import box_too_small, causes_json
+from visref.run_folder.motion import motion_json
+from visref.run_folder.objects import name_causes
+from visref.run_folder.part import PicturePlan
+from visref.run_folder.rows import Motion, MovedObject
+from visref.run_folder.witnesses import WITNESSES_PER_CULLER, choose
+from visref.run_folder.write import write_json, write_rows
+
+_Place = tuple[int, str, int]
+
+
+def merge_runs(folders: Sequence[Path], out: Path) -> RunOutcome:
+    """Write the run folder that one run would have left, of the folders of all its shards, in
+    whatever order. Raises InputError, which names the folder, where they do not belong together or
+    one is missing."""
+    refuse_inputs(out, folders)
+    parts = in_order([read_part(folder) for folder in folders])
+    with replacing_folder(out, kind=RUN_FOLDER) as folder:
+        return _Merging(folder, parts).run()
+
+
+def merge_into(
+    folder: Path,
+    parts: Sequence[Path],
+    *,
+    on_cell: Callable[[Cell], None] = lambda cell: None,
+    after: Callable[[Joined], None] = lambda joined: None,
+) -> RunOutcome:
+    """The same into a folder that is there, and empty. Who has the scene at hand may look at each
+    verdict, with what was drawn, and `after` that add to the records before they are written."""
+    merging = _Merging(folder, in_order([read_part(part) for part in parts]))
+    return merging.run(on_cell, after)
+
+
+class _Merging:
+    def __init__(self, folder: Path, parts: Sequence[PartFolder]) -> None:
+        self._folder = folder
+        self._parts = parts
+        self._rows: list[dict[str, Any]] = []
+        self._objects = RowGroups(folder / OBJECTS, OBJECTS_SCHEMA)
+        self._plan = PicturePlan(parts[0].said.pictures)
+        self._pictures: list[dict[str, Any]] = []
+
+    def run(
+        self,
+        on_cell: Callable[[Cell], None] = lambda cell: None,
+        after: Callable[[Joined], None] = lambda joined: None,
+    ) -> RunOutcome:
+        """Write all files."""
+        folder = self._folder
+
+        def told(cell: Cell) -> None:
+            self._on_cell(cell)
+            on_cell(cell)
+
+        joined = join(self._parts, told)
+        after(joined)
+        self._objects.close()
+        name_causes(folder / OBJECTS, {one.spec: one.causes for one in joined.outcome.cullers})
+        write_rows(folder / FRAMES, self._rows, FRAMES_SCHEMA)
+        self._write_timings(joined)
+        self._write_truth()
+        for record in joined.outcome.cullers:
+            if record.totals.missed + record.totals.partly_missed:
+                self._write_witnesses(record, joined)
+        verdict = {"version": VERSION, **verdict_json(joined.outcome, joined.names)}
+        write_json(folder / VERDICT, verdict)
+        write_json(folder / MANIFEST, self._manifest(joined))
+        return joined.outcome
+
+    def _on_cell(self, cell: Cell) -> None:
+        self._rows.append(cell.row)
+        self._objects.add(cell.objects)
+        frame, counts = cell.record.frame, cell.record.verdict.counts
+        if not (cell.settled and self._plan.wants(cell.spec, frame, counts)):
+            return
+        views = cell.part.run.manifest.samples[frame]
+        mine = {cell.record.view} if cell.record.view in views else set(views)
+        found = [
+            one
+            for one in cell.part.manifest["pictures"]
+            if (one["culler"], one["frame"]) == (cell.spec, frame) and one["view"] in mine
+        ]
+        if len(found) != len(mine):
+            raise cell.part.error(f"it lacks pictures of frame {frame}", MANIFEST)
+        for one in found:
+            self._pictures.append(one)
+            for name in one["files"].values():
+                self._copy(cell.part, name)
+
+    def _copy(self, part: PartFolder, name: str) -> None:
+        target = self._folder / name
+        if not target.exists():
+            target.parent.mkdir(exist_ok=True)
+            shutil.copyfile(file_inside(part.folder, name, FIX), target)
+
+    def _write_timings(self, joined: Joined) -> None:
+        tables = [TIMINGS_SCHEMA.empty_table()]
+        for number, part in enumerate(self._parts):
+            rows = [asdict(row) for row in part.run.timings]
+            table = pa.Table.from_pylist(rows, schema=TIMINGS_SCHEMA)
+            gone = [spec for spec, end in joined.ends.items() if number >= end]
+            tables.append(
+                table.filter(pc.invert(pc.is_in(table["culler"], pa.array(gone, pa.string()))))
+            )
+        table = pa.concat_tables(tables).combine_chunks()
+        pq.write_table(table, self._folder / TIMINGS, compression="zstd")
+
+    def _write_truth(self) -> None:
+        first = self._parts[0]
+        truths = [part.truth for part in self._parts if part.truth is not None]
+        if first.said.truth:
+            shutil.copyfile(file_inside(first.folder, TRUTH, FIX), self._folder / TRUTH)
+        elif truths:
+            check_truths(truths)
+            write_joined(self._folder / TRUTH, truths)
+
+    def _write_witnesses(self, record: CullerRecord, joined: Joined) -> None:
+        by_view, surrounded = choose(record)
+        kept = _kept(record)
+        known = self._witnesses(record.spec, joined.ends[record.spec])
+        (self._folder / WITNESSES).mkdir(exist_ok=True)
+        file = self._folder / WITNESSES / f"{slug(record.spec)}.jsonl"
+        with file.open("w", encoding="utf-8") as lines:
+            for frame, view in sorted(by_view):
+                for miss in sorted(by_view[frame, view], key=lambda miss: miss.object):
+                    place = frame, view, miss.object
+                    if place not in known:
+                        raise InputError(
+                            f"no part has the witness of object {miss.object} in frame {frame}",
+                            source=str(self._parts[0].folder),
+                            fix=FIX,
+                        )
+                    witness = {**known[place], "kind": miss.kind.value}
+                    witness["causes"] = causes_json(record, frame, view, miss.object)
+                    witness["facts"] = {
+                        **witness.get("facts", {}),
+                        "box_too_small": box_too_small(record, miss.object),
+                    }
+                    if place not in surrounded or not kept(place):
+                        witness.pop("surroundings", None)
+                    lines.write(json.dumps(witness, sort_keys=True) + "\n")
+
+    def _witnesses(self, spec: str, end: int) -> dict[_Place, dict[str, Any]]:
+        found: dict[_Place, dict[str, Any]] = {}
+        name = f"{WITNESSES}/{slug(spec)}.jsonl"
+        for part in self._parts[:end]:
+            if not (part.folder / name).exists():
+                continue
+            for place, line in lines_inside(part.folder, name, FIX):
+                try:
+                    found[line["frame"], line["view"], line["object"]] = line
+                except (KeyError, TypeError) as error:
+                    raise part.error("it is no witness", f"{name}, {place}") from error
+        return found
+
+    def _manifest(self, joined: Joined) -> dict[str, Any]:
+        manifest = dict(self._parts[0].manifest)
+        settings = manifest["settings"]
+        policy = manifest["policy"]
+        if policy is not None and joined.outcome.policy.today is not None:
+            policy = {**policy, "today": joined.outcome.policy.today.isoformat()}
+        return {
+            **manifest,
+            "settings": {name: settings[name] for name in settings if name != "shard"},
+            "policy": policy,
+            "cullers": {
+                record.spec: {
+                    **manifest["cullers"][record.spec],
+                    "raster": None if record.raster is None else asdict(record.raster),
+                }
+                for record in joined.outcome.cullers
+            },
+            "pictures": self._pictures,
+            "motion": motion_json(_motion(self._parts)),
+            "machine": machine(),
+        }
+
+
+def _kept(record: CullerRecord) -> Callable[[_Place], bool]:
+    """Whether the surroundings of a miss are kept, of more objects than a run keeps them of: see
+    `visref.run_folder.cuts.CutKeeper`."""
+    arrived = dict.fromkeys(
+        miss.object
+        for row in record.frames
+        for miss in row.verdict.misses
+        if miss.kind is MissKind.CONFIRMED
+    )
+    if len(arrived) <= MAX_OBJECTS:
+        return lambda place: True
+    first = set(list(arrived)[:MAX_OBJECTS])
+    worst = set(_worst(record))
+    return lambda place: place[2] in first or place in worst
+
+
+def _worst(record: CullerRecord) -> Iterator[_Place]:
+    every = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
+    every.sort(key=lambda found: (-found[1].samples, found[0], found[1].object))
+    for frame, miss in every[:WITNESSES_PER_CULLER]:
+        yield frame, miss.view, miss.object
+
+
+def _motion(parts: Sequence[PartFolder]) -> Motion | None:
+    moved = [part.said.moved for part in parts if part.said.moved is not None]
+    if len(moved) < len(parts):
+        return None
+    often: dict[int, MovedObject] = {}
+    for one in (one for part in moved for one in part.most):
+        before = often[one.object].frames if one.object in often else 0
+        often[one.object] = MovedObject(one.object, one.name, before + one.frames)
+    frames = tuple(frame for part in moved for frame in part.frames)
+    return Motion(len(often), frames, tuple(often.values()))

@@ -1,0 +1,45 @@
+"""Tables on disk, in row groups of one size: the same rows give the same bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+# Rows that are held before they are written: some 10 MB. A culler of small units over a long path
+# has tens of millions.
+GROUP_ROWS = 1 << 17
+
+
+class RowGroups:
+    """A Parquet file that is written as rows come, a group at a time."""
+
+    def __init__(self, file: Path, schema: pa.Schema) -> None:
+        self._file = file
+        self._schema = schema
+        self._pending: list[pa.Table] = []
+        self._rows = 0
+        self._writer: pq.ParquetWriter | None = None
+
+    def add(self, table: pa.Table) -> None:
+        self._pending.append(table)
+        self._rows += len(table)
+        while self._rows >= GROUP_ROWS:
+            self._write(GROUP_ROWS)
+
+    def close(self) -> None:
+        """Write what is left, and the file if there was nothing at all."""
+        if self._rows or self._writer is None:
+            self._write(self._rows)
+        assert self._writer is not None
+        self._writer.close()
+
+    def _write(self, rows: int) -> None:
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd")
+        # How a table is put together shows in a file's bytes.
+        table = pa.concat_tables([self._schema.empty_table(), *self._pending]).combine_chunks()
+        self._writer.write_table(table.slice(0, rows).combine_chunks(), row_group_size=GROUP_ROWS)
+        rest = table.slice(rows)
+        self._pending, self._rows = [rest], len(rest)
