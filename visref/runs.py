@@ -30,18 +30,21 @@ from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
-from visref.inputs import Inputs
+from visref.inputs import Inputs, open_inputs
 from visref.judging.again import Answers, Difference, ask, mark_unsteady
 from visref.judging.asking import Job, Panel
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.referee import ImageCheck, JudgedFrame, Listener, Referee
+from visref.merging import merge_into
+from visref.merging.joining import Cell, Joined
 from visref.picking import Shard, evenly_picked
-from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, read_truth
+from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, path_digest, read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.layout import PART, RUN_FOLDER, TRUTH
 from visref.run_folder.part import InputFindings, Part, PartKeeper
+from visref.run_folder.read import read_run
 from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -171,6 +174,54 @@ def judge_to_folder(
         if truth is not None:
             shutil.copyfile(truth, folder / TRUTH)
     return outcome
+
+
+def merge_naming(folder: Path, parts: Sequence[Path], inputs: Inputs) -> RunOutcome:
+    """The whole of a run's parts, in a folder that is there and empty, with the causes of what was
+    missed, for which its `inputs` are needed. Raises what `visref.merging.merge_runs` does."""
+    evidence = Evidence()
+
+    def on_cell(cell: Cell) -> None:
+        units = cell.part.units.get(cell.spec, inputs.scene.object_units())
+        evidence.add(cell.spec, units, cell.record, cell.drawn)
+
+    def after(joined: Joined) -> None:
+        name_the_causes(inputs, evidence, joined.outcome)
+
+    return merge_into(folder, parts, on_cell=on_cell, after=after)
+
+
+def merge_with_scene(
+    parts: Sequence[Path], out: Path, scene: str, path: str | None
+) -> RunOutcome:
+    """`visref.merging.merge_runs`, with the causes of what was missed. Raises InputError too where
+    scene or path are not those of the parts."""
+    run = read_run(parts[0])
+    settings = run.manifest.settings
+    inputs = open_inputs(
+        scene,
+        path=path,
+        engine=run.manifest.engine,
+        cull_backfaces=bool(settings.get("cull_backfaces")),
+        lenient=bool(settings.get("lenient")),
+        rest_pose=bool(settings.get("rest_pose")),
+    )
+    start, stop, step = settings["frames"]
+    wanted = frozenset(range(start, stop, step))
+    frames_of_run = [one for one in inputs.path.numbers if one in wanted]
+    for what, mine, source in (
+        ("scene", inputs.scene.digest == run.manifest.scene.sha256, scene),
+        ("path", path_digest(inputs.path) == run.manifest.path.sha256, path or scene),
+    ):
+        if not mine:
+            raise InputError(
+                f"it is another {what} than that of {parts[0]}",
+                source=source,
+                fix=f"give the {what} that was judged",
+            )
+    refuse_inputs(out, [*parts, *inputs.files])
+    with replacing_folder(out, kind=RUN_FOLDER) as folder:
+        return merge_naming(folder, parts, replace(inputs, frames=frames_of_run))
 
 
 def name_the_causes(inputs: Inputs, evidence: Evidence, outcome: RunOutcome) -> None:

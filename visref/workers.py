@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from visref.causes.evidence import Evidence
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
 from visref.forked import Tell, Work, at_work
@@ -23,11 +22,9 @@ from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.referee import JudgedFrame, Listener
 from visref.memory import SAMPLE_BYTES, TRIANGLE_BYTES, default_budget
-from visref.merging import merge_into
-from visref.merging.joining import Cell, Joined
 from visref.picking import Shard
 from visref.run_folder.layout import RUN_FOLDER
-from visref.runs import MakingAnew, judge_to_folder, name_the_causes
+from visref.runs import MakingAnew, judge_to_folder, merge_naming
 from visref.threads import available_threads
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -112,16 +109,7 @@ def judging_at_once(
 
             def finish(on_frame: Callable[[int], None]) -> RunOutcome:
                 copies.wait(on_frame)
-                evidence = Evidence()
-
-                def on_cell(cell: Cell) -> None:
-                    units = cell.part.units.get(cell.spec, inputs.scene.object_units())
-                    evidence.add(cell.spec, units, cell.record, cell.drawn)
-
-                def after(joined: Joined) -> None:
-                    name_the_causes(inputs, evidence, joined.outcome)
-
-                return merge_into(folder, parts, on_cell=on_cell, after=after)
+                return merge_naming(folder, parts, inputs)
 
             yield finish
 

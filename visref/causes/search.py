@@ -35,7 +35,10 @@ from visref.timeline import Timeline
 Bool = NDArray[np.bool_]
 
 # So many answers with misses are looked at by every hypothesis, and so many by those that are left.
-CLOSELY, ALL = 24, 256
+CLOSELY, ALL = 24, 240
+# Of a large scene fewer: a triangle and a sample of each answer cost about so much, and so much is
+# spent, some ten seconds; but so many are looked at in any case.
+SAMPLE_COST, AFFORDED, LEAST_ANSWERS = 8, 50_000_000, 3
 # So many units of an answer: lost, shown and drawn, hidden and drawn, hidden and left out.
 LOST, SHOWN, IDLE = 192, 256, 96
 # Of what a hypothesis would leave out and that shows, so much must be lost.
@@ -131,14 +134,22 @@ class Search:
         lossy = self._answers.lossy
         if not lossy:
             return CausesFound()
-        closely = _covering(lossy, CLOSELY)
+        most = self._affordable(CLOSELY, lossy[0])
+        closely = _covering(lossy, most)
         looked = [self._look(answer) for answer in closely]
         clean = [self._look(answer) for answer in self._answers.some_clean()]
         some = any(one.lost.any() for one in looked)
         chosen = self._choose(looked, clean) if some else []
-        rest = [lossy[i] for i in evenly_picked(len(lossy), ALL)]
+        rest = [lossy[i] for i in evenly_picked(len(lossy), most * ALL // CLOSELY)]
         others = [self._look(one) for one in rest if all(one is not c for c in closely)]
         return self._assign(chosen, [*looked, *others])
+
+    def _affordable(self, most: int, answer: Answer) -> int:
+        """How many answers are looked at: fewer where triangles and samples are many."""
+        moments = self._sights.moments
+        samples = moments.cameras(answer.frame)[0].samples
+        cost = moments.timeline.still.triangle_count + SAMPLE_COST * samples
+        return int(min(most, max(LEAST_ANSWERS, AFFORDED // max(cost, 1))))
 
     def _look(self, answer: Answer) -> Looked:
         units = self._sights.units

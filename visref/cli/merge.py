@@ -11,6 +11,7 @@ from visref.cli.terminal import OUT
 from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.merging import merge_runs, merge_truths
+from visref.runs import merge_with_scene
 from visref.wording import counted
 
 
@@ -25,13 +26,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="the run folder, or the truth file"
     )
+    parser.add_argument(
+        "--scene",
+        metavar="SCENE",
+        help="the scene that was judged: says why things were missed, as one run does",
+    )
+    parser.add_argument("--path", metavar="PATH", help="its camera path, where it is a file")
     add_report_arguments(parser)
 
 
 def run(given: argparse.Namespace) -> Exit:
     files = [part for part in given.parts if part.is_file()]
     if not files:
-        outcome = merge_runs(given.parts, given.out)
+        if given.scene is None:
+            if given.path is not None:
+                raise InputError("--path without --scene", fix="give both")
+            outcome = merge_runs(given.parts, given.out)
+        else:
+            outcome = merge_with_scene(given.parts, given.out, given.scene, given.path)
         print_run(given.out, outcome)
         return outcome.exit
     if len(files) < len(given.parts):
