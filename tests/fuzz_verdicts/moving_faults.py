@@ -16,7 +16,7 @@ from visref.camera_path import CameraPath
 from visref.engines.exact import ExactEngine
 from visref.formats.gltf.deform import Part
 from visref.formats.gltf.motion import GltfMotion
-from visref.judging import referee
+from visref.judging import asking, referee
 from visref.rig import Moment
 from visref.timeline import Timeline
 
@@ -149,4 +149,4 @@ def an_engine_keeps_the_first_scene(patch: Patch) -> None:
 def what_is_not_there_is_counted_as_drawn(patch: Patch) -> None:
     """A unit whose objects are all absent is drawn, and for nothing."""
     nobody = np.zeros(0, np.int32)
-    patch.setattr(referee, "without_absent", lambda scene, units, drawn: (drawn, nobody))
+    patch.setattr(asking, "without_absent", lambda scene, units, drawn: (drawn, nobody))

@@ -41,6 +41,26 @@ def test_every_kind_of_thing_shows_in_some_scene(kind):
     assert max(seen) > 0
 
 
+@pytest.mark.parametrize("kind", THINGS)
+def test_every_kind_of_thing_can_be_laid_out_in_images_of_any_size(kind):
+    rng = np.random.default_rng(4)
+    sizes = range(int(LENSES["straight"].genes["size"].high) + 1)
+    for size in sizes:
+        thing = THINGS[kind].draw(rng)
+        if size % 3 == 0:
+            # At the ends of their ranges.
+            thing |= {
+                name: float(rng.choice([gene.low, gene.high]))
+                for name, gene in THINGS[kind].genes.items()
+            }
+        lens = {**PLAIN.lens, "size": size}
+        try:
+            scene, _ = built(recipe(lens=lens, things=[thing]))
+        except InputError:
+            continue
+        assert np.isfinite(scene.vertices).all()
+
+
 @pytest.mark.parametrize(
     ("section", "kind"), [(name, kind) for name, kinds in SECTIONS.items() for kind in kinds]
 )

@@ -253,9 +253,10 @@ def unpacked(row: Mapping[str, Any], units: int) -> Followed | None:
     bits = np.frombuffer(row["seen"], np.uint8)
     if len(bits) != (units + 7) // 8:
         raise ValueError("it does not have a bit for each unit")
-    objects, counts, lost = (
-        np.frombuffer(row[name], "<i8") for name in ("objects", "counts", "units")
-    )
+    packed = [row[name] for name in ("objects", "counts", "units")]
+    if None in packed:
+        raise ValueError("it does not say by which units objects were missed")
+    objects, counts, lost = (np.frombuffer(one, "<i8") for one in packed)
     if len(objects) != len(counts) or (counts < 0).any() or counts.sum() != len(lost):
         raise ValueError("its lost units are not those of its objects")
     if len(lost) and not 0 <= lost.min() <= lost.max() < units:

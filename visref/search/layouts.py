@@ -118,7 +118,8 @@ def sieve(stage: Stage, first, period, solid, upright, depth, back, x, y, w, h, 
         sides = (ends, long) if upright else (long, ends)
         strips.append(stage.rect(sides[0], sides[1], depth))
         at += period
-    stage.put("sieve", together(*strips))
+    if strips:
+        stage.put("sieve", together(*strips))
     places = [(x, y)]
     if many:
         places = [((x + i / 5) % 1.0, (y + j / 4) % 1.0) for i in range(5) for j in range(4)]
