@@ -19,6 +19,7 @@ from visref.judging.summary import Caster, Facts, Moved
 from visref.picking import Shard
 from visref.recordings.truth_file import TruthRows, read_rows
 from visref.run_folder.columns import table_inside
+from visref.run_folder.facts import read_motion
 from visref.run_folder.inside import file_inside, json_inside
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import (
@@ -32,7 +33,7 @@ from visref.run_folder.layout import (
 )
 from visref.run_folder.part import PART_FORMAT, PART_VERSION, InputFindings
 from visref.run_folder.read import RunFolder, read_run
-from visref.run_folder.rows import Motion, MovedFrame, MovedObject
+from visref.run_folder.rows import Motion
 from visref.scene import Units
 
 FIX = "give folders that `visref run` or `visref check` wrote with --shard"
@@ -217,7 +218,7 @@ def _said(top: Fields) -> Said:
             _findings(inputs, "recorded"),
         ),
         tuple(_findings(top, "remarks")),
-        None if top.is_null("moved") else _motion(top.inner("moved")),
+        None if top.is_null("moved") else read_motion(top.inner("moved")),
         {_id(name, top): path for name, path in top.inner("paths").texts().items()},
         tuple({spec: _difference(one) for spec, one in time.items()} for time in top.each("again")),
         tuple(_culler(one) for one in top.each("cullers")),
@@ -249,20 +250,6 @@ def _finding(one: Fields) -> Finding:
         one.text("culler"),
         None if one.is_null("frame") else one.whole("frame"),
         one.text("object"),
-    )
-
-
-def _motion(motion: Fields) -> Motion:
-    return Motion(
-        motion.whole("objects"),
-        tuple(
-            MovedFrame(*(one.whole(name) for name in ("frame", "moved", "appeared", "vanished")))
-            for one in motion.each("frames")
-        ),
-        tuple(
-            MovedObject(one.whole("object"), one.text("name"), one.whole("frames"))
-            for one in motion.each("most")
-        ),
     )
 
 

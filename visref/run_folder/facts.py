@@ -146,7 +146,11 @@ def _day(value: Fields, name: str) -> str | None:
 def _motion(top: Fields) -> Motion | None:
     if not top.has("motion") or top.is_null("motion"):
         return None
-    motion = top.inner("motion")
+    return read_motion(top.inner("motion"))
+
+
+def read_motion(motion: Fields) -> Motion:
+    """What moved, as manifests and parts have it. Raises InputError for anything else."""
     return Motion(
         motion.whole("objects"),
         tuple(
