@@ -87,8 +87,9 @@ FAMILIES: dict[str, frozenset[str]] = {
     "answer a frame late at cuts": _told("one-frame-late last-view across-a-cut"),
     "earlier depth": _told("old-depth"),
     "first answer kept": _told("first-answer-kept"),
-    # Image tiles that were done with once are not looked at again, whatever the view.
-    "tiles of the frame before": _told("first-answer-kept old-depth"),
+    # Image tiles that were done with once are not looked at again, whatever the view: nothing is
+    # drawn any more.
+    "tiles of the frame before": _told("first-answer-kept old-depth nothing-drawn"),
     # Moving.
     "pose at rest": _told("rest-pose"),
     "pose of the frame before": _told("old-pose"),

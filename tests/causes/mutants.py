@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import cache, partial
 
 from tests.causes.fault import Fault, Input
+from tests.causes.longer import longer
 from tests.mutants.harness import Mutant, Suite, suites
 from visref.conformance.building import Case
 from visref.conformance.suite import built_case, built_of
@@ -174,7 +175,7 @@ def mutants() -> Iterator[Fault]:
 
 def _input(suite: Suite, mutant: Mutant) -> Input:
     built = _case(suite, mutant.caught_by)
-    return Input(built.scene, built.path, mutant.make())
+    return Input(built.scene, longer(built.scene, built.path), mutant.make())
 
 
 @cache

@@ -4,7 +4,8 @@
 
 Without `--kept-back` the kept-back third is not run, whatever is asked for; with it, that third
 alone is. What is counted are convicted objects: an object that loses samples in a frame and view.
-The answer is the cause that is named first.
+Up to three causes are named of each, the likeliest first: the answer is right if one of them is,
+and wrong if none is; how often the first is the right one is told too.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class ByVisref:
     def __init__(self, scene: Scene) -> None:
         from visref.causes.evidence import Evidence
 
-        self.listener = Evidence(scene)
+        self.listener = Evidence()
 
     def find(self, outcome: RunOutcome, run: Run) -> Naming:
         from visref.causes.search import find_causes
@@ -72,15 +73,13 @@ class ByVisref:
 
 
 NONE = "none"
-# An answer among the first so many is counted apart.
-FIRST = 3
 
 
 @dataclass
 class Row:
     """What was said of one fault. `given`: how many objects got each cause first, `NONE` for none;
-    `right`, `wrong`, `none`: the same, judged; `among`: how many have a right cause among the first
-    few; `failed`: why nothing was judged."""
+    `right`, `wrong`, `none`: the causes named, judged; `first`: how many have a right cause first;
+    `failed`: why nothing was judged."""
 
     name: str
     family: str
@@ -90,19 +89,20 @@ class Row:
     right: int = 0
     wrong: int = 0
     none: int = 0
-    among: int = 0
+    first: int = 0
     seconds: float = 0.0
     failed: str = ""
 
     def add(self, causes: Sequence[str]) -> None:
         """Count one convicted object."""
         first = causes[0] if causes else NONE
+        right = not set(self.accepted).isdisjoint(causes)
         self.convicted += 1
         self.given[first] += 1
-        self.right += first in self.accepted
-        self.wrong += bool(causes) and first not in self.accepted
+        self.right += right
+        self.wrong += bool(causes) and not right
         self.none += not causes
-        self.among += not set(self.accepted).isdisjoint(causes[:FIRST])
+        self.first += first in self.accepted
 
 
 def judge(fault: Fault, causes: Callable[[Scene], Causes] = ByVisref) -> Row:
@@ -146,8 +146,9 @@ def counts(given: Counter[str]) -> str:
 def confusion(rows: Iterable[Row]) -> list[str]:
     """A line per family: how many objects got which cause."""
     lines = [
-        "| what is wrong | causes that say so | faults | objects | right | wrong | none | given |",
-        "|---|---|---|---|---|---|---|---|",
+        "| what is wrong | causes that say so | faults | objects | right | first | wrong | none "
+        "| given first |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     rows = list(rows)
     for family, accepted in FAMILIES.items():
@@ -155,7 +156,9 @@ def confusion(rows: Iterable[Row]) -> list[str]:
         if not own:
             continue
         objects = sum(row.convicted for row in own)
-        parts = [sum(getattr(row, kind) for row in own) for kind in ("right", "wrong", "none")]
+        parts = [
+            sum(getattr(row, kind) for row in own) for kind in ("right", "first", "wrong", "none")
+        ]
         given = sum((row.given for row in own), Counter[str]())
         cells = [family, ", ".join(sorted(accepted)) or "-", len(own), objects, *parts]
         lines.append("| " + " | ".join(map(str, [*cells, counts(given)])) + " |")
@@ -165,11 +168,11 @@ def confusion(rows: Iterable[Row]) -> list[str]:
 def each(rows: Iterable[Row]) -> list[str]:
     """A line per fault."""
     lines = [
-        "| fault | objects | right | wrong | none | right among three | given | seconds |",
+        "| fault | objects | right | right first | wrong | none | given first | seconds |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
-        cells = [row.name, row.convicted, row.right, row.wrong, row.none, row.among]
+        cells = [row.name, row.convicted, row.right, row.first, row.wrong, row.none]
         said = row.failed or counts(row.given)
         lines.append("| " + " | ".join(map(str, [*cells, said, f"{row.seconds:.1f}"])) + " |")
     return lines
@@ -184,12 +187,12 @@ def totals(rows: Iterable[Row]) -> list[str]:
     objects = sum(row.convicted for row in known)
     parts = {
         kind: share(sum(getattr(row, kind) for row in known), objects)
-        for kind in ("right", "wrong", "none", "among")
+        for kind in ("right", "first", "wrong", "none")
     }
     lines = [
         f"Of {objects} objects lost by {len(known)} faults that a cause describes: "
-        f"right {parts['right']}, wrong {parts['wrong']}, none {parts['none']}; "
-        f"right among the first {FIRST} {parts['among']}."
+        f"right {parts['right']} ({parts['first']} by the cause named first), "
+        f"wrong {parts['wrong']}, none {parts['none']}."
     ]
     if known:
         mean = {

@@ -14,6 +14,7 @@ from tests.alignment.faulty import recorded
 from tests.alignment.scenes import SCENES, two_eyes
 from tests.alignment.trying import open_shells
 from tests.causes.fault import Fault, Input
+from tests.causes.longer import longer
 from tests.conformance.test_wrong_cullers import CONVICTED_BY
 from tests.wrong_cullers import WRONG
 from visref.camera import Camera
@@ -222,7 +223,7 @@ def recordings() -> Iterator[Fault]:
 
 def _checked(culler: type[Culler], check: str) -> Input:
     built = built_case(check, 0)[0]
-    return Input(built.scene, built.path, culler())
+    return Input(built.scene, longer(built.scene, built.path), culler())
 
 
 def _recorded(culler: type[Culler], scene: str, staged: str) -> Input:

@@ -157,8 +157,21 @@ def neighbour(step: int) -> dict[str, Tell]:
     }
 
 
-def neighbour_in_order(at: At) -> Told:
-    """Front to back, the answer of the one before."""
+def left_out_before(at: At) -> Told:
+    """What was in the view and left out in the frame before stays left out."""
+    before = at.before(1)
+    if before is None:
+        return None
+    then = at.sights.answers.at(before.frame, at.view)
+    return None if then is None else then[at.ids] | ~before.boxes(at.ids).in_view
+
+
+def neighbour_in_order(first: bool) -> Tell:
+    """Front to back, the answer of the one before; `first`: what the first of them gets."""
+    return lambda at: _in_order(at, first)
+
+
+def _in_order(at: At, first: bool) -> Told:
     every = np.arange(at.sights.units.count, dtype=np.int32)
     if len(every) > 4096:
         return None
@@ -169,7 +182,7 @@ def neighbour_in_order(at: At) -> Told:
     answers = kept_by_depth(everyone, boxes)
     kept = np.zeros(len(every), np.bool_)
     kept[order[1:]] = answers[order[:-1]]
-    kept[order[:1]] = True
+    kept[order[:1]] = first
     return kept[at.ids] | ~at.boxes.in_view
 
 
@@ -188,7 +201,7 @@ ANSWERED: dict[str, dict[str, Tell]] = {
         **answered(_other_view),
         **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
     },
-    "first-answer-kept": answered(_first),
+    "first-answer-kept": {**answered(_first), "left out before": left_out_before},
     "two-frames-late": late(2),
     "n-frames-late": {
         f"{count} frames, {how}": tell
@@ -199,5 +212,10 @@ ANSWERED: dict[str, dict[str, Tell]] = {
         **answered(_before_cut),
         **{f"since, {how}": tell for how, tell in answered(_since_cut).items()},
     },
-    "ids-shifted": {**neighbour(1), **neighbour(-1), "in order": neighbour_in_order},
+    "ids-shifted": {
+        **neighbour(1),
+        **neighbour(-1),
+        "in order": neighbour_in_order(True),
+        "in order, the first lost": neighbour_in_order(False),
+    },
 }

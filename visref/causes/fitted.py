@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,8 @@ Bool = NDArray[np.bool_]
 
 # A fit is believed only if a random order would give it in less than one of so many cases.
 ODDS = 2000
+# As a logarithm, the most odds that are told.
+MOST_LOG = 690.0
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,19 @@ def odds(right: int, wrong: int, lost: int, shown: int) -> float:
     """One in how many random choices of `right + wrong` units, of `shown` of which `lost` are lost,
     holds so many lost ones."""
     taken = right + wrong
-    ways = sum(
-        comb(lost, i) * comb(shown - lost, taken - i)
-        for i in range(right, min(taken, lost) + 1)
-        if taken - i <= shown - lost
-    )
-    return float(Fraction(comb(shown, taken), max(ways, 1)))
+    held = np.arange(max(right, taken - (shown - lost)), min(taken, lost) + 1)
+    if not len(held):
+        return float(np.exp(MOST_LOG))
+    ways = _log_ways(lost, held) + _log_ways(shown - lost, taken - held)
+    most = float(ways.max())
+    some = most + float(np.log(np.exp(ways - most).sum()))
+    return float(np.exp(min(float(_log_ways(shown, np.array([taken]))[0]) - some, MOST_LOG)))
+
+
+def _log_ways(of: int, taken: NDArray[np.int64]) -> Float64:
+    """The logarithm of the number of ways to take (k,) of so many."""
+    factorial = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, of + 1)))])
+    return np.asarray(factorial[of] - factorial[taken] - factorial[of - taken])
 
 
 def threshold(values: Float64, lost: Bool, good: Bool, below: bool) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,8 +14,9 @@ from visref.camera import Camera
 from visref.causes.boxes import Boxes, within
 from visref.causes.layers import Layers, draw
 from visref.causes.rectangles import asked
-from visref.causes.sights import At, Sight, Tell, Told
+from visref.causes.sights import OWN_TOO, At, Sight, Tell, Told
 from visref.causes.texels import (
+    at_the_edge,
     coarse,
     coarse_inward,
     coarse_rounded,
@@ -286,9 +287,7 @@ def own_depth(at: At) -> Told:
 def all_hidden(at: At) -> Told:
     """The objects themselves are compared with their own depth: nothing is drawn but what crosses
     the near plane."""
-    now = at.sights.answers.at(at.frame, at.view)
-    kept = at.boxes.crossing | ~at.boxes.there
-    return None if now is None or (now[at.ids] & ~kept).any() else kept
+    return at.boxes.crossing | ~at.boxes.there
 
 
 def equal_depth(at: At) -> Told:
@@ -338,7 +337,23 @@ def among(
     return {"boxes": box, "samples": sample}
 
 
-HIDDEN: dict[str, dict[str, Tell]] = {
+def own_too(tell: Tell) -> Tell:
+    """The depth asked about holds the unit itself."""
+    return lambda at: tell(at.with_own)
+
+
+def either_way(groups: Mapping[str, Mapping[str, Tell]]) -> dict[str, dict[str, Tell]]:
+    """Each of them also for cullers whose depth holds what they ask about."""
+    return {
+        cause: {
+            **variants,
+            **{name + OWN_TOO: own_too(tell) for name, tell in variants.items()},
+        }
+        for cause, variants in groups.items()
+    }
+
+
+_HIDDEN: dict[str, dict[str, Tell]] = {
     "euclidean-depth": {
         "nearest point": other_depth(straight),
         "nearest corner": other_depth(straight_corner),
@@ -396,6 +411,13 @@ HIDDEN: dict[str, dict[str, Tell]] = {
     "occluders-too-large": {"dilated": dilated, "boxes": boxes_hide},
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
+}
+HIDDEN = {
+    **either_way(_HIDDEN),
+    "odd-size-pyramid": {
+        **either_way(_HIDDEN)["odd-size-pyramid"],
+        **{f"tiles of {n}": at_the_edge(n) for n in (4, 8, 16, 32, 64)},
+    },
 }
 # What says that all is lost, whatever is there.
 SWEEPING: dict[str, dict[str, Tell]] = {"own-depth": {"samples": all_hidden}}

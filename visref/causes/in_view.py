@@ -188,12 +188,31 @@ def of_centroids(at: At) -> Float64:
     return boxes
 
 
-def half_size(at: At) -> Float64:
-    """Boxes of half the size about their centres."""
-    boxes = at.boxes.boxes
-    with np.errstate(invalid="ignore"):
-        centre = boxes.mean(axis=1, keepdims=True)
-        return np.where(at.boxes.there[:, None, None], centre + (boxes - centre) / 2.0, np.inf)
+def of_size(share: float) -> Callable[[At], Float64]:
+    """Boxes about the same middle, of a share of the sides."""
+
+    def make(at: At) -> Float64:
+        boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+        middle = boxes.mean(axis=1, keepdims=True)
+        return np.where(
+            at.boxes.there[:, None, None], middle + share * (boxes - middle), at.boxes.boxes
+        )
+
+    return make
+
+
+def of_what_moves(make: Callable[[At], Float64]) -> Callable[[At], Float64]:
+    """Other boxes of what moves, as those about its joints alone."""
+
+    def made(at: At) -> Float64:
+        moving = at.scene.moving
+        if moving is None:
+            return at.boxes.boxes
+        objects = at.objects()
+        moves = (objects >= 0) & moving[np.maximum(objects, 0)]
+        return np.where(moves[:, None, None], make(at), at.boxes.boxes)
+
+    return made
 
 
 def smaller(make: Callable[[At], Float64], *, hidden: bool) -> Tell:
@@ -396,7 +415,13 @@ SELDOM: dict[str, dict[str, Tell]] = {
         "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),
         "centroids": smaller(of_centroids, hidden=False),
         "centroids, hidden": smaller(of_centroids, hidden=True),
-        "half": smaller(half_size, hidden=False),
-        "half, hidden": smaller(half_size, hidden=True),
+        **{
+            f"{share} of the sides{', of what moves' * moves}{', hidden' * hidden}": smaller(
+                of_what_moves(of_size(share)) if moves else of_size(share), hidden=hidden
+            )
+            for share in (0.5, 0.25)
+            for moves in (False, True)
+            for hidden in (False, True)
+        },
     },
 }

@@ -15,6 +15,8 @@ Bool = NDArray[np.bool_]
 
 # A unit is called never drawn if it was left out in so many answers.
 OFTEN = 4
+# An answer of nothing says something where so many units show.
+MUCH = 8
 
 
 def _round(number: int) -> bool:
@@ -54,6 +56,13 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
     def never_drawn(at: At) -> Told:
         return ~(never[at.ids] & np.isin(at.objects(), often)) if never.any() else None
 
+    def nothing(at: At) -> Told:
+        """Nothing at all was drawn where much shows."""
+        now = answers.at(at.frame, at.view)
+        if now is None or now.any() or np.count_nonzero(at.now.seen) < MUCH:
+            return None
+        return ~(at.now.seen[at.ids] | at.boxes.in_view)
+
     ignored = np.zeros(count, np.bool_)
     ignored[list(record.ignored)] = True
 
@@ -76,6 +85,7 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
 
     return {
         "absent-lod": {"": absent_level},
+        "nothing-drawn": {"": nothing},
         "never-drawn": {"": never_drawn},
         "list-full": {"": full},
     }

@@ -21,4 +21,4 @@ def asked(
     of `at.ids`, (k, 4) int32, at (k,) view depths."""
     if layers is None:
         layers = (sight or at.now).layers()
-    return ask(layers, rectangles, depths, at.ids, own=own, whole=whole)
+    return ask(layers, rectangles, depths, at.ids, own=own or at.own, whole=whole)

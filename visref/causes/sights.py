@@ -22,6 +22,8 @@ from visref.timeline import Timeline
 Bool = NDArray[np.bool_]
 T = TypeVar("T")
 
+# How the variants end in which the depth that is asked holds the unit itself.
+OWN_TOO = ", own depth too"
 # Of so many moments the depths are kept; a hypothesis looks at two or three.
 KEPT = 8
 
@@ -262,6 +264,7 @@ class At:
     """A view of an answer, for hypotheses: which of the units `ids` would be kept?
 
     `frame`: the answer's. `too_small`: (k,) bool, units whose box was found not to hold them.
+    `own`: a unit's own depth hides too.
     """
 
     sights: Sights
@@ -269,10 +272,18 @@ class At:
     view: str
     ids: Int32
     too_small: Bool
+    own: bool = False
 
     @cached_property
     def now(self) -> Sight:
         return self.sights.sight(self.frame, self.view)
+
+    @cached_property
+    def with_own(self) -> At:
+        """The same, where a unit's own depth hides too."""
+        other = replace(self, own=True)
+        other.__dict__["boxes"] = self.boxes
+        return other
 
     @property
     def camera(self) -> Camera:
@@ -347,6 +358,12 @@ class Hypothesis:
     many: bool = False
     answer: bool = False
     depth: bool = False
+    fitted: bool = False
+
+    @property
+    def own(self) -> bool:
+        """Whether the depth that is asked holds the unit itself."""
+        return self.variant.endswith(OWN_TOO)
 
 
 def by_code(

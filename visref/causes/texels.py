@@ -160,6 +160,24 @@ def odd_size(at: At, texel: int) -> bool:
     return at.camera.width % texel != 0 or at.camera.height % texel != 0
 
 
+def at_the_edge(texel: int) -> Tell:
+    """What shows only beyond the last whole texel is left out, as of an image of whole tiles."""
+
+    def tell(at: At) -> Told:
+        if not odd_size(at, texel) or min(at.camera.width, at.camera.height) < texel:
+            return None
+        owner = at.now.layers(masks=True, glass=True).owner
+        height, width = owner.shape
+        inner = owner[: height // texel * texel, : width // texel * texel]
+        shown = np.zeros(at.sights.units.count + 1, np.bool_)
+        shown[inner.reshape(-1)] = True
+        within = np.zeros_like(shown)
+        within[owner.reshape(-1)] = True
+        return shown[at.ids] | ~within[at.ids]
+
+    return tell
+
+
 def odd(texel: int) -> Tell:
     told = coarse(texel, whole_texels, "whole")
 

@@ -70,6 +70,7 @@ CODES: Mapping[str, str] = {
     "last-view": "the frustum of the frame before",
     "across-a-cut": "the answer from before a cut is kept",
     "flat-box": "a box without thickness is dropped",
+    "nothing-drawn": "nothing at all is drawn in that frame or view",
     "list-full": "the list of what is drawn is cut off",
     "on-the-plane": "what touches a plane of the view counts as outside",
     "rounded-coordinates": "positions are rounded too coarsely",

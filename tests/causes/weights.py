@@ -1,0 +1,133 @@
+"""Finds the weights of `visref.causes.weighing` from the known faults that are not kept back.
+
+    python -m tests.causes.weights [--only GLOB]
+
+Each fault gives one choice: of the causes that explain enough of what it lost, each by its likeliest
+hypothesis, a right one should be taken. The weights are those under which that is likeliest over
+all faults, a fault counting by the root of how many objects it lost, with a small charge for large
+weights; they are found by steps up the slope (Adam). Those now in use are the place to start from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.causes.catalogue import FAULTS
+from tests.causes.drawn import KEPT_BACK
+from tests.causes.fault import Fault
+from visref.causes.evidence import Evidence
+from visref.causes.search import Search
+from visref.causes.sights import Moments, Sights
+from visref.causes.weighing import WEIGHTS, features, likelihoods
+from visref.engines.rays import RayEngine
+from visref.judging.referee import Referee
+from visref.timeline import Timeline
+
+# Objects of one fault beyond so many count no more.
+MOST_OBJECTS = 40
+STEPS, RATE, CHARGE = 400, 0.3, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """`features`: (k, f) float64, of hypotheses; `cause`: (k,) int; `right`: (k,) bool; `weight`:
+    what the fault counts for."""
+
+    features: NDArray[np.float64]
+    cause: NDArray[np.int64]
+    right: NDArray[np.bool_]
+    weight: float
+
+
+def choice(fault: Fault) -> Choice | None:
+    """None where there is nothing to choose: no cause is right, or none that is right can be
+    told."""
+    given = fault.make()
+    timeline = Timeline(given.scene, given.path)
+    evidence = Evidence()
+
+    def engine() -> RayEngine:
+        return RayEngine(timeline.still)
+
+    frames = list(given.path.numbers)
+    outcome = Referee(given.scene, engine, timeline=timeline).run(
+        given.path, frames, [(fault.name, given.culler)], [evidence]
+    )
+    answers = evidence.answers[fault.name]
+    if not answers.lossy or not fault.accepted:
+        return None
+    moments = Moments(timeline, given.path.relative_to(timeline.still.origin), frames, engine)
+    search = Search(Sights(moments, answers), answers, outcome.cullers[0])
+    weighed = search.weighed(search.look_closely())
+    lost = weighed.told.lost
+    tried = weighed.candidates(lost) if lost.any() else []
+    moments.close()
+    causes = sorted({one.hypothesis.cause for one in tried})
+    right = np.array([one.hypothesis.cause in fault.accepted for one in tried], np.bool_)
+    if not right.any() or right.all():
+        return None
+    objects = sum(len(answer.missed) for answer in answers.lossy)
+    return Choice(
+        np.array([features(one.hypothesis, one.culled, weighed.told, lost) for one in tried]),
+        np.array([causes.index(one.hypothesis.cause) for one in tried]),
+        right,
+        float(np.sqrt(min(objects, MOST_OBJECTS))),
+    )
+
+
+def found(choices: Sequence[Choice], start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The weights, (f,), under which right causes are likeliest."""
+    weights = start.copy()
+    mean, square = np.zeros_like(weights), np.zeros_like(weights)
+    total = sum(one.weight for one in choices)
+    for step in range(1, STEPS + 1):
+        slope = -CHARGE * weights
+        for one in choices:
+            worth = one.features @ weights
+            order = np.lexsort((-worth, one.cause))
+            causes = one.cause[order]
+            best = order[np.append(True, causes[1:] != causes[:-1])]
+            likely = likelihoods(worth[best])
+            among = np.where(one.right[best], likely, 0.0)
+            among /= max(float(among.sum()), 1e-12)
+            slope += one.weight / total * ((among - likely) @ one.features[best])
+        mean = 0.9 * mean + 0.1 * slope
+        square = 0.99 * square + 0.01 * slope**2
+        weights += RATE * (mean / (1 - 0.9**step)) / (np.sqrt(square / (1 - 0.99**step)) + 1e-8)
+    return weights
+
+
+def choices(faults: Iterable[Fault]) -> list[Choice]:
+    made = []
+    for number, fault in enumerate(faults, start=1):
+        one = choice(fault)
+        sys.stderr.write(f"{number} {fault.name}: {'nothing to choose' if one is None else 'ok'}\n")
+        if one is not None:
+            made.append(one)
+    return made
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.causes.weights", description=__doc__)
+    parser.add_argument("--only", default="*", metavar="GLOB", help="names of faults")
+    asked = parser.parse_args(arguments)
+    faults = [
+        fault
+        for name, fault in FAULTS.items()
+        if name not in KEPT_BACK and fnmatchcase(name, asked.only)
+    ]
+    weights = found(choices(faults), np.array(list(WEIGHTS.values())))
+    for name, value in zip(WEIGHTS, weights, strict=True):
+        sys.stdout.write(f'    "{name}": {value:.2f},\n')
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,189 @@
+"""Hypotheses held against a culler's answers, and which of them are likely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.boxes import some
+from visref.causes.evidence import Answer
+from visref.causes.fitted import FITS, Fit, threshold
+from visref.causes.in_view import kept_by_depth
+from visref.causes.sights import At, Hypothesis
+from visref.causes.weighing import Told, features, likelihoods, worth
+from visref.scene import Float64, Int32
+
+Bool = NDArray[np.bool_]
+
+# A cause explains so much of a culler's misses: a few of many are explained by chance.
+LEAST = 0.25
+# Rounds of causes of one culler, each of what those before leave open.
+MOST = 5
+# So many causes are named that may explain a miss: the likeliest, and others that are as likely as
+# this share of it.
+NAMED, NEARLY = 3, 0.15
+# They are named if together they are so likely, and if so much speaks for the first.
+LIKELY, SPEAKS = 0.4, -1.0
+# What says no more than that it was missed is for what nothing else explains.
+LAST = ("never-drawn",)
+
+
+@dataclass(eq=False)
+class Looked:
+    """Some of an answer's units: `ids` (k,), and of each whether it is `lost`, rightly drawn
+    (`good`), drawn and hidden (`idle`), or left out and hidden (`left`). `views`: the answer in
+    each view that it is for. `again`: (k,) bool, drawn in the frame before too. `pairs`: (m, 2)
+    int32, a unit that was left out and an object that loses samples by it, `NO_UNIT` where what is
+    lost is in no unit."""
+
+    answer: Answer
+    pairs: Int32
+    views: tuple[At, ...]
+    ids: Int32
+    lost: Bool
+    good: Bool
+    idle: Bool
+    left: Bool
+    again: Bool
+
+    @cached_property
+    def boxes(self) -> Bool:
+        """(k,) bool: the right test of boxes keeps it, in some view."""
+        return some(np.stack([kept_by_depth(at, at.boxes) for at in self.views]), 0)
+
+    def kept(self, hypothesis: Hypothesis) -> Bool | None:
+        """(k,) bool: kept in some view that the answer is for."""
+        told = [(at, hypothesis.tell(at)) for at in self.views]
+        if all(kept is None for _, kept in told):
+            return None
+        result = np.zeros(len(self.ids), np.bool_)
+        for at, kept in told:
+            result |= at.now.seen[at.ids] if kept is None else kept
+        return result
+
+    def value(self, fit: Fit) -> Float64:
+        values = [fit.value(at) for at in self.views]
+        return np.asarray(np.max(values, axis=0) if fit.below else np.min(values, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """What a hypothesis says of all units that were looked at: (k,) bool, which it would leave
+    out."""
+
+    hypothesis: Hypothesis
+    culled: Bool
+
+
+class Weighed:
+    """Hypotheses about one culler's answers, and which of them are likely."""
+
+    def __init__(
+        self,
+        hypotheses: Sequence[Hypothesis],
+        looked: Sequence[Looked],
+        clean: Sequence[Looked],
+    ) -> None:
+        self._looked, self._every = looked, [*looked, *clean]
+        self.told = _told(looked, clean)
+        self.tried = [one for one in map(self._try, hypotheses) if one is not None]
+
+    def _try(self, hypothesis: Hypothesis) -> Tried | None:
+        """None where it says nothing of what was lost."""
+        kept = [one.kept(hypothesis) for one in self._every]
+        if all(one is None for one in kept):
+            return None
+        culled = np.concatenate(
+            [
+                np.zeros(len(one.ids), np.bool_) if flags is None else ~flags
+                for one, flags in zip(self._every, kept, strict=True)
+            ]
+        )
+        return Tried(hypothesis, culled) if (culled & self.told.lost).any() else None
+
+    def fits(self, open_: Bool) -> list[Tried]:
+        """Hypotheses with a number in them that is chosen to fit."""
+        lost, good = open_[self.told.lossy], self.told.good[self.told.lossy]
+        found = []
+        for fit in FITS:
+            values = np.concatenate([one.value(fit) for one in self._looked])
+            limit = threshold(values, lost, good, fit.below)
+            tried = None if limit is None else self._try(_fitted(fit, limit))
+            if tried is not None:
+                found.append(tried)
+        return found
+
+    def candidates(self, open_: Bool) -> list[Tried]:
+        """Those that explain enough."""
+        least = LEAST * np.count_nonzero(self.told.lost)
+        able = [
+            one
+            for one in (*self.tried, *self.fits(open_))
+            if np.count_nonzero(one.culled & open_) >= least
+        ]
+        return [one for one in able if one.hypothesis.cause not in LAST] or able
+
+    def likely(self, open_: Bool, known: Sequence[str] = ()) -> list[Tried]:
+        """The causes that explain what is open, one hypothesis each, the likeliest first; none if
+        it might be any of many. `known`: causes that are found already."""
+        best: dict[str, tuple[float, Tried]] = {}
+        for one in self.candidates(open_):
+            cause = one.hypothesis.cause
+            value = worth(features(one.hypothesis, one.culled, self.told, open_))
+            if cause not in known and (cause not in best or value > best[cause][0]):
+                best[cause] = value, one
+        if not best:
+            return []
+        ranked = sorted(best.values(), key=lambda found: -found[0])
+        likely = likelihoods(np.array([value for value, _ in ranked]))
+        named = np.flatnonzero(likely[:NAMED] >= NEARLY * likely[0])
+        if float(likely[named].sum()) < LIKELY or ranked[0][0] < SPEAKS:
+            return []
+        return [ranked[i][1] for i in named.tolist()]
+
+    def chosen(self, tried: Tried) -> Chosen:
+        """With its score: of all that was lost what it explains, less what it would have left out
+        besides."""
+        right = int(np.count_nonzero(tried.culled & self.told.lost))
+        wrong = int(np.count_nonzero(tried.culled & self.told.good & self.told.lossy))
+        score = (right - wrong) / max(int(np.count_nonzero(self.told.lost)), 1)
+        return Chosen(tried.hypothesis, max(float(score), 0.0))
+
+
+def _told(looked: Sequence[Looked], clean: Sequence[Looked]) -> Told:
+    every = [*looked, *clean]
+
+    def all_of(of: Callable[[Looked], Bool]) -> Bool:
+        return np.concatenate([np.zeros(0, np.bool_), *map(of, every)])
+
+    return Told(
+        lost=all_of(lambda one: one.lost),
+        good=all_of(lambda one: one.good),
+        idle=all_of(lambda one: one.idle),
+        left=all_of(lambda one: one.left),
+        again=all_of(lambda one: one.again),
+        boxes=all_of(lambda one: one.boxes),
+        lossy=all_of(lambda one: np.full(len(one.ids), bool(len(one.answer.missed)))),
+    )
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A hypothesis that explains some misses, its score, and others that may explain them."""
+
+    hypothesis: Hypothesis
+    score: float
+    others: tuple[Chosen, ...] = ()
+
+
+def _fitted(fit: Fit, limit: float) -> Hypothesis:
+    def tell(at: At) -> Bool:
+        values = fit.value(at)
+        kept: Bool = values >= limit if fit.below else values <= limit
+        return kept
+
+    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, odd=True, fitted=True)

@@ -1,0 +1,114 @@
+"""How much speaks for a hypothesis: a weighed sum of what it explains and what it gets wrong.
+
+A culler that errs draws less than it should, or more; what a hypothesis says is held against all
+of that, and against what was drawn in the frame before too, which many cullers draw unasked. What
+each of these counts for is not known beforehand: the weights are those by which the right causes
+of the known faults of `tests.causes` come out likeliest (`python -m tests.causes.weights` finds
+them, without the third that is kept back).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.sights import Hypothesis
+from visref.judging.causes import CODES
+from visref.scene import Float64
+
+Bool = NDArray[np.bool_]
+
+# By feature, in the order of `features`.
+WEIGHTS = {
+    "explained": 3.94,
+    "wrong": -1.23,
+    "wrong, new": -1.07,
+    "wrong, drawn again": -0.07,
+    "wrong elsewhere, new": -1.6,
+    "wrong elsewhere, drawn again": -1.18,
+    "hidden and drawn, new": -1.1,
+    "hidden and drawn, drawn again": -0.92,
+    "hidden by its box and drawn": -0.39,
+    "hidden by its box, left out and kept": -0.42,
+    "hidden, left out": 2.43,
+    "about depth": 0.29,
+    "an answer": -1.94,
+    "odd": -0.79,
+    "own depth too": -0.87,
+    "fitted": -1.31,
+    "place in the order": -2.75,
+    "how many wrong": -2.81,
+    "sweeping": -0.75,
+}
+_WEIGHTS = np.array(list(WEIGHTS.values()))
+# Of a few units less is believed.
+FEW = 4
+# So many times as many as are explained is as wrong as can be.
+MOST_WRONG = 2.0
+_ORDER = {cause: place / len(CODES) for place, cause in enumerate(CODES)}
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """All units that were looked at, those of answers with misses first: (k,) bool each. `lost`,
+    `good` (it shows and was drawn), `idle` (drawn and hidden), `left` (left out and hidden),
+    `again` (drawn in the frame before too), `boxes` (the right test of boxes keeps it), and
+    `lossy`, of an answer that lost something."""
+
+    lost: Bool
+    good: Bool
+    idle: Bool
+    left: Bool
+    again: Bool
+    boxes: Bool
+    lossy: Bool
+
+
+def features(hypothesis: Hypothesis, culled: Bool, told: Told, open_: Bool) -> Float64:
+    """What speaks for a hypothesis and against it, as in `WEIGHTS`. `culled`: (k,) bool, the units
+    that it would leave out; `open_`: those lost that nothing explains so far."""
+    new = ~told.again
+    wrong = culled & told.good
+    open_count = max(int(np.count_nonzero(open_)), 1)
+    wrong_count = int(np.count_nonzero(wrong & told.lossy))
+    return np.array(
+        [
+            np.count_nonzero(culled & open_) / open_count,
+            min(wrong_count / open_count, MOST_WRONG),
+            share(culled, told.good & told.lossy & new),
+            share(culled, told.good & told.lossy & told.again),
+            share(culled, told.good & ~told.lossy & new),
+            share(culled, told.good & ~told.lossy & told.again),
+            share(culled, told.idle & told.boxes & new),
+            share(culled, told.idle & told.boxes & told.again),
+            share(culled, told.idle & ~told.boxes & new),
+            share(~culled, told.left & ~told.boxes),
+            share(culled, told.left & told.boxes),
+            hypothesis.depth,
+            hypothesis.answer,
+            hypothesis.odd,
+            hypothesis.own,
+            hypothesis.fitted,
+            _ORDER[hypothesis.cause],
+            np.log1p(np.count_nonzero(wrong)) / 5.0,
+            hypothesis.many,
+        ],
+        np.float64,
+    )
+
+
+def share(flags: Bool, of: Bool) -> float:
+    return float(np.count_nonzero(flags & of) / (np.count_nonzero(of) + FEW))
+
+
+def worth(values: Float64) -> float:
+    """Of `features`: the more, the likelier."""
+    return float(values @ _WEIGHTS)
+
+
+def likelihoods(worths: Float64) -> Float64:
+    """(k,) which add up to one, of (k,) worths of causes."""
+    raised = np.exp(worths - worths.max())
+    return np.asarray(raised / raised.sum())
