@@ -1,6 +1,6 @@
 """Which cause is given to which fault, as Markdown.
 
-    python -m tests.causes.table [--kept-back] [--only GLOB] [--json FILE]
+    python -m tests.causes.table [--kept-back] [--only GLOB] [--workers N] [--json FILE]
 
 Without `--kept-back` the kept-back third is not run, whatever is asked for; with it, that third
 alone is. What is counted are convicted objects: an object that loses samples in a frame and view.
@@ -14,9 +14,10 @@ import argparse
 import json
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Protocol
 
@@ -130,6 +131,21 @@ def judge(fault: Fault, causes: Callable[[Scene], Causes] = ByVisref) -> Row:
     return row
 
 
+def judged(
+    faults: Sequence[Fault], causes: Callable[[Scene], Causes], workers: int
+) -> Iterator[Row]:
+    """A row per fault, in order; in this process, or in so many others."""
+    if not workers:
+        yield from (judge(fault, causes) for fault in faults)
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap(_judged, [fault.name for fault in faults])
+
+
+def _judged(name: str) -> Row:
+    return judge(FAULTS[name])
+
+
 # What is printed.
 
 
@@ -229,6 +245,7 @@ def main(
     parser = argparse.ArgumentParser(prog="python -m tests.causes.table", description=__doc__)
     parser.add_argument("--kept-back", action="store_true", help="run the kept-back third alone")
     parser.add_argument("--only", default="*", metavar="GLOB", help="names of faults")
+    parser.add_argument("--workers", type=int, default=0, metavar="N", help="processes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the counts there too")
     asked = parser.parse_args(arguments)
     faults = chosen(asked.only, back=asked.kept_back)
@@ -239,10 +256,10 @@ def main(
             + (f", but {elsewhere} of the other part (--kept-back)" if elsewhere else "")
         )
     rows = []
-    for number, fault in enumerate(faults, start=1):
-        rows.append(judge(fault, causes))
-        told = rows[-1].failed or counts(rows[-1].given)
-        sys.stderr.write(f"{number}/{len(faults)} {fault.name}: {told}\n")
+    for number, row in enumerate(judged(faults, causes, asked.workers), start=1):
+        rows.append(row)
+        told = row.failed or counts(row.given)
+        sys.stderr.write(f"{number}/{len(faults)} {row.name}: {told}\n")
     lines = [*confusion(rows), "", *each(rows), "", *totals(rows)]
     sys.stdout.write("\n".join(lines) + "\n")
     if asked.json:

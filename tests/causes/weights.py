@@ -1,20 +1,21 @@
 """Finds the weights of `visref.causes.weighing` from the known faults that are not kept back.
 
-    python -m tests.causes.weights [--only GLOB]
+    python -m tests.causes.weights [--only GLOB] [--workers N]
 
-Each fault gives one choice: of the causes that explain enough of what it lost, each by its likeliest
-hypothesis, a right one should be taken. The weights are those under which that is likeliest over
-all faults, a fault counting by the root of how many objects it lost, with a small charge for large
-weights; they are found by steps up the slope (Adam). Those now in use are the place to start from.
+Each fault gives one choice: of the causes that explain enough of what it lost, each by its
+likeliest hypothesis, a right one should be taken. The weights are those under which that is
+likeliest over all faults, a fault counting by the root of how many objects it lost, with a small
+charge for large weights; they are found by steps up the slope (Adam), from those now in use.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,26 +105,27 @@ def found(choices: Sequence[Choice], start: NDArray[np.float64]) -> NDArray[np.f
     return weights
 
 
-def choices(faults: Iterable[Fault]) -> list[Choice]:
-    made = []
-    for number, fault in enumerate(faults, start=1):
-        one = choice(fault)
-        sys.stderr.write(f"{number} {fault.name}: {'nothing to choose' if one is None else 'ok'}\n")
-        if one is not None:
+def choice_of(name: str) -> Choice | None:
+    return choice(FAULTS[name])
+
+
+def choices(names: Sequence[str], workers: int) -> list[Choice]:
+    """In the order of the names, so that the same weights are found with any number of workers."""
+    with get_context("spawn").Pool(workers) as pool:
+        made = []
+        for name, one in zip(names, pool.imap(choice_of, names), strict=True):
+            sys.stderr.write(f"{name}: {'nothing to choose' if one is None else 'a choice'}\n")
             made.append(one)
-    return made
+    return [one for one in made if one is not None]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.causes.weights", description=__doc__)
     parser.add_argument("--only", default="*", metavar="GLOB", help="names of faults")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
     asked = parser.parse_args(arguments)
-    faults = [
-        fault
-        for name, fault in FAULTS.items()
-        if name not in KEPT_BACK and fnmatchcase(name, asked.only)
-    ]
-    weights = found(choices(faults), np.array(list(WEIGHTS.values())))
+    names = [name for name in FAULTS if name not in KEPT_BACK and fnmatchcase(name, asked.only)]
+    weights = found(choices(names, asked.workers), np.array(list(WEIGHTS.values())))
     for name, value in zip(WEIGHTS, weights, strict=True):
         sys.stdout.write(f'    "{name}": {value:.2f},\n')
     return 0

@@ -307,6 +307,13 @@ def background_hides(at: At) -> Told:
     return by_box(at, layers)
 
 
+def _is_cut(at: At) -> bool:
+    """Whether a plane cuts what might hide."""
+    return at.camera.clip_plane is not None or bool(
+        Boxes(at.camera, at.now.place.bounds).crossing.any()
+    )
+
+
 def among(
     *, masks: bool = False, glass: bool = False, back_faces: bool = False, uncut: bool = False
 ) -> dict[str, Tell]:
@@ -318,7 +325,7 @@ def among(
             (masks and scene.has_mask)
             or (glass and scene.has_blend)
             or (back_faces and scene.one_sided.any())
-            or uncut
+            or (uncut and _is_cut(at))
         )
         if not known:
             return None

@@ -113,17 +113,27 @@ class CausesFound:
         return found if found is not None else self.named.get((frame, "", object), ())
 
     def grouped(self) -> list[dict[str, object]]:
-        """As in `verdict.json`: causes by how many misses they explain best, the most first."""
+        """As in `verdict.json`: causes by how many misses they explain best, the most first, each
+        with those that may explain at least half of these misses as well."""
         misses, score = Counter[str](), dict[str, float]()
         objects: dict[str, set[int]] = defaultdict(set)
-        for (_, _, obj), (first, *_) in self.named.items():
+        beside: dict[str, Counter[str]] = defaultdict(Counter)
+        for (_, _, obj), (first, *others) in self.named.items():
             misses[first.cause] += 1
             objects[first.cause].add(obj)
             score[first.cause] = max(score.get(first.cause, 0.0), first.score)
+            beside[first.cause].update(one.cause for one in others)
         return [
             {
                 "cause": cause,
                 "text": CODES[cause],
+                "alternatives": [
+                    {"cause": other, "text": CODES[other]}
+                    for other, times in sorted(
+                        beside[cause].items(), key=lambda one: (-one[1], one[0])
+                    )
+                    if 2 * times >= count
+                ],
                 "misses": count,
                 "examined": len(self.examined),
                 "objects": len(objects[cause]),

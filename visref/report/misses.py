@@ -72,7 +72,8 @@ def why_lines(causes: Sequence[Mapping[str, Any]]) -> list[str]:
     """Why things were missed, a line per cause that `verdict.json` names, the commonest first."""
     return [
         f"{count(cause['misses'])} of {counted(cause['examined'], 'miss', 'misses')}: "
-        f"{cause['text']} ({counted(cause['objects'], 'object')})"
+        f"{', or: '.join([cause['text'], *(one['text'] for one in cause['alternatives'])])} "
+        f"({counted(cause['objects'], 'object')})"
         for cause in causes
     ]
 

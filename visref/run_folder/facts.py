@@ -298,6 +298,9 @@ def _causes(culler: Fields) -> tuple[dict[str, Any], ...]:
     causes = culler.each("causes")
     for cause in causes:
         read_cause(cause)
+        for other in cause.each("alternatives"):
+            other.text("cause", like=CAUSE_CODE)
+            other.text("text")
         for name in ("misses", "examined", "objects"):
             cause.whole(name, least=1)
     return tuple(cause.plain() for cause in causes)
