@@ -27,8 +27,9 @@ from visref.causes.evidence import Evidence
 from visref.causes.search import Search
 from visref.causes.sights import Moments, Sights
 from visref.causes.weighing import WEIGHTS, features, likelihoods
-from visref.engines.rays import RayEngine
+from visref.engines import TruthEngine, make_engine
 from visref.judging.referee import Referee
+from visref.registry import DEFAULT_ENGINE
 from visref.timeline import Timeline
 
 # Objects of one fault beyond so many count no more.
@@ -54,8 +55,8 @@ def choice(fault: Fault) -> Choice | None:
     timeline = Timeline(given.scene, given.path)
     evidence = Evidence()
 
-    def engine() -> RayEngine:
-        return RayEngine(timeline.still)
+    def engine() -> TruthEngine:
+        return make_engine(DEFAULT_ENGINE, timeline.still)
 
     frames = list(given.path.numbers)
     outcome = Referee(given.scene, engine, timeline=timeline).run(

@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 
 from visref.causes.boxes import some
 from visref.causes.evidence import Answer
-from visref.causes.fitted import FITS, Fit, threshold
+from visref.causes.fitted import FITS, Fit, odds, threshold
 from visref.causes.in_view import kept_by_depth
 from visref.causes.sights import At, Hypothesis
 from visref.causes.weighing import Told, features, likelihoods, worth
+from visref.judging.causes import CODES
 from visref.scene import Float64, Int32
 
 Bool = NDArray[np.bool_]
+
+# The ordinary first.
+CAUSES = list(CODES)
 
 # A cause explains so much of a culler's misses: a few of many are explained by chance.
 LEAST = 0.25
@@ -28,6 +32,10 @@ MOST = 5
 NAMED, NEARLY = 3, 0.15
 # They are named if together they are so likely, and if so much speaks for the first.
 LIKELY, SPEAKS = 0.4, -1.0
+# So few misses tell one hypothesis from another by nothing but how ordinary they are.
+TELLING = 3
+# Where fewer were lost, what is named would pick them by chance in one of so many cases at most.
+FEW_LOST, UNLIKELY = 10, 1000
 # What says no more than that it was missed is for what nothing else explains.
 LAST = ("never-drawn",)
 
@@ -138,12 +146,37 @@ class Weighed:
                 best[cause] = value, one
         if not best:
             return []
+        if np.count_nonzero(open_) < TELLING:
+            return self._ordinary([one for _, one in best.values()], open_)
         ranked = sorted(best.values(), key=lambda found: -found[0])
         likely = likelihoods(np.array([value for value, _ in ranked]))
         named = np.flatnonzero(likely[:NAMED] >= NEARLY * likely[0])
         if float(likely[named].sum()) < LIKELY or ranked[0][0] < SPEAKS:
             return []
-        return [ranked[i][1] for i in named.tolist()]
+        return [ranked[i][1] for i in named.tolist() if self._no_chance(ranked[i][1], open_)]
+
+    def _ordinary(self, tried: Sequence[Tried], open_: Bool) -> list[Tried]:
+        """Of one miss or two all hypotheses say alike that explain them and are wrong about
+        nothing: the ordinary are named."""
+        told = self.told
+        able = [
+            one
+            for one in tried
+            if (one.culled | ~open_).all() and not (one.culled & told.good).any()
+        ]
+        able.sort(key=lambda one: (one.hypothesis.odd, CAUSES.index(one.hypothesis.cause)))
+        return able[:NAMED]
+
+    def _no_chance(self, tried: Tried, open_: Bool) -> bool:
+        """Where few were lost, one of so many hypotheses picks them by chance: there it has to
+        be unlikely, or to explain all and be wrong about nothing."""
+        told = self.told
+        lost, good = int(np.count_nonzero(open_)), int(np.count_nonzero(told.good & told.lossy))
+        right = int(np.count_nonzero(tried.culled & open_))
+        wrong = int(np.count_nonzero(tried.culled & told.good & told.lossy))
+        if lost >= FEW_LOST or (right == lost and not wrong):
+            return True
+        return odds(right, wrong, lost, lost + good) >= UNLIKELY
 
     def chosen(self, tried: Tried) -> Chosen:
         """With its score: of all that was lost what it explains, less what it would have left out
