@@ -7,7 +7,7 @@ follows from the geometry, worked out beside it; nothing of `visref.causes` is u
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -139,10 +139,23 @@ def sheet(view: Camera, columns, rows, depth: float, *, but: Sequence[tuple] = (
         flags[hole_rows[0] : hole_rows[1] + 1, hole_columns[0] : hole_columns[1] + 1] = False
     return together(
         *(
-            pixel_panel(view, (x - 0.5, x + 0.5), (y - 0.5, y + 0.5), depth)
-            for y, x in np.argwhere(flags).tolist()
+            pixel_panel(view, (left - 0.5, right + 0.5), (top - 0.5, bottom + 0.5), depth)
+            for left, right, top, bottom in _rectangles(flags)
         )
     )
+
+
+def _rectangles(flags) -> Iterator[tuple[int, int, int, int]]:
+    """What covers the pixels set, each once: first and last column, first and last row."""
+    left = flags.copy()
+    while left.any():
+        top, first = np.argwhere(left)[0]
+        row = left[top, first:]
+        width = len(row) if row.all() else int(np.argmin(row))
+        whole = left[top:, first : first + width].all(axis=1)
+        height = len(whole) if whole.all() else int(np.argmin(whole))
+        left[top : top + height, first : first + width] = False
+        yield int(first), int(first + width - 1), int(top), int(top + height - 1)
 
 
 def block(view: Camera, columns, rows, depths) -> Mesh:
