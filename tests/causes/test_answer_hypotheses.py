@@ -92,6 +92,16 @@ def three_after_a_cut():
     return Stage(case(posts(LAST + 1), views), LAST)
 
 
+def repeated_across_a_cut():
+    seen = ["post8", "post9"]
+    return replace(with_cuts(), drawn={(9, ""): seen, (LAST, ""): seen})
+
+
+def repeated_since_a_cut():
+    seen = ["post6", "post7"]
+    return replace(three_after_a_cut(), drawn={(7, ""): seen, (LAST, ""): seen})
+
+
 def _late_lines(how, name, age):
     cause, _, variant = name.partition(": ")
     variants = "; ".join(f"{variant}, {one}" if variant else one for one in how)
@@ -131,6 +141,8 @@ LATE = [
         f"across-a-cut: what shows; boxes -> {all_but(8, 9)}",
         seen=False,
     ),
+    *claims(repeated_across_a_cut, f"across-a-cut: repeated -> {all_but(8, 9)}", seen=False),
+    *claims(repeated_since_a_cut, f"across-a-cut: since, repeated -> {all_but(6, 7)}", seen=False),
     *claims(
         three_after_a_cut,
         "across-a-cut: what shows; boxes -> says nothing",
@@ -537,7 +549,9 @@ def test_answer_of_another_drops_what_it_would(claimed):
     check(*claimed)
 
 
-@pytest.mark.parametrize("build", {c.build for c in POSES + LEFT_OUT}, ids=lambda b: b.__name__)
+@pytest.mark.parametrize(
+    "build", dict.fromkeys(c.build for c in POSES + LEFT_OUT), ids=lambda b: b.__name__
+)
 def test_the_right_test_keeps_what_shows(build):
     asked = at(build)
     kept = kept_by_depth(asked, asked.boxes)

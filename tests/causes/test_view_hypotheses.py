@@ -106,6 +106,7 @@ LENSES = [
         "no-lens-shift: both -> right nearer up",
         "no-lens-shift: x -> right nearer",
         "no-lens-shift: y -> up",
+        "no-lens-shift: half -> right up",
         "lens-shift-reversed: both -> right nearer nearest up higher",
         "lens-shift-reversed: x -> right nearer nearest",
         "lens-shift-reversed: y -> up higher",
@@ -113,7 +114,7 @@ LENSES = [
     ),
     *claims(
         unshifted,
-        "no-lens-shift: both; x; y -> says nothing",
+        "no-lens-shift: both; x; y; half -> says nothing",
         "lens-shift-reversed: both; x; y -> says nothing",
     ),
     *claims(on_its_side, "roll-ignored: -> high"),
