@@ -253,10 +253,9 @@ def dilated(at: At) -> Told:
 def _spread(layers: Layers) -> Layers:
     """Of each three by three samples the nearest depth, whose it is, and the nearest of others."""
     height, width = layers.owner.shape
-    nearest, owner, second = (
-        np.pad(one, 1, constant_values=fill)
-        for one, fill in ((layers.nearest, np.inf), (layers.owner, -1), (layers.second, np.inf))
-    )
+    nearest: Float64 = np.pad(layers.nearest, 1, constant_values=np.inf)
+    second: Float64 = np.pad(layers.second, 1, constant_values=np.inf)
+    owner: Int32 = np.pad(layers.owner, 1, constant_values=-1)
     found = Layers.empty(height, width)
     for i in range(3):
         for j in range(3):
