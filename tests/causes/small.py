@@ -1,8 +1,8 @@
 """Small scenes for hypotheses, drawn in pixels, and what each hypothesis says of them.
 
-A hypothesis says which objects a culler with one certain mistake would drop. In each scene here that
-follows from the geometry, worked out beside it; nothing of `visref.causes` is used to build one.
-"""
+A hypothesis says which objects a culler with one certain mistake would drop. In each scene here
+that follows from the geometry, worked out beside it; nothing of `visref.causes` is used to build
+one."""
 
 from __future__ import annotations
 

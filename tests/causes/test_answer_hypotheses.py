@@ -31,8 +31,8 @@ from visref.conformance.building import Case, box, case, panel
 from visref.conformance.moving import about, moved, posed
 from visref.scene import Alpha, Units
 
-# A row of posts along x, 8 apart, seen in turn: a view 16 wide about x = 8 k sees, of posts at 8 i +
-# 4, those of i = k - 1 and k.
+# A row of posts along x, 8 apart, seen in turn: a view 16 wide about x = 8 k sees, of posts at
+# 8 i + 4, those of i = k - 1 and k.
 
 
 def along(x, view="", **changes):
@@ -153,8 +153,8 @@ LATE = [
 
 
 def two_views(view, frame=1):
-    """In frame f the left view looks at x = 16 f and the right one 8 beside it: in frame 1 left shows
-    posts 1 and 2, right 2 and 3; in frame 0 right shows 0 and 1."""
+    """In frame f the left view looks at x = 16 f and the right one 8 beside it: in frame 1 left
+    shows posts 1 and 2, right 2 and 3; in frame 0 right shows 0 and 1."""
     frames = [Frame((along(2 * f, "left"), along(2 * f + 1, "right"))) for f in (0, 1)]
     built = case(posts(5), [along(0)])
     return Stage(Case(built.scene, CameraPath(frames)), frame, view)
@@ -285,7 +285,7 @@ def coming_and_going():
         (n, sheet(view, (4 + 7 * i, 8 + 7 * i), (4, 8), 9.0)) for i, n in enumerate(names_of)
     ]
     points, faces = objects[0][1]
-    objects[0] = ("rest", (points + (100.0, 0.0, 0.0), faces))
+    objects[0] = ("rest", (points + np.array([100.0, 0.0, 0.0]), faces))
     back = moved(x=-100.0)
     where = [
         {"rest": back, "first": AWAY, "before": HERE},
@@ -306,7 +306,7 @@ def out_of_hiding():
     # Up by ten pixels all of it is hidden.
     up, down = moved(y=10.0), moved(y=-10.0)
     points, faces = objects[1][1]
-    objects[1] = ("rest", (points + (0.0, 10.0, 0.0), faces))
+    objects[1] = ("rest", (points + np.array([0.0, 10.0, 0.0]), faces))
     where = [
         {"rest": down, "first": up, "before": HERE},
         {"rest": down, "first": HERE, "before": up},
@@ -428,7 +428,7 @@ def materials():
         ("wall", sheet(view, (18, 22), (2, 6), 9.0)),
     ]
     built = case(objects, [view], alpha={"fence": Alpha.MASK, "pane": Alpha.BLEND})
-    # A house with a window and a house with a hedge: the first triangle of each is glass, or masked.
+    # A house with a window and one with a hedge: the first triangle of each is glass, or masked.
     more = [
         ("glazed", sheet(view, (2, 6), (12, 16), 9.0)),
         ("hedged", sheet(view, (10, 14), (12, 16), 9.0)),
@@ -441,15 +441,16 @@ def materials():
 
 
 def faces():
-    """Seen along -Z. 'front' and 'back' are sheets that face the eye and do not; 'ball' is closed, its
-    first triangle at the back; of the marked ones, one-sided, 'front1' faces the eye."""
+    """Seen along -Z. 'front' and 'back' are sheets that face the eye and do not; 'ball' is
+    closed, its first triangle at the back; of the marked ones, one-sided, 'front1' faces the
+    eye."""
     view = plain()
     front, back = sheet(view, (2, 6), (2, 6), 9.0), sheet(view, (9, 13), (2, 6), 9.0)
     marked = sheet(view, (16, 20), (2, 6), 9.0)
     points, triangles = block(view, (1.7, 5.3), (11.7, 15.3), (8.0, 12.0))
     behind = [i for i, t in enumerate(triangles) if (points[t, 2] < -11.0).all()]
     order = [*behind, *(i for i in range(12) if i not in behind)]
-    ball, ball1 = (points, triangles[order]), (points + (9.0, 0.0, 0.0), triangles[order])
+    ball, ball1 = (points, triangles[order]), (points + np.array([9.0, 0.0, 0.0]), triangles[order])
     objects = [
         ("front", front),
         ("back", (back[0], back[1][:, ::-1])),
@@ -469,8 +470,8 @@ def facing(view, normal, centre):
 
 
 def by_the_axis():
-    """At (8, 0, -10) a normal of (-1, 0, -0.2) looks to the eye: (-8, 0, 10) times it is 6. Along the
-    view's axis, (0, 0, 1), it is -0.2: away."""
+    """At (8, 0, -10) a normal of (-1, 0, -0.2) looks to the eye: (-8, 0, 10) times it is 6.
+    Along the view's axis, (0, 0, 1), it is -0.2: away."""
     view = wide()
     return Stage(
         case(

@@ -1,4 +1,5 @@
-"""Every cause has a name and its words, and every name is some cause's; each hypothesis has a test."""
+"""Every cause has a name and its words, and every name is some cause's; each hypothesis has a
+test."""
 
 from __future__ import annotations
 

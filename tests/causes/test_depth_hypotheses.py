@@ -92,8 +92,8 @@ def turned_fence():
 
 
 def touching():
-    """'poster' lies in the plane of a wall that is larger, 'backdrop' fills the image, and nothing is
-    behind it."""
+    """'poster' lies in the plane of a wall that is larger, 'backdrop' fills the image, and
+    nothing is behind it."""
     view = plain()
     return Stage(
         case(
@@ -157,8 +157,8 @@ def windows():
     """The wall hides what is behind it but for windows. Each thing is 5 by 5 pixels and its
     rectangle, rounded outward, 7 by 7.
 
-    'edge' shows in its last column, 'middle' in its midmost pixel, 'rest' in a pixel that is neither
-    in a corner of the rectangle nor its middle, 'open' all over."""
+    'edge' shows in its last column, 'middle' in its midmost pixel, 'rest' in a pixel that is
+    neither in a corner of the rectangle nor its middle, 'open' all over."""
     view = plain()
     holes = [((6, 7), (1, 7)), ((14, 14), (4, 4)), ((23, 23), (3, 3)), ((2, 8), (14, 20))]
     places = {"edge": (2, 2), "middle": (12, 2), "rest": (22, 2), "open": (3, 15)}
@@ -214,9 +214,9 @@ def margins():
 
 
 def diagonal():
-    """'block' reaches from (-4, -4) to (4, 4), from depth 5 to 20: its face to either side to 0.8 of
-    the depth, its least corner, at the back, to -0.2. A screen at 4 leaves all left of -0.4 free,
-    which is 14 of the 48 pixels."""
+    """'block' reaches from (-4, -4) to (4, 4), from depth 5 to 20: its face to either side to
+    0.8 of the depth, its least corner, at the back, to -0.2. A screen at 4 leaves all left of
+    -0.4 free, which is 14 of the 48 pixels."""
     view = wide()
     return Stage(
         case(
@@ -286,8 +286,8 @@ def slit(n, column, depth=20.0, side=64):
 
 
 def narrow_slit(n):
-    """The slit is 0.6 of a pixel wide, about the samples of a column. Those of an image of 1/n lie at
-    n i + (n - 1) / 2, between columns."""
+    """The slit is 0.6 of a pixel wide, about the samples of a column. Those of an image of 1/n
+    lie at n i + (n - 1) / 2, between columns."""
     view = plain(64, 64)
     column = 2 * n
     wall = together(
@@ -307,8 +307,8 @@ def narrow_slit(n):
 
 
 def odd_side(n):
-    """The image is 67 pixels wide, of which 3 (of texels of 2: 1) are no whole texel; 'upper' shows in
-    the last."""
+    """The image is 67 pixels wide, of which 3 (of texels of 2: 1) are no whole texel; 'upper'
+    shows in the last."""
     view = plain(67, 64)
     wall = sheet(view, (0, 66), (0, 63), 10.0, but=[((66, 66), (0, 31)), ((16, 47), (32, 63))])
     return Stage(
@@ -349,8 +349,8 @@ def shown_at_an_end(n, column):
 
 
 def begins_past_the_middle(n, column):
-    """'square' begins just before pixel n / 2 of the first texel: rounded, its rectangle begins with
-    the second."""
+    """'square' begins just before pixel n / 2 of the first texel: rounded, its rectangle begins
+    with the second."""
     view = plain(64, 64)
     wall = sheet(view, (0, 63), (0, 63), 10.0, but=[((column, column), (0, 63))])
     side = (n / 2 - 0.3, 3 * n + 0.3)

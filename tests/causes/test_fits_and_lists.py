@@ -35,8 +35,8 @@ def lengthwise():
 
 
 def covered():
-    """'shown' is 6 by 4 pixels, nothing before it; 'gap' shows in 2 by 5 of its 7 by 5; 'cross' in 3
-    by 1 and 1 by 3 about one sample: 5, and in no square of 2. No diagonal meets a sample."""
+    """'shown' is 6 by 4 pixels, nothing before it; 'gap' shows in 2 by 5 of its 7 by 5; 'cross'
+    in 3 by 1 and 1 by 3 about one sample: 5, and in no square of 2. No diagonal meets a sample."""
     view = plain()
     wall = sheet(
         view,

@@ -91,7 +91,7 @@ def test_rectangle_holds_the_samples_a_span_touches_or_the_texels_within_it(texe
         ):
             texels = range(-(-side // texel))
             told = {i for i in texels if first <= i <= last}
-            # Texel i stands for the pixels from i n to i n + n - 1, a pixel for half a one about it.
+            # Texel i is the pixels from i n to i n + n - 1, a pixel half a one about it.
             if inward:
                 wanted = {
                     i
@@ -109,8 +109,9 @@ def test_rectangle_holds_the_samples_a_span_touches_or_the_texels_within_it(texe
 
 
 def depths_by_ray(scene, view):
-    """(h, w, t) view depths of each triangle at each sample, inf for none, and (h, w) by how much the
-    answer is sure: the least barycentric coordinate or share of near and far that would change it."""
+    """(h, w, t) view depths of each triangle at each sample, inf for none, and (h, w) by how
+    much the answer is sure: the least barycentric coordinate or share of near and far that would
+    change it."""
     corners = scene.vertices.astype(np.float64)[scene.triangles]
     found = np.full((view.height, view.width, len(corners)), np.inf)
     sure = np.full((view.height, view.width), np.inf)

@@ -1,5 +1,5 @@
-"""Plain cullers, each with one mistake, get its cause first; a right one gets none, and nor does one
-that drops things at random."""
+"""Plain cullers, each with one mistake, get its cause first; a right one gets none, and nor does
+one that drops things at random."""
 
 from __future__ import annotations
 

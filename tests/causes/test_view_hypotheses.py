@@ -56,14 +56,14 @@ def unshifted():
 
 
 def on_its_side():
-    """Turned by a right angle the image of 64 by 24 shows x from -12 to 12, y from -32 to 32; upright
-    the reverse."""
+    """Turned by a right angle the image of 64 by 24 shows x from -12 to 12, y from -32 to 32;
+    upright the reverse."""
     return strewn(rolled(plain(64, 24), pi / 2), middle=(3, 3), high=(0, 25))
 
 
 def landscape():
-    """64 by 32: x from -32 to 32, y from -16 to 16. Cubes at the right, at the top, and two between,
-    at x of 20 and y of 10."""
+    """64 by 32: x from -32 to 32, y from -16 to 16. Cubes at the right, at the top, and two
+    between, at x of 20 and y of 10."""
     return strewn(
         plain(64, 32), middle=(0, 0), left=(-5, 1), right=(28, 0), half=(20, 0), up=(0, 11)
     )
@@ -158,8 +158,9 @@ LENSES = [
 
 
 def large_and_long():
-    """Of 'big' all corners lie beyond the sides; 'long' lies within them, from before the near plane
-    at 1 to behind the far one at 20; of 'edge' a third is within the right side, at x of 16."""
+    """Of 'big' all corners lie beyond the sides; 'long' lies within them, from before the near
+    plane at 1 to behind the far one at 20; of 'edge' a third is within the right side, at x of
+    16."""
     view = plain(near=1.0, far=20.0)
     slope = np.array([[-4, 1, -0.5], [-2, 1, -0.5], [-2, 3, -30.0], [-4, 3, -30.0]])
     return Stage(
@@ -209,11 +210,12 @@ def beside_the_eye():
 
 def passing_wall():
     """The eye is turned 45 degrees to the right of -Z, and the wall, 1 to 1.2 to its right, runs
-    along -Z from 20 behind to 20 before it: to the right it is (x + z) / sqrt 2, its depth (x - z) /
-    sqrt 2. So its ends are 19 / 21 = -0.9 of the depth to the left, and 21 / -19 = -1.1 behind the
-    eye; as if before it, +1.1. The view reaches 0.5 to either side, and shows the wall where
-    (x + z) / (x - z) is within it. Rectangles about the left ends, or these and those that are
-    mirrored, miss the image; those about -0.9 and +1.1, or +infinity at the near plane, hold it."""
+    along -Z from 20 behind to 20 before it: to the right it is (x + z) / sqrt 2, its depth (x -
+    z) / sqrt 2. So its ends are 19 / 21 = -0.9 of the depth to the left, and 21 / -19 = -1.1
+    behind the eye; as if before it, +1.1. The view reaches 0.5 to either side, and shows the
+    wall where (x + z) / (x - z) is within it. Rectangles about the left ends, or these and those
+    that are mirrored, miss the image; those about -0.9 and +1.1, or +infinity at the near plane,
+    hold it."""
     view = wide(yfov=2.0 * np.arctan(0.5))
     view = replace(view, world_from_camera=look_at((0.0, 0.0, 0.0), (1.0, 0.0, -1.0)))
     return Stage(
@@ -228,8 +230,8 @@ def passing_wall():
 
 
 def beside_a_screen():
-    """The screen hides everything from depth 5 on. The hedge's part before it shows, to the right of
-    1 / 5 of the depth; but the least depth of its corners before the eye is 15."""
+    """The screen hides everything from depth 5 on. The hedge's part before it shows, to the
+    right of 1 / 5 of the depth; but the least depth of its corners before the eye is 15."""
     view = wide()
     return Stage(
         case(
@@ -334,8 +336,8 @@ def on_planes():
 
 
 def round_the_corner():
-    """The far plane lies at 10. The nearest point of 'aside' is (6, 0, 9), sqrt(117) = 10.8 away, that
-    of 'across' (0, 2, 9), 9.2."""
+    """The far plane lies at 10. The nearest point of 'aside' is (6, 0, 9), sqrt(117) = 10.8
+    away, that of 'across' (0, 2, 9), 9.2."""
     return Stage(
         case(
             [
@@ -380,7 +382,8 @@ NEAR_AND_FAR = [
 
 
 def moved_out(built: Case, origin) -> Case:
-    """The same, seen from far out: the path says where in the world, the scene is about an origin."""
+    """The same, seen from far out: the path says where in the world, the scene is about an
+    origin."""
     scene: Scene = replace(built.scene, origin=np.array(origin))
     frames = []
     for view in built.path.cameras:
@@ -391,9 +394,9 @@ def moved_out(built: Case, origin) -> Case:
 
 
 def near_2050(origin=0.0) -> Stage:
-    """Half floats between 2048 and 4096 are even. An eye at 2050.9 becomes 2050, and its view of 1.5
-    to either side, from 2049.4 to 2052.4, ends at 2051.5: beyond it lies 'right', at 2052.1 and so
-    2052. 'left' becomes 2050."""
+    """Half floats between 2048 and 4096 are even. An eye at 2050.9 becomes 2050, and its view of
+    1.5 to either side, from 2049.4 to 2052.4, ends at 2051.5: beyond it lies 'right', at 2052.1
+    and so 2052. 'left' becomes 2050."""
     view = replace(
         plain(32, 32, ymag=1.5),
         world_from_camera=look_at((2050.9 - origin, 0, 0), (2050.9 - origin, 0, -1)),
@@ -411,9 +414,9 @@ def halves_in_the_world():
 
 
 def floats_in_the_world():
-    """Floats between 2^26 and 2^27 are multiples of 8. An eye at 1e8 + 3 becomes 1e8, and its view of
-    2 to either side ends at 1e8 + 2; 'right' at 1e8 + 4.5 becomes 1e8 + 8, 'left' at 1e8 + 2.5
-    becomes 1e8."""
+    """Floats between 2^26 and 2^27 are multiples of 8. An eye at 1e8 + 3 becomes 1e8, and its
+    view of 2 to either side ends at 1e8 + 2; 'right' at 1e8 + 4.5 becomes 1e8 + 8, 'left' at 1e8
+    + 2.5 becomes 1e8."""
     view = replace(plain(32, 32, ymag=2.0), world_from_camera=look_at((3, 0, 0), (3, 0, -1)))
     objects = [
         ("right", box((4.5, -0.4, -6.0), (4.8, 0.4, -5.0))),
@@ -448,10 +451,10 @@ ROUNDED = [
 
 
 def turned_cubes():
-    """Seen along (-1, 0, -1) / sqrt 2, to the right is (x - z) / sqrt 2. A cube of 8 reaches 8 / sqrt 2
-    = 5.7 to either side of its centre, its least and its greatest corner 0. The view ends at 16: a
-    centre at 18 is out, and so are both corners, but the cube reaches to 12.3. A sphere of 4, to
-    the faces, about a centre at 21 ends at 17, and the cube at 15.3."""
+    """Seen along (-1, 0, -1) / sqrt 2, to the right is (x - z) / sqrt 2. A cube of 8 reaches 8 /
+    sqrt 2 = 5.7 to either side of its centre, its least and its greatest corner 0. The view ends
+    at 16: a centre at 18 is out, and so are both corners, but the cube reaches to 12.3. A sphere
+    of 4, to the faces, about a centre at 21 ends at 17, and the cube at 15.3."""
     s = sqrt(0.5)
     right, ahead = np.array([s, 0.0, -s]), np.array([-s, 0.0, -s])
     view = replace(plain(), world_from_camera=look_at((0, 0, 0), tuple(ahead)))

@@ -30,8 +30,8 @@ VIEW = camera(width=14, height=8, ymag=4.0, near=0.5)
 
 
 def scene() -> Scene:
-    """The fence is at depth 5 and reaches to column 6; what is lost, at 8, is columns 8 to 11 and rows
-    2 to 5, so from (1, -2) to (5, 2); the wall, at 20, is everywhere."""
+    """The fence is at depth 5 and reaches to column 6; what is lost, at 8, is columns 8 to 11
+    and rows 2 to 5, so from (1, -2) to (5, 2); the wall, at 20, is everywhere."""
     return Scene.from_objects(
         [
             ("fence", *pixel_panel(VIEW, (-1.0, 6.5), (-1.0, 9.0), 5.0)),
