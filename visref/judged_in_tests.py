@@ -16,7 +16,7 @@ from visref.judging.policy_file import read_policy
 from visref.judging.status import Status
 from visref.plug_ins import Making, making_cullers
 from visref.recordings.visible_sets import Replay, VisibleSets, read_visible_sets
-from visref.report.misses import convicted, convicted_lines, object_misses, why_lines
+from visref.report.misses import convicted, convicted_lines, facts_of, object_misses, why_lines
 from visref.report.summary import CullerSummary, summarise
 from visref.report.words import (
     HEADLINES,
@@ -146,9 +146,11 @@ class Judged:
         lines += failing_lines(run)
         lines += why_lines(run.verdict.cullers[row.culler].causes)
         missed = object_misses(run, row.culler)
-        guilty = convicted(row)
+        guilty, facts = convicted(row), facts_of(run, row, _TOLD)
         for lost in guilty[:_TOLD]:
-            first, *more = convicted_lines(run, row, lost, missed.get(lost.worst.object), Path())
+            obj = lost.worst.object
+            told = convicted_lines(run, row, lost, missed.get(obj), Path(), facts.get(obj, ""))
+            first, *more = told
             lines += [f"  {first}", *(f"    {line}" for line in more)]
         lines += [f"  {hidden_name(row, one)}: {hidden_line(one)}" for one in row.hidden[:_TOLD]]
         more_objects = max(0, len(guilty) - _TOLD) + max(0, len(row.hidden) - _TOLD)

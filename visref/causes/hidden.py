@@ -246,22 +246,27 @@ def quantised(steps: int, how: Callable[[Any], Any], *, box: bool) -> Tell:
 
 
 def dilated(at: At) -> Told:
-    def widen(image: Float64) -> Float64:
-        wide = np.pad(image, 1, constant_values=np.inf)
-        h, w = image.shape
-        return np.asarray(
-            np.min([wide[i : i + h, j : j + w] for i in range(3) for j in range(3)], axis=0)
-        )
+    """What hides spreads to the neighbours of its samples, beside and aslant."""
+    layers = at.now.kept("dilated", lambda: _spread(at.now.layers()))
+    return by_box(at, layers)
 
-    def make() -> Layers:
-        layers = at.now.layers()
-        # Nobody's: a neighbour's depth spreads over what was its own, and its own does not hide it.
-        return Layers(widen(layers.nearest), layers.owner, widen(layers.second))
 
-    layers = at.now.kept("dilated", make)
-    others = Layers(layers.nearest, layers.owner, layers.second)
-    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=others)
-    return kept(at, found.passing > 0)
+def _spread(layers: Layers) -> Layers:
+    """Of each three by three samples the nearest depth, whose it is, and the nearest of others."""
+    height, width = layers.owner.shape
+    nearest: Float64 = np.pad(layers.nearest, 1, constant_values=np.inf)
+    second: Float64 = np.pad(layers.second, 1, constant_values=np.inf)
+    owner: Int32 = np.pad(layers.owner, 1, constant_values=-1)
+    found = Layers.empty(height, width)
+    for i in range(3):
+        for j in range(3):
+            here = slice(i, i + height), slice(j, j + width)
+            n, o, s = nearest[here], owner[here], second[here]
+            same, nearer = o == found.owner, n < found.nearest
+            others = np.where(nearer, np.minimum(found.nearest, s), np.minimum(found.second, n))
+            others = np.where(same, np.minimum(found.second, s), others)
+            found = Layers(np.minimum(found.nearest, n), np.where(nearer, o, found.owner), others)
+    return found
 
 
 def boxes_hide(at: At) -> Told:

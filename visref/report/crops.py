@@ -37,7 +37,7 @@ class CropBudget:
     def crops(self, witness: Mapping[str, Any] | None) -> tuple[Crop, ...]:
         """The two pictures of a witness's surroundings; none where it has no surroundings, or where
         they are more than the page takes."""
-        if witness is None or not self._objects:
+        if witness is None or "surroundings" not in witness or not self._objects:
             return ()
         name = legible(witness["object_name"])
         at = f"around pixel ({witness['x']}, {witness['y']}) of frame {witness['frame']}"

@@ -17,6 +17,7 @@ from visref.report.misses import (
     ObjectMisses,
     convicted,
     convicted_lines,
+    facts_of,
     lost_line,
     object_misses,
     why_lines,
@@ -143,11 +144,15 @@ def _add_objects(suite: ET.Element, run: RunFolder, row: CullerSummary, out: Pat
         return
     classname = f"{run.scene_name}: {row.culler}"
     missed = object_misses(run, row.culler)
+    facts = facts_of(run, row, _TOLD)
     guilty = {lost.worst.object for lost in convicted(row)}
     for rank, lost in enumerate(convicted(row)):
         misses = missed.get(lost.worst.object)
         case = _case(suite, classname, f"{lost.worst.name}, object {lost.worst.object}")
-        told = convicted_lines(run, row, lost, misses, out) if rank < _TOLD else []
+        told = []
+        if rank < _TOLD:
+            said = facts.get(lost.worst.object, "")
+            told = convicted_lines(run, row, lost, misses, out, said)
         _outcome(case, "failure", "violation", lost_line(lost), told)
     for unit in row.hidden:
         # An object may be lost in one frame and drawn for nothing in another.

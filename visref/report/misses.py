@@ -19,7 +19,9 @@ from visref.report.words import (
     missed_in,
     replay_command,
 )
+from visref.run_folder.claims import witnesses_about
 from visref.run_folder.layout import ObjectKind
+from visref.run_folder.miss_facts import facts_text
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import LostObject
 
@@ -104,14 +106,34 @@ def witness_line(lost: LostObject) -> str:
     return f"{frame_of(worst)}, pixel ({worst.x}, {worst.y}), depth {worst.depth:.9g}"
 
 
+def facts_of(run: RunFolder, row: CullerSummary, most: int) -> dict[int, str]:
+    """By object, the plain facts about the worst miss of the first `most` convicted ones, in words;
+    of records of old there are none."""
+    keys = {
+        (one.worst.frame, one.worst.view, one.worst.object): one.worst.object
+        for one in convicted(row)[:most]
+    }
+    found = witnesses_about(run.folder, run.manifest, row.culler, keys.keys())
+    told = {keys[key]: facts_text(witness.get("facts", {})) for key, witness in found.items()}
+    return {obj: text for obj, text in told.items() if text}
+
+
 def convicted_lines(
-    run: RunFolder, row: CullerSummary, lost: LostObject, misses: ObjectMisses | None, out: Path
+    run: RunFolder,
+    row: CullerSummary,
+    lost: LostObject,
+    misses: ObjectMisses | None,
+    out: Path,
+    facts: str = "",
 ) -> list[str]:
     """All that is to be said of one convicted object, a line for each thing: how it was missed,
-    the witness, why, what was accepted besides, and the command that explains it, in `out`."""
+    the witness, why, the plain `facts`, what was accepted besides, and the command that explains
+    it, in `out`."""
     lines = [f"{lost.worst.name}, {lost_line(lost)}", f"witness: {witness_line(lost)}"]
     if cause := cause_of(run, row.culler, misses):
         lines.append(f"cause: {cause}")
+    if facts:
+        lines.append(facts)
     if misses is not None and misses.accepted:
         lines.append(f"accepted by the policy besides: {misses.accepted}")
     lines.append(f"explain it: {replay_command(run, lost.worst, out)}")

@@ -21,6 +21,7 @@ from visref.report.bench_folder import BenchFolder
 from visref.report.crops import Crop, CropBudget
 from visref.report.embedded import data_uri
 from visref.report.environment import page_environment
+from visref.report.misses import cause_of, object_misses, why_lines
 from visref.report.plots import STYLES, Plot, Series, on_scale
 from visref.report.summary import (
     NO_FPR_PX,
@@ -32,8 +33,9 @@ from visref.report.summary import (
 )
 from visref.report.tables import table_view
 from visref.run_folder.causes import Cause
-from visref.run_folder.claims import surroundings_of
+from visref.run_folder.claims import witnesses_about
 from visref.run_folder.layout import COUNTS, MAX_MARGIN_PX
+from visref.run_folder.miss_facts import facts_text
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FindingRow, FrameRow, LostObject, PictureSet, Witness
 from visref.wording import legible
@@ -81,6 +83,8 @@ class LostView:
     """An object missed by a culler, as the page tells it."""
 
     lost: LostObject
+    why: str
+    facts: str
     command: str
     pictured: bool
     crops: tuple[Crop, ...] = ()
@@ -237,6 +241,11 @@ def _run_view(run: RunFolder, index: int, out: Path, budget: CropBudget) -> dict
         "rows": [(number, row, words.culler_sentence(row)) for number, row in enumerate(rows)],
         "columns": (columns := _columns(rows)),
         "cells": _cells(rows, columns),
+        "why": {
+            culler: lines
+            for culler in run.cullers
+            if (lines := why_lines(run.verdict.cullers[culler].causes))
+        },
         "lost": [
             (row, _lost_views(run, row, pictured, out, budget))
             for row in sorted(rows, key=lambda row: row.status is not Status.VIOLATION)
@@ -372,10 +381,13 @@ def _lost_views(
 ) -> list[LostView]:
     listed = row.lost[:MAX_LOST]
     keys = [(lost.worst.frame, lost.worst.view, lost.worst.object) for lost in listed]
-    witnesses = surroundings_of(run.folder, run.manifest, row.culler, set(keys))
+    witnesses = witnesses_about(run.folder, run.manifest, row.culler, set(keys))
+    missed = object_misses(run, row.culler)
     return [
         LostView(
             lost,
+            cause_of(run, row.culler, missed.get(lost.worst.object)),
+            facts_text(witnesses.get(key, {}).get("facts", {})),
             words.replay_command(run, lost.worst, out),
             (lost.worst.frame, lost.worst.view, row.culler) in pictured,
             budget.crops(witnesses.get(key)),

@@ -59,10 +59,10 @@ def witnesses_of(
                 yield found
 
 
-def surroundings_of(
+def witnesses_about(
     run: Path, manifest: Manifest, culler: str, wanted: Set[tuple[int, str, int]]
 ) -> dict[tuple[int, str, int], Mapping[str, Any]]:
-    """A culler's witnesses with surroundings, of those `wanted` by frame, view and object.
+    """A culler's witnesses, of those `wanted` by frame, view and object.
 
     Raises InputError where one of them is no witness of the run.
     """
@@ -72,8 +72,6 @@ def surroundings_of(
         return result
     for place, value in lines_inside(run, file, FIX):
         witness = Fields(value, f"{run / file}: {place}", FIX)
-        if not witness.has("surroundings"):
-            continue
         key = witness.whole("frame"), witness.text("view"), witness.whole("object")
         if key in wanted:
             result[key] = read_witness(witness, manifest.version)

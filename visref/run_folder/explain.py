@@ -22,6 +22,7 @@ from visref.files import replacing_file
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.run_folder.claims import no_such_witness, witnesses_of
 from visref.run_folder.layout import WITNESSES, explained_name
+from visref.run_folder.miss_facts import facts_text
 from visref.run_folder.panels import composed, panels
 from visref.scene import Alpha, Float64
 
@@ -135,6 +136,10 @@ def _tell(witness: Mapping[str, Any], ray: Ray, hits: tuple[RayHit, ...]) -> Ite
     )
     kind = witness["kind"].replace("_", " ")
     yield f"  {kind}: {witness['pixels']} of its {witness['owned']} samples lost"
+    if causes := [cause["text"] for cause in witness.get("causes", ())]:
+        yield f"  why: {'; or '.join(causes)}"
+    if facts := facts_text(witness.get("facts", {})):
+        yield f"  {facts}"
     a, b = float(ray.column_a[0]), float(ray.row_b[0])
     form = "e + t (F + a R + b U)" if ray.is_perspective else "e + a R + b U + t F"
     yield f"the ray: {form}, a = {a:g}, b = {b:g}, {ray.near:g} <= t <= {ray.far:g}"

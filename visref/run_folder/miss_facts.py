@@ -4,6 +4,7 @@ gap it is seen and whose that is, how far it was."""
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from visref.judging.outcome import CullerRecord
 from visref.run_folder.cuts import Cut
 from visref.scene import OBJECT, Int32, Int64, Scene
 from visref.visibility import hit_depths
+from visref.wording import counted, legible
 
 
 def miss_facts(
@@ -59,6 +61,31 @@ def causes_json(record: CullerRecord, frame: int, view: str, obj: int) -> list[d
         {"cause": one.cause, "text": one.text, "score": round(one.score, 3)}
         for one in record.causes.of(frame, view, obj)
     ]
+
+
+def facts_text(facts: Mapping[str, Any]) -> str:
+    """The facts of a witness's line in words; empty where there are none."""
+    if not facts:
+        return ""
+    parts = []
+    edge = facts["edge_px"]
+    parts.append(f"{edge} px from the image's edge" if edge else "at the image's edge")
+    if (away := facts["eye_to_box"]) is not None:
+        box = "the eye is in its box" if away == 0.0 else f"its box is {away:.4g} from the eye"
+        parts.append(f"{box} (near {facts['near']:.4g})")
+    if facts["box_too_small"]:
+        parts.append("the box that was tested does not hold it")
+    if facts["age"] is not None:
+        parts.append(f"{counted(facts['age'], 'frame')} after it came into view")
+    low, high = facts["depth_min"], facts["depth_max"]
+    if low is not None and high is not None:
+        depths = f"{low:.6g}" if f"{low:.6g}" == f"{high:.6g}" else f"{low:.6g} to {high:.6g}"
+        parts.append(f"lost at depth {depths}")
+    if facts["gap_px"]:
+        parts.append(f"through a gap {facts['gap_px']} px wide")
+    if facts["in_front"] is not None:
+        parts.append(f"beside {legible(facts['in_front']['name'])}, which is before it")
+    return "; ".join(parts)
 
 
 def _around(scene: Scene, camera: Camera, miss: Miss, cut: Cut) -> dict[str, Any]:

@@ -1,0 +1,233 @@
+"""Causes with a number in them, and those that hang on all answers together."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from tests.causes.small import Stage, at, plain, sheet, wide
+from visref.causes.evidence import Answer, Answers
+from visref.causes.fitted import FITS, ODDS, odds, threshold, widths
+from visref.causes.lists import LISTS
+from visref.causes.sights import At, Moments, Sights
+from visref.conformance.building import box, case, panel, pixel_panel
+from visref.culler import Promise
+from visref.engines.exact import ExactEngine
+from visref.judging.outcome import CullerRecord
+from visref.scene import Group
+from visref.timeline import Timeline
+
+# The values that thresholds are put on.
+
+
+def lengthwise():
+    """A beam from depth 4 to 12, a floor from behind the eye to 12, and a sheet at 20."""
+    objects = [
+        ("beam", box((0.5, 0.5, -12.0), (1.0, 1.0, -4.0))),
+        ("floor", box((-2.0, -2.0, -12.0), (2.0, -1.5, 3.0))),
+        ("sheet", panel((-2.0, 2.0), (3.0, 6.0), -20.0)),
+    ]
+    return Stage(case(objects, [wide()]))
+
+
+def covered():
+    """'shown' is 6 by 4 pixels, nothing before it; 'gap' shows in 2 by 5 of its 7 by 5; 'cross'
+    in 3 by 1 and 1 by 3 about one sample: 5, and in no square of 2. No diagonal meets a sample."""
+    view = plain()
+    wall = sheet(
+        view,
+        (10, 31),
+        (0, 23),
+        10.0,
+        but=[((15, 16), (3, 7)), ((22, 24), (5, 5)), ((23, 23), (4, 6))],
+    )
+    return Stage(
+        case(
+            [
+                ("wall", wall),
+                ("shown", pixel_panel(view, (1.8, 7.2), (2.8, 6.2), 20.0)),
+                ("gap", pixel_panel(view, (12.7, 19.4), (2.8, 7.2), 20.0)),
+                ("cross", pixel_panel(view, (20.8, 25.3), (2.8, 7.2), 20.0)),
+            ],
+            [view],
+        )
+    )
+
+
+def values(build, cause, variant):
+    (fit,) = [one for one in FITS if (one.cause, one.variant) == (cause, variant)]
+    asked = at(build)
+    return dict(zip(asked.scene.names, fit.value(asked).tolist(), strict=True))
+
+
+def test_near_is_put_on_the_farthest_depth_of_a_box_and_far_on_its_nearest():
+    near = values(lengthwise, "near-larger", "fitted")
+    far = values(lengthwise, "far-nearer", "fitted")
+    assert near == {"beam": 12.0, "floor": 12.0, "sheet": 20.0}
+    assert far == {"beam": 4.0, "floor": -3.0, "sheet": 20.0}
+
+
+def test_samples_are_those_that_show_or_that_the_rectangle_has_free():
+    owned = values(covered, "too-few-samples", "owned")
+    passing = values(covered, "too-few-samples", "passing")
+    assert (owned["shown"], owned["gap"], owned["cross"]) == (24.0, 10.0, 5.0)
+    # Rounded outward by a pixel each way 8 by 6, of which nothing is hidden; else what shows.
+    assert (passing["shown"], passing["gap"], passing["cross"]) == (48.0, 10.0, 5.0)
+
+
+def test_size_is_the_greater_side_of_the_rectangle():
+    sizes = values(covered, "too-few-samples", "size")
+    assert sizes["shown"] == pytest.approx(5.4, abs=1e-5)
+    assert sizes["gap"] == pytest.approx(6.7, abs=1e-5)
+    assert values(lengthwise, "too-few-samples", "size")["floor"] == np.inf
+
+
+def test_gap_is_the_side_of_the_greatest_square_up_to_8():
+    gaps = values(covered, "gap-too-narrow", "")
+    assert (gaps["shown"], gaps["gap"], gaps["cross"]) == (4.0, 2.0, 1.0)
+    assert gaps["wall"] == 8.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gap_is_that_of_every_square_tried(seed):
+    rng = np.random.default_rng(seed)
+    owner = rng.choice([-1, 0, 1], (14, 17), p=[0.1, 0.7, 0.2]).astype(np.int32)
+
+    class Seen:
+        @staticmethod
+        def layers(**told):
+            return Seen
+
+    Seen.owner = owner
+    wanted = np.zeros(2)
+    for unit in (0, 1):
+        for side in range(1, 9):
+            for y in range(14 - side + 1):
+                for x in range(17 - side + 1):
+                    if (owner[y : y + side, x : x + side] == unit).all():
+                        wanted[unit] = side
+    assert widths(Seen, 2).tolist() == wanted.tolist()
+
+
+# Thresholds and chance.
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "lost", "shown"), [(2, 0, 3, 6), (2, 1, 3, 7), (1, 2, 4, 8)]
+)
+def test_odds_are_those_of_all_choices(right, wrong, lost, shown):
+    every = list(combinations(range(shown), right + wrong))
+    hits = sum(sum(i < lost for i in one) >= right for one in every)
+    assert odds(right, wrong, lost, shown) == pytest.approx(len(every) / hits)
+
+
+def test_threshold_lies_between_what_is_lost_and_what_is_not():
+    at_value = np.arange(40.0)
+    lost = at_value < 12
+    assert threshold(at_value, lost, ~lost, below=True) == 11.5
+    assert threshold(-at_value, lost, ~lost, below=False) == -11.5
+
+
+def test_threshold_bears_with_some_on_the_wrong_side_of_it():
+    at_value = np.arange(60.0)
+    lost = at_value < 20
+    lost[[7, 40]] = [False, True]
+    assert threshold(at_value, lost, ~lost, below=True) == 19.5
+
+
+def test_no_threshold_where_few_would_fit_by_chance():
+    """One of 40 is at an end in one of 40 orders."""
+    at_value = np.arange(40.0)
+    lost = at_value < 1
+    assert odds(1, 0, 1, 40) < ODDS
+    assert threshold(at_value, lost, ~lost, below=True) is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_threshold_on_what_is_lost_at_random(seed):
+    rng = np.random.default_rng(seed)
+    lost = rng.random(200) < 0.2
+    assert threshold(rng.random(200), lost, ~lost, below=True) is None
+
+
+# All answers together.
+
+
+def record(**told):
+    return CullerRecord("one", Promise.CONSERVATIVE, "object", 0, **told)
+
+
+def listed(drawn, count, *, missed=(), built=None):
+    """At, and the answers of a culler that drew so, a list of ids by frame."""
+    made = built or case(
+        [(f"o{i}", panel((i - 9.0, i - 8.5), (0.0, 5.0), -5.0)) for i in range(count)],
+        [plain()] * len(drawn),
+    )
+    every = []
+    for frame, ids in enumerate(drawn):
+        flags = np.zeros(count, np.bool_)
+        flags[list(ids)] = True
+        lost = np.array(missed[frame] if missed else (), np.int32)
+        every.append(Answer(frame, "", pack(flags), lost))
+    units = made.scene.object_units()
+    answers = Answers(units, every)
+    asked = at_of(made, answers)
+    return asked, answers
+
+
+def pack(flags):
+    return zlib.compress(np.packbits(flags).tobytes())
+
+
+def at_of(made, answers):
+    timeline = Timeline(made.scene, made.path)
+    moments = Moments(timeline, made.path, made.path.numbers, lambda: ExactEngine(timeline.still))
+    ids = np.arange(answers.units.count, dtype=np.int32)
+    return At(Sights(moments, answers), 0, "", ids, np.zeros(len(ids), np.bool_))
+
+
+def dropped(asked, answers, cause, **told):
+    kept = LISTS(answers, record(**told))[cause][""](asked)
+    return None if kept is None else np.flatnonzero(~kept).tolist()
+
+
+def test_what_no_answer_holds_is_never_drawn_if_it_is_missed_often():
+    missed = [[2, 3]] * 4 + [[3]] * 2
+    asked, answers = listed([[0, 1]] * 5 + [[0, 1, 2]], 4, missed=missed)
+    # 2 was drawn once, 3 never.
+    assert dropped(asked, answers, "never-drawn") == [3]
+
+
+def test_what_was_missed_three_times_is_not_called_never_drawn():
+    asked, answers = listed([[0, 1]] * 3, 3, missed=[[2]] * 3)
+    assert dropped(asked, answers, "never-drawn") == []
+
+
+def test_list_is_full_where_every_answer_with_a_miss_has_the_same_round_length():
+    asked, answers = listed([range(64), range(64)], 70, missed=[[65], [66]])
+    assert dropped(asked, answers, "list-full") == [*range(64, 70)]
+
+
+@pytest.mark.parametrize(
+    ("lengths", "why"),
+    [((63, 63), "63 is no round number"), ((64, 66), "a longer one"), ((40, 40), "too short")],
+)
+def test_list_is_not_full_otherwise(lengths, why):
+    asked, answers = listed([range(n) for n in lengths], 70, missed=[[68], [69]])
+    assert dropped(asked, answers, "list-full") is None, why
+
+
+def test_level_that_is_drawn_and_not_there_is_said_of_its_group():
+    """Of the groups (0, 1) and (2, 3) one level each is there. Drawn was level 1, which is not."""
+    made = case(
+        [(f"o{i}", panel((i - 9.0, i - 8.5), (0.0, 5.0), -5.0)) for i in range(5)], [plain()]
+    )
+    groups = (Group("a", "a", (0, 1), ((0,), (1,))), Group("b", "b", (2, 3), ((2,), (3,))))
+    made = replace(made, scene=replace(made.scene, groups=groups))
+    asked, answers = listed([[1, 2, 4]], 5, missed=[[0]], built=made)
+    assert dropped(asked, answers, "absent-lod", ignored={1: 0}) == [0, 1]
+    assert dropped(asked, answers, "absent-lod") is None
