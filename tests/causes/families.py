@@ -25,9 +25,9 @@ FAMILIES: dict[str, frozenset[str]] = {
     # Least above greatest: such a box holds nothing, and is left out at all times.
     "box turned inside out": _told("bounds-too-small never-drawn"),
     "lens shift left out": _told("no-lens-shift"),
-    "lens shift halved": _told("lens-shift-halved"),
+    "lens shift halved": _told("no-lens-shift"),
     # Where what the whole shift brings into view lies beyond the half of it.
-    "lens shift halved, all beyond": _told("lens-shift-halved no-lens-shift"),
+    "lens shift halved, all beyond": _told("no-lens-shift"),
     "lens shift reversed": _told("lens-shift-reversed"),
     "other lens": _told("other-lens"),
     # A view narrower by a pixel each side is one row too few, and another field of view.
@@ -36,7 +36,7 @@ FAMILIES: dict[str, frozenset[str]] = {
     "near too large": _told("near-larger"),
     "far too near": _told("far-nearer"),
     # The far plane becomes a sphere: nearer than the plane towards the sides.
-    "distance against far": _told("distance-for-far euclidean-depth far-nearer"),
+    "distance against far": _told("euclidean-depth far-nearer"),
     "on a plane": _told("on-the-plane"),
     "rounded coordinates": _told("rounded-coordinates"),
     # So coarsely rounded that the box does not hold the object.

@@ -26,11 +26,11 @@ from tests.causes.drawn import KEPT_BACK
 from tests.causes.families import FAMILIES
 from tests.causes.fault import Fault
 from visref.camera_path import CameraPath
-from visref.engines import TruthEngine
-from visref.engines.exact import ExactEngine
+from visref.engines import TruthEngine, make_engine
 from visref.judging.judge import MissKind
 from visref.judging.outcome import RunOutcome
 from visref.judging.referee import Listener, Referee
+from visref.registry import DEFAULT_ENGINE
 from visref.scene import Scene
 from visref.stopwatch import Stopwatch
 from visref.timeline import Timeline
@@ -107,13 +107,13 @@ class Row:
 
 
 def judge(fault: Fault, causes: Callable[[Scene], Causes] = ByVisref) -> Row:
-    """Judge a fault by the exact truth, and count what is said of each object that it loses."""
+    """Judge a fault, and count what is said of each object that it loses."""
     row = Row(fault.name, fault.family, sorted(fault.accepted))
     with Stopwatch() as watch:
         given = fault.make()
         scene, path = given.scene, given.path
         timeline = Timeline(scene, path.relative_to(scene.origin))
-        run = Run(timeline, path, lambda: ExactEngine(timeline.still))
+        run = Run(timeline, path, lambda: make_engine(DEFAULT_ENGINE, timeline.still))
         asked = causes(scene)
         referee = Referee(scene, run.engine, timeline=timeline)
         outcome = referee.run(path, path.numbers, [(fault.name, given.culler)], [asked.listener])

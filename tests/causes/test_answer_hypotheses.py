@@ -214,6 +214,10 @@ VIEWS = [
 # Another object's answer.
 
 
+AWAY = moved(x=100.0)
+HERE = moved()
+
+
 def neighbours():
     """Of these, by id, 'hidden' is behind the wall and 'out' beside the view. From front to back:
     front, wall, hidden, beyond, last."""
@@ -245,6 +249,22 @@ def namesakes():
     return Stage(case([(n, sheet(view, (x, x + 3), (3, 9), 9.0)) for n, x in places], [view]))
 
 
+def left_out_once():
+    """Of what is in the view in both frames the culler left 'late' and 'again' out in the first,
+    'aside' was out of the view then."""
+    view = plain()
+    objects = [
+        (name, sheet(view, (2 + 7 * i, 6 + 7 * i), (4, 9), 9.0))
+        for i, name in enumerate(("late", "again", "kept", "aside"))
+    ]
+    frames = [
+        Frame((view,), world_from_object={"aside": AWAY}),
+        Frame((view,), world_from_object={"aside": HERE}),
+    ]
+    drawn = {(0, ""): ["kept"], (1, ""): ["kept", "again", "aside"]}
+    return Stage(posed(objects, frames), 1, drawn=drawn)
+
+
 IDS = [
     *claims(
         neighbours,
@@ -253,10 +273,12 @@ IDS = [
         "ids-shifted: -1, what shows; -1, boxes -> wall beyond last",
         "ids-shifted: -1, in the view -> wall last",
         "ids-shifted: in order -> beyond",
+        "ids-shifted: in order, the first lost -> front beyond",
         "ids-wrap: 256; 65536 -> says nothing",
         "same-names: -> says nothing",
     ),
     *claims(many, "ids-wrap: 256 -> dot256 dot257", seen=False),
+    *claims(left_out_once, "first-answer-kept: left out before -> late again"),
     *claims(namesakes, "same-names: -> tree#2 tree#3"),
 ]
 
@@ -271,9 +293,6 @@ def test_ids_of_two_bytes_wrap_at_65536():
 
 
 # Where things stood. All is asked of the last of three frames; `AWAY` is out of the view.
-
-AWAY = moved(x=100.0)
-HERE = moved()
 
 
 def coming_and_going():

@@ -24,6 +24,7 @@ from tests.causes.small import (
     wide,
 )
 from visref.camera import look_at
+from visref.causes.sights import OWN_TOO
 from visref.conformance.building import box, case, panel, pixel_panel, together
 from visref.scene import Alpha
 
@@ -146,7 +147,7 @@ DEPTHS = [
     ),
     *claims(touching, "own-depth: own -> backdrop poster", "own-depth: equal -> poster"),
     *claims(nothing_drawn, "own-depth: samples -> post"),
-    *claims(something_drawn, "own-depth: samples -> says nothing"),
+    *claims(something_drawn, "own-depth: samples -> post"),
 ]
 
 
@@ -304,6 +305,26 @@ def narrow_slit(n):
             [view],
         )
     )
+
+
+def last_tile():
+    """Tiles of 4 end at column 68 and row 64, those of 8, 16, 32 and 64 at 64. 'edge' shows in the
+    last two columns, 'foot' in the last row, 'across' from the middle to the last column."""
+    view = plain(70, 65)
+    return Stage(
+        case(
+            [
+                ("edge", sheet(view, (68, 69), (3, 9), 10.0)),
+                ("foot", sheet(view, (3, 9), (64, 64), 10.0)),
+                ("across", sheet(view, (40, 69), (20, 29), 10.0)),
+            ],
+            [view],
+        )
+    )
+
+
+def whole_tiles():
+    return Stage(case([("sheet", sheet(plain(64, 64), (63, 63), (3, 9), 9.0))], [plain(64, 64)]))
 
 
 def odd_side(n):
@@ -643,7 +664,43 @@ FEW = claims(
     "too-few-samples: 8 owned; 8 passing -> one three seven",
 )
 
-CLAIMS = [*DEPTHS, *SAMPLES, *TEXELS, *CHANGED, *OCCLUDERS, *FEW]
+TILES = [
+    *claims(
+        last_tile,
+        "odd-size-pyramid: tiles of 4; tiles of 8; tiles of 16; tiles of 32; tiles of 64 -> edge foot",
+    ),
+    *claims(whole_tiles, "odd-size-pyramid: tiles of 4; tiles of 32; tiles of 64 -> says nothing"),
+]
+
+
+def plugged():
+    """'plug', from 8 to 12, fills a hole of 4 by 4 pixels in a wall at 9.5, behind which nothing
+    is. Of its rectangle the rim is wall and the rest its own front, at 8: both lie before its
+    middle. Without its own depth one sees through the hole."""
+    view = plain()
+    return Stage(
+        case(
+            [
+                ("wall", sheet(view, (0, 31), (0, 23), 9.5, but=[((5, 8), (5, 8))])),
+                ("plug", block(view, (4.5, 8.5), (4.5, 8.5), (8.0, 12.0))),
+            ],
+            [view],
+        )
+    )
+
+
+OWN = [
+    *claims(
+        plugged,
+        "centre-depth: -> ",
+        "farthest-depth: -> ",
+        f"centre-depth: {OWN_TOO} -> plug",
+        f"farthest-depth: {OWN_TOO} -> plug",
+        f"few-samples: middle{OWN_TOO} -> ",
+    ),
+]
+
+CLAIMS = [*DEPTHS, *SAMPLES, *TEXELS, *TILES, *OWN, *CHANGED, *OCCLUDERS, *FEW]
 UNSEEN = {"sliver", "lid", "screen"}
 
 

@@ -221,6 +221,18 @@ def test_list_is_not_full_otherwise(lengths, why):
     assert dropped(asked, answers, "list-full") is None, why
 
 
+def test_nothing_is_drawn_where_much_shows_and_the_answer_is_empty():
+    asked, answers = listed([[], [0]], 9, missed=[[0], []])
+    assert dropped(asked, answers, "nothing-drawn") == [*range(9)]
+
+
+def test_an_answer_of_something_or_of_little_to_see_is_not_nothing():
+    asked, answers = listed([[0], []], 9, missed=[[1], []])
+    assert dropped(asked, answers, "nothing-drawn") is None
+    asked, answers = listed([[]], 7, missed=[[1]])
+    assert dropped(asked, answers, "nothing-drawn") is None
+
+
 def test_level_that_is_drawn_and_not_there_is_said_of_its_group():
     """Of the groups (0, 1) and (2, 3) one level each is there. Drawn was level 1, which is not."""
     made = case(

@@ -489,6 +489,20 @@ def beams():
     )
 
 
+def moving_beams():
+    """The same, of which 'beam' moved by nothing that one sees, and 'peek' too."""
+    objects = [
+        ("beam", box((15.0, 7.0, -9.0), (23.0, 9.0, -7.0))),
+        ("board", panel((13.0, 31.0), (-9.0, -7.0), -8.0)),
+        ("screen", panel((-8.0, 11.0), (-4.0, 4.0), -10.0)),
+        ("peek", panel((-10.0, 10.0), (-2.0, 2.0), -20.0)),
+    ]
+    still = {name: moved() for name in ("beam", "peek")}
+    aside = {name: moved(x=1.0) for name in ("beam", "peek")}
+    frames = [Frame((plain(),), world_from_object=where) for where in (still, aside)]
+    return Stage(Case(case(objects, [plain()]).scene, CameraPath(frames)))
+
+
 def audited():
     return replace(strewn(plain(), held=(0, 0), not_held=(4, 0)), too_small=("not_held",))
 
@@ -531,9 +545,18 @@ BOUNDS = [
         "bounds-too-small: sphere of least side; sphere of mean side -> beam board",
         "bounds-too-small: sphere to the faces ->",
         "bounds-too-small: centroids -> board",
-        "bounds-too-small: half -> beam board",
+        "bounds-too-small: 0.5 of the sides; 0.25 of the sides -> beam board",
+        # Nothing moves.
+        "bounds-too-small: 0.5 of the sides, of what moves; 0.25 of the sides, of what moves ->",
         "bounds-too-small: centroids, hidden -> board peek",
-        "bounds-too-small: half, hidden -> beam board peek",
+        "bounds-too-small: 0.5 of the sides, hidden; 0.25 of the sides, hidden -> beam board peek",
+    ),
+    *claims(
+        moving_beams,
+        "bounds-too-small: 0.5 of the sides, of what moves -> beam",
+        "bounds-too-small: 0.25 of the sides, of what moves -> beam",
+        "bounds-too-small: 0.5 of the sides, of what moves, hidden -> beam peek",
+        "bounds-too-small: 0.25 of the sides, of what moves, hidden -> beam peek",
     ),
     *claims(audited, "bounds-too-small: found -> not_held"),
     *claims(

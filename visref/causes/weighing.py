@@ -60,7 +60,6 @@ SPECIAL = frozenset(
         "old-occluders",
         "no-lens-shift",
         "lens-shift-reversed",
-        "lens-shift-halved",
         "roll-ignored",
         "first-view-only",
         "other-view",
