@@ -667,7 +667,8 @@ FEW = claims(
 TILES = [
     *claims(
         last_tile,
-        "odd-size-pyramid: tiles of 4; tiles of 8; tiles of 16; tiles of 32; tiles of 64 -> edge foot",
+        "odd-size-pyramid: tiles of 4; tiles of 8; tiles of 16 -> edge foot",
+        "odd-size-pyramid: tiles of 32; tiles of 64 -> edge foot",
     ),
     *claims(whole_tiles, "odd-size-pyramid: tiles of 4; tiles of 32; tiles of 64 -> says nothing"),
 ]
