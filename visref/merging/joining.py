@@ -91,8 +91,13 @@ class Joined:
     ends: dict[str, int] = field(default_factory=dict)
 
 
-def join(parts: Sequence[PartFolder], on_cell: Callable[[Cell], None]) -> Joined:
-    """Go through the verdicts of all parts, in order, and conclude. `on_cell` is told of each."""
+def join(
+    parts: Sequence[PartFolder],
+    on_cell: Callable[[Cell], None],
+    numbers: Sequence[int] | None = None,
+) -> Joined:
+    """Go through the verdicts of all parts, in order, and conclude. `on_cell` is told of each.
+    `numbers`: of the path's frames, where the parts do not say them."""
     policy = _policy(parts)
     records = {
         one.name: CullerRecord(
@@ -120,7 +125,8 @@ def join(parts: Sequence[PartFolder], on_cell: Callable[[Cell], None]) -> Joined
                     joined.names.names.update(one.names)
                 _add_facts(records[one.name], part, one.name)
     facts = _facts(parts, joined)
-    numbers = parts[0].run.manifest.path.numbers
+    if numbers is None:
+        numbers = parts[0].run.manifest.path.numbers
     conclude(joined.outcome, facts, review.accepting, numbers, joined.names)
     mark_unsteady(joined.outcome, _again(parts, joined))
     parts[0].said.inputs.put_first(joined.outcome)
@@ -179,7 +185,7 @@ def _go_through(
     """Review the verdicts of a part. Raises ValueError where its rows do not go together."""
     table = part.run.objects.cast(OBJECTS_SCHEMA)
     _check_rows(part, table)
-    truth = None if part.truth is None else part.truth.recorded()
+    truth = None if part.truth is None else part.truth.recorded
     samples = part.run.manifest.samples
     rows = iter(zip(part.run.frames, part.cells, strict=True))
     following = next(rows, None)

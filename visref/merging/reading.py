@@ -16,7 +16,7 @@ from visref.judging.again import Difference
 from visref.judging.asking import Failure, Step
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.summary import Caster, Facts, Moved
-from visref.picking import Shard
+from visref.picking import Shard, Stretch
 from visref.recordings.truth_file import TruthRows, read_rows
 from visref.run_folder.columns import table_inside
 from visref.run_folder.facts import read_motion
@@ -59,7 +59,7 @@ class CullerPart:
 class Said:
     """`part.json`: see `visref.run_folder.part`."""
 
-    shard: Shard
+    shard: Shard | Stretch
     frames: tuple[int, ...]
     cuts: frozenset[int]
     pictures: tuple[int, ...]
@@ -96,8 +96,9 @@ class PartFolder:
         return InputError(problem, source=str(self.folder / file if file else self.folder), fix=fix)
 
 
-def read_part(folder: Path) -> PartFolder:
-    """Raises InputError where it is no folder of a part, or a file of it is spoilt."""
+def read_part(folder: Path, truth: TruthRows | None = None) -> PartFolder:
+    """`truth`: that of the file that it went by, where it has no copy. Raises InputError where it
+    is no folder of a part, or a file of it is spoilt."""
     run = read_run(folder)
     if not (folder / PART).exists():
         raise InputError("it is a run of its own, not a part", source=str(folder), fix=FIX)
@@ -111,8 +112,7 @@ def read_part(folder: Path) -> PartFolder:
         required=frozenset({"culler", "frame", "settled", "drawn"}),
         most=len(run.frames),
     ).to_pylist()
-    truth = None
-    if (folder / TRUTH).exists():
+    if truth is None and (folder / TRUTH).exists():
         truth = read_rows(file_inside(folder, TRUTH, FIX), run.manifest.scene.objects)
     part = PartFolder(
         folder, run, json_inside(folder, MANIFEST, FIX), said, cells, _units(folder, run), truth
@@ -158,7 +158,8 @@ def _check(part: PartFolder) -> None:
     if own != [(cell["culler"], cell["frame"], cell["view"]) for cell in part.cells]:
         raise part.error("its rows are not those of frames.parquet", PART_CELLS)
     known, judged = set(part.run.manifest.samples), set(part.judged)
-    if not set(part.said.frames) <= known:
+    stretch = isinstance(part.said.shard, Stretch)
+    if not (judged if stretch else set(part.said.frames)) <= known:
         raise part.error("it has frames that the path has not", PART)
     if not {frame for _, frame, _ in own} <= judged:
         raise part.error("it judges frames that are not this part's", PART)
@@ -176,11 +177,10 @@ def _check(part: PartFolder) -> None:
 def _said(top: Fields) -> Said:
     if top.plain().get("format") != PART_FORMAT or top.whole("version") != PART_VERSION:
         raise top.error(f"this is no part's (format {PART_FORMAT}, version {PART_VERSION})")
-    count = top.whole("shards", least=1, most=_MOST_SHARDS)
-    shard = Shard(top.whole("shard", least=1, most=count), count)
     frames = top.whole_list("frames")
     if list(frames) != sorted(set(frames)):
         raise top.error("they do not ascend", "frames")
+    shard = _share(top, len(frames))
     inputs = top.inner("inputs")
     return Said(
         shard,
@@ -223,6 +223,14 @@ def _said(top: Fields) -> Said:
         tuple({spec: _difference(one) for spec, one in time.items()} for time in top.each("again")),
         tuple(_culler(one) for one in top.each("cullers")),
     )
+
+
+def _share(top: Fields, frames: int) -> Shard | Stretch:
+    if top.has("start"):
+        stop = top.whole("stop", least=1, most=frames)
+        return Stretch(top.whole("start", most=stop - 1), stop)
+    count = top.whole("shards", least=1, most=_MOST_SHARDS)
+    return Shard(top.whole("shard", least=1, most=count), count)
 
 
 def _id(text: str, top: Fields) -> int:
