@@ -284,7 +284,10 @@ def _removed(path: Path) -> None:
     """Remove a folder of ours, its lock last."""
     for name in os.listdir(path):
         if name != _LOCK:
-            shutil.rmtree(path / name)
+            if (path / name).is_dir() and not (path / name).is_symlink():
+                shutil.rmtree(path / name)
+            else:
+                (path / name).unlink()
     with suppress(FileNotFoundError):
         (path / _LOCK).unlink()
     path.rmdir()

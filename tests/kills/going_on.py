@@ -92,6 +92,7 @@ class Ends:
         """Give a command, and kill it; each third time it then comes to its end."""
         which = number % len(self._commands)
         process = _forked(self._arguments(which), self._log)
+        assert isinstance(process, int)
         time.sleep(self._seconds[which] * self._random.uniform(0.2, 1.0))
         os.kill(process, signal.SIGKILL)
         killed = _ended(process) < 0

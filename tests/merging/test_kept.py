@@ -10,11 +10,13 @@ from contextlib import contextmanager
 
 import pytest
 
+from tests.cli.test_cli import write_scene
 from tests.merging.scenes import FRAMES, Forgets, cullers, stereo, switched
 from tests.merging.test_merge import POLICIES
 from tests.merging.test_workers import making
 from tests.support.same_bytes import differing
 from visref import beside, kept
+from visref.cli.main import main
 from visref.errors import InputError
 from visref.runs import judge_to_folder, truth_to_file
 from visref.workers import judging_at_once
@@ -306,4 +308,37 @@ def test_a_worker_that_was_killed_loses_its_part_alone(tmp_path):
     with run as under_way:
         assert under_way.before >= 3
         under_way.finish(lambda frame: None)
+    assert differing(tmp_path / "whole", tmp_path / "run") == []
+
+
+def test_the_command_line_says_what_is_kept_and_goes_on(tmp_path, monkeypatch, capsys):
+    scene, path = write_scene(tmp_path, frames=6)
+    drawn = tmp_path / "drawn.jsonl"
+
+    def recorded(frame, last):
+        return json.dumps({"frame": frame, "visible": [0, 1, 2] if frame < 5 else last}) + "\n"
+
+    drawn.write_text("".join(recorded(frame, [0, 2]) for frame in range(6)))
+    command = ["check", scene, "--path", path, "--visible", str(drawn), "--workers", "1",
+               "--threads", "1", "--pictures", "0", "--out"]  # fmt: skip
+    status = main([*command, str(tmp_path / "whole")])
+    capsys.readouterr()
+
+    def interrupted(bar, frame):
+        if frame == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("visref.cli.terminal.Bar.on_frame_done", interrupted)
+        assert main([*command, str(tmp_path / "run")]) == 130
+    said = "interrupted; 2 of 6 frames are kept: the same command goes on"
+    assert said in capsys.readouterr().err
+    before = drawn.read_text()
+    drawn.write_text("".join(recorded(frame, [0]) for frame in range(6)))
+    assert main([*command, str(tmp_path / "run")]) == 2
+    assert "2 frames of another command" in (error := capsys.readouterr().err)
+    assert "its recording file was otherwise" in error
+    drawn.write_text(before)
+    assert main([*command, str(tmp_path / "run")]) == status
+    assert "Goes on after 2 of 6 frames" in capsys.readouterr().out
     assert differing(tmp_path / "whole", tmp_path / "run") == []
