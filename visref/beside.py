@@ -98,16 +98,19 @@ def lasting(folder: Path, *, name: str) -> Iterator[Path | None]:
 
 
 def _entered(path: Path, name: str) -> int | None:
-    """The lock of a folder that lasts, held; None where another process holds it."""
+    """The lock of a folder that lasts, held; None where another process holds it, or there are no
+    locks."""
+    if sys.platform == "win32":
+        return None
     until = time.monotonic() + _LASTING_WAIT_S
     for _ in range(_TRIES):
         with suppress(FileExistsError):
             path.mkdir(mode=0o700)
-        if path.is_symlink() or path.stat().st_uid != os.geteuid():
-            # Where others may write too, the name is no secret.
-            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
         flags = os.O_RDWR | os.O_CREAT | _NO_SURPRISE
         try:
+            if path.is_symlink() or path.stat().st_uid != os.geteuid():
+                # Where others may write too, the name is no secret.
+                raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
             lock = os.open(path / _LOCK, flags, 0o600)
         except FileNotFoundError:
             # Removed meanwhile.

@@ -23,10 +23,14 @@ from tests.cli.test_cli import write_scene
 from tests.kills.kills import _ended, _forked
 from tests.support.same_bytes import differing
 from visref import kept
+from visref.beside import PARTS as KEPT
+from visref.beside import PREFIX
 from visref.cli import check as _imported_before_forks  # noqa: F401
 from visref.culler import Culler, DrawnSet
 
 FRAMES = 8
+# Of what is beside a run folder: one per part that is kept.
+PARTS = f"{PREFIX}*/{KEPT}/*"
 WENT_ON = re.compile("Goes on after ([0-9]+) of")
 
 
@@ -93,13 +97,24 @@ class Ends:
         which = number % len(self._commands)
         process = _forked(self._arguments(which), self._log)
         assert isinstance(process, int)
-        time.sleep(self._seconds[which] * self._random.uniform(0.2, 1.0))
+        self._wait(which, process)
         os.kill(process, signal.SIGKILL)
         killed = _ended(process) < 0
         self.seen["killed" if killed else "had ended"] += 1
         self._count()
         if not killed or self._random.randrange(3) == 0:
             self.end(which)
+
+    def _wait(self, which: int, process: int) -> None:
+        """Until a random moment: so long after so many more parts are kept."""
+        parts = self._outs[which].parent
+        before = len(list(parts.glob(PARTS)))
+        wanted = before + self._random.randrange(FRAMES - before) if before < FRAMES else before
+        while os.waitid(os.P_PID, process, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+            if len(list(parts.glob(PARTS))) >= wanted:
+                break
+            time.sleep(0.001)
+        time.sleep(self._random.uniform(0.0, 2.0) * self._seconds[which] / FRAMES)
 
     def end(self, which: int) -> None:
         """Have a command come to its end, and compare."""
