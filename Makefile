@@ -51,6 +51,7 @@ test-fast: warm
 soak: setup
 	$(BIN)/python -u -m tests.fuzz_verdicts
 	$(BIN)/python -u -m tests.kills
+	$(BIN)/python -u -m tests.kills going-on
 	VISREF_WHOLE=1 $(BIN)/python -m pytest -q -n auto --dist worksteal tests/mutants \
 	  tests/conformance tests/culling/test_plp.py \
 	  -k "conforms or passes_the_cases_as_files or passes_every_check or convicted_by_its_name"

@@ -84,8 +84,8 @@ def pytest_collection_finish() -> None:
         name: jsonschema.Draft202012Validator(schema(name)) for name in ("verdict", "manifest")
     }
 
-    def finish_and_check(self: Any, outcome: Any) -> None:
-        finish(self, outcome)
+    def finish_and_check(self: Any, outcome: Any, part: Any = None) -> None:
+        finish(self, outcome, part)
         for name, validator in validators.items():
             validator.validate(json.loads((self._folder / f"{name}.json").read_text()))
 

@@ -8,12 +8,15 @@ made it lives: what a killed one left is known by its free lock, and the next ru
     written     what is being written
     replaced    what was moved away from the target, where two names cannot be exchanged at once
     moving      what is on its way into a target that can be neither renamed nor removed
+    parts       what was finished on the way, of a folder that lasts: who writes to the same target
+                the next time goes on with it
 """
 
 from __future__ import annotations
 
 import ctypes
 import errno
+import hashlib
 import json
 import os
 import re
@@ -32,6 +35,7 @@ if sys.platform != "win32":
 
 PREFIX = ".visref-unfinished-"
 WRITTEN = "written"
+PARTS = "parts"
 _REPLACED, _MOVING, _LOCK = "replaced", "moving", "lock"
 _NAME = re.compile(re.escape(PREFIX) + "[0-9a-f]{16}")
 _MARK = '{"visref": "unfinished", '
@@ -42,6 +46,8 @@ _NO_SURPRISE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 # Another run is between two renames of one folder; it needs milliseconds.
 _WAIT_S = 30.0
+# The workers of a run that was killed hold its lock until the system has ended them too.
+_LASTING_WAIT_S = 1.0
 # Of runs that take turns at one target, each try that fails is another run's success.
 _TRIES = 1000
 _OCCUPIED = (errno.ENOTEMPTY, errno.EEXIST)
@@ -69,6 +75,74 @@ def beside(folder: Path, *, name: str, marker: str = "") -> Iterator[Path]:
         with suppress(OSError):
             _settle(path, name, marker)
         os.close(lock)
+
+
+@contextmanager
+def lasting(folder: Path, *, name: str) -> Iterator[Path | None]:
+    """A folder of ours in `folder` for the target `name`, the same each time, with `PARTS` in it;
+    None while another process has it. When the block ends it stays if there is anything in those.
+    Raises OSError."""
+    path = folder / f"{PREFIX}{hashlib.sha256(os.fsencode(name)).hexdigest()[:16]}"
+    lock = _entered(path, name)
+    if lock is None:
+        yield None
+        return
+    try:
+        (path / PARTS).mkdir(exist_ok=True)
+        yield path
+    finally:
+        with suppress(OSError):
+            if not _lasts(path):
+                _removed(path)
+        os.close(lock)
+
+
+def _entered(path: Path, name: str) -> int | None:
+    """The lock of a folder that lasts, held; None where another process holds it, or there are no
+    locks."""
+    if sys.platform == "win32":
+        return None
+    until = time.monotonic() + _LASTING_WAIT_S
+    for _ in range(_TRIES):
+        with suppress(FileExistsError):
+            path.mkdir(mode=0o700)
+        flags = os.O_RDWR | os.O_CREAT | _NO_SURPRISE
+        try:
+            if path.is_symlink() or path.stat().st_uid != os.geteuid():
+                # Where others may write too, the name is no secret.
+                raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
+            lock = os.open(path / _LOCK, flags, 0o600)
+        except FileNotFoundError:
+            # Removed meanwhile.
+            continue
+        try:
+            if _locked(lock) is True and os.path.samestat(os.fstat(lock), os.stat(path / _LOCK)):
+                facts = _facts(os.read(lock, _MARK_BYTES))
+                if facts is None:
+                    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+                if not facts:
+                    os.ftruncate(lock, 0)
+                    mark = json.dumps({"name": name, "marker": "", "lasts": True})
+                    os.pwrite(lock, (_MARK + mark[1:]).encode(), 0)
+                return lock
+        except FileNotFoundError:
+            pass
+        except BaseException:
+            os.close(lock)
+            raise
+        os.close(lock)
+        if time.monotonic() > until:
+            return None
+        time.sleep(0.01)
+    return None
+
+
+def _lasts(path: Path) -> bool:
+    """Whether anything was finished in a folder that lasts."""
+    try:
+        return bool(os.listdir(path / PARTS))
+    except FileNotFoundError:
+        return False
 
 
 def _made(folder: Path, facts: str) -> tuple[Path, int]:
@@ -179,7 +253,10 @@ def _sweep_one(path: Path) -> None:
         facts = _facts(os.read(lock, _MARK_BYTES))
         if facts is None:
             return
-        if facts:
+        if facts and facts.get("lasts"):
+            if not _lasts(path):
+                _removed(path)
+        elif facts:
             _settle(path, str(facts["name"]), str(facts["marker"]))
         elif os.listdir(path) == [_LOCK]:
             _removed(path)
@@ -210,7 +287,10 @@ def _removed(path: Path) -> None:
     """Remove a folder of ours, its lock last."""
     for name in os.listdir(path):
         if name != _LOCK:
-            shutil.rmtree(path / name)
+            if (path / name).is_dir() and not (path / name).is_symlink():
+                shutil.rmtree(path / name)
+            else:
+                (path / name).unlink()
     with suppress(FileNotFoundError):
         (path / _LOCK).unlink()
     path.rmdir()

@@ -140,9 +140,7 @@ def replacing_folder(path: Path | str, *, kind: FolderKind) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         beside.sweep(target.parent)
         beside.sweep(target)
-        stays = target.is_dir() and (
-            os.path.ismount(target) or not os.access(target.parent, os.W_OK)
-        )
+        stays = _stays(target)
         # Another run may be moving its files in.
         with beside.alone_in(target) if stays else nullcontext():
             beside.steady(target, check_shared if stays else check)
@@ -165,6 +163,29 @@ def replacing_folder(path: Path | str, *, kind: FolderKind) -> Iterator[Path]:
                     raise
                 _put_into(folder / beside.WRITTEN, target, check_shared, kind.marker)
             beside.names_on_disk(target.parent)
+
+
+def _stays(target: Path) -> bool:
+    """Whether a folder can be neither renamed nor removed: what is for it is written into it."""
+    return target.is_dir() and (os.path.ismount(target) or not os.access(target.parent, os.W_OK))
+
+
+@contextmanager
+def lasting_beside(path: Path | str) -> Iterator[Path | None]:
+    """Yields a folder beside `path`, the same each time, that stays where its folder `parts` holds
+    anything at the end; None where there can be none, or while another process has it."""
+    with ExitStack() as closing:
+        found = None
+        try:
+            target = _place(path)
+            stays = _stays(target)
+            folder = target if stays else target.parent
+            folder.mkdir(parents=True, exist_ok=True)
+            found = closing.enter_context(beside.lasting(folder, name=target.name))
+        except (OSError, InputError):
+            # Who writes to it says what is wrong.
+            found = None
+        yield found
 
 
 def _put_into(written: Path, target: Path, check: beside.Check, marker: str) -> None:

@@ -5,6 +5,7 @@ A copy tells of its progress, and of how it ended, over a pipe. Where one fails,
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import selectors
@@ -34,8 +35,10 @@ class Copies:
         reading, writing = os.pipe()
         sys.stdout.flush()
         sys.stderr.flush()
+        parent = os.getpid()
         child = os.fork()
         if child == 0:
+            _end_with(parent)
             os.close(reading)
             for other in self._pids:
                 os.close(other)
@@ -103,6 +106,15 @@ def _understood(said: dict[str, Any], on_told: Callable[[Any], None]) -> bool:
     elif "fault" in said:
         raise RuntimeError(f"in a worker:\n{said['fault']}")
     return "ended" in said
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent ends, however that does, where the system can."""
+    if sys.platform == "linux":
+        PR_SET_PDEATHSIG = 1
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != parent:
+            os._exit(1)
 
 
 def _run(work: Work, writing: int) -> None:

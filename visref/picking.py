@@ -22,8 +22,44 @@ class Shard:
         start, stop = (len(frames) * n // self.count for n in (self.number - 1, self.number))
         return frames[start:stop]
 
+    @property
+    def begins(self) -> bool:
+        """Whether no frame of the run is before it."""
+        return self.number == 1
+
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A contiguous part of a run: its frames from the place `start`, from 0, to before `stop`."""
+
+    start: int
+    stop: int
+
+    def of(self, frames: Sequence[int]) -> Sequence[int]:
+        """The frames of this part."""
+        return frames[self.start : self.stop]
+
+    @property
+    def begins(self) -> bool:
+        """Whether no frame of the run is before it."""
+        return self.start == 0
+
+    def __str__(self) -> str:
+        return f"{self.start}:{self.stop}"
+
+
+def stretches(places: Sequence[int]) -> list[Stretch]:
+    """The fewest stretches that these places make, ascending and each once."""
+    found: list[Stretch] = []
+    for place in places:
+        if found and found[-1].stop == place:
+            found[-1] = Stretch(found[-1].start, place + 1)
+        else:
+            found.append(Stretch(place, place + 1))
+    return found
 
 
 def evenly_picked(count: int, at_most: int) -> NDArray[np.int64]:

@@ -6,58 +6,38 @@ line and for Python alike.
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from itertools import pairwise
-from math import gcd
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.alignment import misaligned
 from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
 from visref.causes.evidence import Evidence
-from visref.causes.search import find_causes
 from visref.culler import Culler
-from visref.engines import TruthEngine, check_engine, make_engine
+from visref.engines import TruthEngine, make_engine
 from visref.engines.rays import RayEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.files import refuse_inputs, replacing_file, replacing_folder
 from visref.findings import Finding
 from visref.inputs import Inputs, open_inputs
-from visref.judging.again import Answers, Difference, ask, mark_unsteady
-from visref.judging.asking import Job, Panel
+from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
-from visref.judging.referee import ImageCheck, JudgedFrame, Listener, Referee
+from visref.judging.referee import JudgedFrame, Listener, Referee
 from visref.merging import merge_into
 from visref.merging.joining import Cell, Joined
-from visref.picking import Shard, evenly_picked
-from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, path_digest, read_truth
-from visref.recordings.visible_sets import Replay
-from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.layout import PART, RUN_FOLDER, TRUTH
-from visref.run_folder.part import InputFindings, Part, PartKeeper
+from visref.picking import Shard
+from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, path_digest
+from visref.run_folder.layout import RUN_FOLDER
 from visref.run_folder.read import read_run
-from visref.run_folder.write import RunWriter, write_json
+from visref.shares import Asked, judge_share, name_the_causes
+from visref.shares import MakingAnew as MakingAnew
+from visref.shares import Misaligned as Misaligned
 from visref.visibility import FrameTruth, ObjectVisibility
-
-# Makes the cullers of a run anew, with the same names; they live until the block ends.
-MakingAnew = Callable[[], AbstractContextManager[Sequence[tuple[str, Culler]]]]
-
-
-class Misaligned(StrEnum):
-    """What becomes of the status of a recording that fits another input: it stays, or nothing is
-    concluded from it. It stays in any case where an engine may err that way by itself."""
-
-    KEEP = "keep"
-    INCONCLUSIVE = "inconclusive"
 
 
 def judge_to_folder(
@@ -89,96 +69,26 @@ def judge_to_folder(
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
     an engine cannot start.
     """
-    if pictures < 0:
-        raise InputError(f"--pictures is {pictures}", fix="give 0 or more")
-    if repeat < 1 or (repeat > 1 and anew is None):
-        raise InputError(f"--repeat is {repeat}", fix="give 1 or more, and a way to make cullers")
-    scene, frames = inputs.scene, inputs.frames
-    part = None
-    if shard is not None:
-        part = Part(shard, tuple(frames), 0 if policy is None else policy.latency_frames)
-        if not part.judged:
-            raise InputError(
-                f"--shard {shard} has no frame: the run has {len(frames)}", fix="give fewer shards"
-            )
+    source = None if truth is None else Path(truth)
+    asked = Asked(source, pictures, image_check, if_misaligned, policy, repeat, anew)
+    if shard is not None and not shard.of(inputs.frames):
+        raise InputError(
+            f"--shard {shard} has no frame: the run has {len(inputs.frames)}",
+            fix="give fewer shards",
+        )
     refuse_inputs(out, [*inputs.files, truth, policy.source if policy is not None else None])
-    recorded = None
-    if truth is not None:
-        truth = Path(truth)
-        recorded = read_truth(truth, scene, inputs.path, frames)
-        inputs = _of_the_same_engine(inputs, recorded.engine, truth)
-    with replacing_folder(out, kind=RUN_FOLDER) as folder, ExitStack() as closing:
-        checker = None
-        if image_check:
-            # Any engine that redraws and compares pictures would do.
-            checker = make_engine("gl", inputs.timeline.still)
-            closing.callback(checker.close)
-        planned = [frames[i] for i in evenly_picked(len(frames), pictures)]
-        writer = RunWriter(
-            folder,
-            scene,
-            inputs.path,
-            timeline=inputs.timeline,
-            engine=inputs.engine,
-            exact=recorded.exact if recorded is not None else None,
-            settings={
-                **inputs.settings,
-                "frames": _slice(frames),
-                **({"repeat": repeat} if repeat > 1 else {}),
-                **({} if if_misaligned is Misaligned.KEEP else {"if_misaligned": if_misaligned}),
-                **({} if shard is None else {"shard": str(shard)}),
-            },
-            policy=policy,
-            picture_frames=planned,
-            part=part,
-        )
-        keeper = None if part is None else PartKeeper(folder, part, scene, inputs.path)
-        referee = Referee(
-            scene,
-            inputs.make_engine,
-            threads=inputs.threads,
-            recorded=recorded,
-            image_check=cast(ImageCheck | None, checker),
-            examine=True,
-            keeps_superfluous=False,  # the folder has them
-            timeline=inputs.timeline,
-            policy=policy or Policy(),
-        )
-        answers = Answers()
-        kept: list[Listener] = [answers] if repeat > 1 else []
-        if keeper is not None:
-            kept.append(keeper)
-        evidence = Evidence()
-        if shard is None:
-            kept.append(evidence)
-        outcome = referee.run(
-            inputs.path, frames, cullers, [writer, *kept, *listeners], shard=shard
-        )
-        again = []
-        for _ in range(repeat - 1):
-            assert anew is not None
-            again.append(_asked_again(inputs, anew, answers, outcome, shard))
-        mark_unsteady(outcome, again)
-        of_inputs = _of_the_input(inputs, cullers, if_misaligned)
-        of_inputs.notes += inputs.notes
-        of_inputs.recorded += recorded.findings if recorded else ()
-        of_inputs.put_first(outcome)
-        name_the_causes(inputs, evidence, outcome)
-        writer.finish(outcome)
-        if keeper is not None:
-            said = keeper.finish(
-                outcome, referee.facts, of_inputs, again,
-                pictures=planned, moved=writer.moved, truth=truth is not None,
-            )  # fmt: skip
-            write_json(folder / PART, said)
-        if truth is not None:
-            shutil.copyfile(truth, folder / TRUTH)
+    with replacing_folder(out, kind=RUN_FOLDER) as folder:
+        outcome = judge_share(inputs, cullers, folder, asked, share=shard, listeners=listeners)
+    assert outcome is not None
     return outcome
 
 
-def merge_naming(folder: Path, parts: Sequence[Path], inputs: Inputs) -> RunOutcome:
+def merge_naming(
+    folder: Path, parts: Sequence[Path], inputs: Inputs, truth: Path | None = None
+) -> RunOutcome:
     """The whole of a run's parts, in a folder that is there and empty, with the causes of what was
-    missed, for which its `inputs` are needed. Raises what `visref.merging.merge_runs` does."""
+    missed, for which its `inputs` are needed. `truth`: the file that they went by, where they are
+    stretches. Raises what `visref.merging.merge_runs` does."""
     evidence = Evidence()
 
     def on_cell(cell: Cell) -> None:
@@ -188,7 +98,7 @@ def merge_naming(folder: Path, parts: Sequence[Path], inputs: Inputs) -> RunOutc
     def after(joined: Joined) -> None:
         name_the_causes(inputs, evidence, joined.outcome)
 
-    return merge_into(folder, parts, on_cell=on_cell, after=after)
+    return merge_into(folder, parts, path=inputs.path, truth=truth, on_cell=on_cell, after=after)
 
 
 def merge_with_scene(parts: Sequence[Path], out: Path, scene: str, path: str | None) -> RunOutcome:
@@ -220,80 +130,6 @@ def merge_with_scene(parts: Sequence[Path], out: Path, scene: str, path: str | N
     refuse_inputs(out, [*parts, *inputs.files])
     with replacing_folder(out, kind=RUN_FOLDER) as folder:
         return merge_naming(folder, parts, replace(inputs, frames=frames_of_run))
-
-
-def name_the_causes(inputs: Inputs, evidence: Evidence, outcome: RunOutcome) -> None:
-    """Say why things were missed (`visref.causes`), in the outcome's records."""
-    find_causes(
-        evidence,
-        outcome.cullers,
-        inputs.timeline,
-        inputs.path,
-        inputs.frames,
-        inputs.make_engine,
-    )
-
-
-def _asked_again(
-    inputs: Inputs,
-    anew: MakingAnew,
-    answers: Answers,
-    outcome: RunOutcome,
-    shard: Shard | None,
-) -> dict[str, Difference]:
-    """Hold the answers of the run against those of cullers that are made anew, by name."""
-    frames = inputs.frames
-    judged = frames if shard is None else shard.of(frames)
-    with anew() as cullers:
-        panel = Panel(cullers, inputs.timeline, outcome.policy)
-        path = inputs.path.relative_to(inputs.scene.origin)
-        again = ask(panel, path, frames, judged)
-    return {
-        record.spec: Difference.between(answers, again, record, asked)
-        for record, asked in zip(outcome.cullers, panel.records, strict=True)
-    }
-
-
-def _of_the_input(
-    inputs: Inputs, cullers: Sequence[tuple[str, Culler]], if_misaligned: Misaligned
-) -> InputFindings:
-    """What is said of recordings that fit another input."""
-    found = InputFindings()
-    for name, culler in cullers:
-        if not isinstance(culler, Replay):
-            continue
-        finding, by_input_alone = misaligned(
-            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads
-        )
-        if finding is None:
-            continue
-        found.misaligned.append(finding)
-        if by_input_alone and if_misaligned is Misaligned.INCONCLUSIVE:
-            found.excused.append(name)
-    return found
-
-
-def _slice(frames: Sequence[int]) -> list[int]:
-    """Start, stop and step of the slice that picks these frames, of those that there are."""
-    if isinstance(frames, range):
-        return [frames.start, frames.stop, frames.step]
-    return [frames[0], frames[-1] + 1, gcd(*(b - a for a, b in pairwise(frames))) or 1]
-
-
-def _of_the_same_engine(inputs: Inputs, engine: str, truth: Path) -> Inputs:
-    """Inputs that cast with the engine of a truth file. What that truth says was missed, another
-    engine might not see at all."""
-    if inputs.engine not in (engine, DEFAULT_ENGINE):
-        raise InputError(
-            f"it was cast by '{engine}', not '{inputs.engine}'",
-            source=str(truth),
-            fix="leave --engine out, or cast the truth again",
-        )
-    try:
-        check_engine(engine)
-    except InputError as error:
-        raise error.at(source=str(truth)) from error
-    return replace(inputs, engine=engine)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,19 @@
-"""A run on several cores: processes that judge a part of the frames each, and one run folder.
+"""A run on several cores, or in several goes: processes that judge a part of the frames each, and
+one run folder.
 
-Workers are copies of this process, which share the scene with it. Each judges its part as a shard
-(`visref.runs`), and what they leave is merged (`visref.merging`): the bytes are those of one.
+Workers are copies of this process, which share the scene with it. Each judges a part of the frames
+(`visref.shares`) and keeps it as it goes (`visref.kept`), and what they leave is merged
+(`visref.merging`): the bytes are those of one. A run that ended in between goes on with what it
+kept.
 """
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +25,13 @@ from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.referee import JudgedFrame, Listener
+from visref.kept import Kept, keeping
 from visref.memory import SAMPLE_BYTES, TRIANGLE_BYTES, default_budget
-from visref.picking import Shard
+from visref.picking import Shard, Stretch, stretches
+from visref.recordings.truth_file import can_be_merged, read_rows
 from visref.run_folder.layout import RUN_FOLDER
-from visref.runs import MakingAnew, judge_to_folder, merge_naming
+from visref.runs import merge_naming
+from visref.shares import Asked, MakingAnew, judge_share
 from visref.threads import available_threads
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -52,8 +59,27 @@ def default_workers(inputs: Inputs) -> int:
     return max(1, min(available_threads(), len(inputs.frames) // LEAST_FRAMES, by_memory))
 
 
-# Waits for the workers, and is told of each frame that is judged, in whatever order.
-Finishing = Callable[[Callable[[int], None]], RunOutcome]
+@dataclass(frozen=True, eq=False)
+class Going:
+    """A run that is under way. `before`: how many of its `frames` were finished earlier, by the
+    same command; `spoilt`: what was wrong with others, which are judged again; `finish` waits for
+    the rest, and is told of each frame that is judged, in whatever order."""
+
+    frames: int
+    before: int
+    spoilt: Sequence[str]
+    finish: Callable[[Callable[[int], None]], RunOutcome]
+    kept: Kept
+
+    def __call__(self, on_frame: Callable[[int], None]) -> RunOutcome:
+        return self.finish(on_frame)
+
+    @property
+    def finished(self) -> int:
+        """How many frames are kept by now, whatever happens."""
+        if math.isinf(self.kept.seconds):
+            return 0
+        return sum(stretch.stop - stretch.start for stretch, _ in self.kept.finished())
 
 
 @contextmanager
@@ -65,53 +91,105 @@ def judging_at_once(
     workers: int,
     truth: Path | str | None = None,
     policy: Policy | None = None,
+    command: Mapping[str, str] | None = None,
     **given: Any,
-) -> Iterator[Finishing]:
+) -> Iterator[Going]:
     """`visref.runs.judge_to_folder` by so many workers, which are at work while the block lasts;
     what it yields waits for them and gives the outcome. To be entered before this process has
     threads of its own. `anew` makes each worker's cullers, in it; `given`: what else
-    `judge_to_folder` takes.
+    `judge_to_folder` takes. `command`: what determines the result, by name; where it is given, what
+    is finished is kept on the way, and the same command goes on with it.
 
-    Raises what that raises; RuntimeError where a worker broke down.
+    Raises what that raises; InputError where another command's parts are kept for `out`;
+    RuntimeError where a worker broke down.
     """
     if not 1 <= workers <= len(inputs.frames):
         raise InputError(
             f"--workers is {workers}", fix=f"give 1 to the number of frames, {len(inputs.frames)}"
         )
-    if not hasattr(os, "fork"):
+    if workers > 1 and not hasattr(os, "fork"):
         raise InputError("--workers: this system cannot copy a process", fix="leave it out")
     refuse_inputs(out, [*inputs.files, truth, policy.source if policy is not None else None])
+    source = None if truth is None else Path(truth)
+    asked = Asked(truth=source, policy=policy, anew=anew, **given)
+    with ExitStack() as closing:
+        lasting = None
+        if command is not None:
+            lasting = closing.enter_context(keeping(out, command))
+        with replacing_folder(out, kind=RUN_FOLDER) as folder:
+            kept = lasting
+            if kept is None:
+                # Beside it, and gone with it.
+                kept = Kept(folder.parent, "", math.inf)
+            with _at_work(inputs, anew, asked, folder, kept, workers) as going:
+                yield going
+        if lasting is not None:
+            lasting.remove()
+
+
+@contextmanager
+def _at_work(
+    inputs: Inputs, anew: MakingAnew, asked: Asked, folder: Path, kept: Kept, workers: int
+) -> Iterator[Going]:
+    frames = inputs.frames
+    rows = None
+    if asked.truth is not None and not can_be_merged(asked.truth):
+        # It is read as far as one worker reads it, and parts by it could not be merged.
+        workers, kept.seconds = 1, math.inf
+    elif asked.truth is not None and kept.finished():
+        rows = read_rows(asked.truth)
+    finished = kept.sound(frames, rows)
+    done = {place for stretch in finished for place in range(stretch.start, stretch.stop)}
+    left = [place for place in range(len(frames)) if place not in done]
+    workers = min(workers, len(left))
+    pieces = [stretches(Shard(number, workers).of(left)) for number in range(1, workers + 1)]
+
+    def merged() -> RunOutcome:
+        folder.mkdir(exist_ok=True)
+        return merge_naming(folder, [path for _, path in kept.finished()], inputs, asked.truth)
+
+    def going(finish: Callable[[Callable[[int], None]], RunOutcome]) -> Going:
+        return Going(len(frames), len(done), kept.spoilt, finish, kept)
+
+    if workers <= 1:
+        with ExitStack() as closing:
+            ready = [closing.enter_context(anew())] if left else []
+
+            def alone(on_frame: Callable[[int], None]) -> RunOutcome:
+                for stretch in pieces[0] if pieces else []:
+                    cullers = ready.pop() if ready else closing.enter_context(anew())
+                    whole = judge_share(
+                        inputs, cullers, None if done else folder, asked, share=stretch,
+                        parts=kept, listeners=[_Telling(on_frame)],
+                    )  # fmt: skip
+                    if whole is not None:
+                        return whole
+                return merged()
+
+            yield going(alone)
+        return
     threads = max(1, (inputs.threads or available_threads()) // workers)
-    with replacing_folder(out, kind=RUN_FOLDER) as folder:
-        # Beside it, and gone with it.
-        parts = [folder.parent / f"part-{number}" for number in range(1, workers + 1)]
 
-        def piece(number: int) -> Work:
-            def work(tell: Tell) -> None:
-                # Mesa's rasteriser takes all cores, where nobody says otherwise.
-                os.environ.setdefault("LP_NUM_THREADS", str(threads))
+    def work_on(piece: Sequence[Stretch]) -> Work:
+        def work(tell: Tell) -> None:
+            # Mesa's rasteriser takes all cores, where nobody says otherwise.
+            os.environ.setdefault("LP_NUM_THREADS", str(threads))
+            for stretch in piece:
                 with anew() as cullers:
-                    judge_to_folder(
-                        replace(inputs, threads=threads),
-                        cullers,
-                        parts[number - 1],
-                        truth=truth,
-                        policy=policy,
-                        anew=anew,
-                        shard=Shard(number, workers),
-                        listeners=[_Telling(tell)],
-                        **given,
-                    )
+                    judge_share(
+                        replace(inputs, threads=threads), cullers, None, asked, share=stretch,
+                        parts=kept, listeners=[_Telling(tell)],
+                    )  # fmt: skip
 
-            return work
+        return work
 
-        with at_work([piece(number) for number in range(1, workers + 1)]) as copies:
+    with at_work([work_on(piece) for piece in pieces]) as copies:
 
-            def finish(on_frame: Callable[[int], None]) -> RunOutcome:
-                copies.wait(on_frame)
-                return merge_naming(folder, parts, inputs)
+        def wait(on_frame: Callable[[int], None]) -> RunOutcome:
+            copies.wait(on_frame)
+            return merged()
 
-            yield finish
+        yield going(wait)
 
 
 class _Telling(Listener):

@@ -15,6 +15,7 @@ from visref.cli.arguments import (
     policy_of,
     recorded_inputs_of,
 )
+from visref.cli.command_facts import facts_of
 from visref.cli.judged import judge
 from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
@@ -102,6 +103,19 @@ def run(given: argparse.Namespace) -> Exit:
         anew,
         policy=policy,
         if_misaligned=Misaligned(given.if_misaligned),
+        command=facts_of(
+            given,
+            inputs,
+            policy,
+            files={"truth": given.truth, "recording": file},
+            options={
+                "pictures": given.pictures,
+                "name of the recording": file.name,
+                "promise": given.promise,
+                "raster": tolerance,
+                "misaligned": given.if_misaligned,
+            },
+        ),
     )
     if given.write_waivers is not None:
         _write_waivers(given.write_waivers, outcome, inputs.scene)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from visref.beside import steady
 from visref.cli.arguments import shard_of
-from visref.cli.terminal import OUT, frame_bar
+from visref.cli.terminal import ERRORS, OUT, frame_bar
 from visref.errors import InputError
 from visref.findings import Code, Finding, fails_run
 from visref.inputs import Inputs
@@ -24,7 +26,8 @@ from visref.report.misses import why_lines
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
-from visref.workers import default_workers, judging_at_once
+from visref.wording import counted
+from visref.workers import Going, default_workers, judging_at_once
 
 FINDINGS_SHOWN = 10
 
@@ -39,9 +42,11 @@ def judge(
     repeat: int = 1,
     if_misaligned: Misaligned = Misaligned.KEEP,
     alone: str = "",
+    command: Mapping[str, str],
 ) -> RunOutcome:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours. `anew`
-    makes the cullers; `alone`: why one worker must judge them, empty where it need not."""
+    makes the cullers; `alone`: why one worker must judge them, empty where it need not. `command`:
+    what determines the result, by name."""
     shard = shard_of(given)
     workers = _workers(given, inputs, alone or ("--shard" if shard is not None else ""))
     judged = inputs.frames if shard is None else shard.of(inputs.frames)
@@ -55,11 +60,19 @@ def judge(
     }
     with ExitStack() as closing:
         # Before the display, which has a thread: workers are copies of this process.
-        if workers > 1:
-            at_once = judging_at_once(inputs, anew, given.out, workers=workers, **options)
-            finish = closing.enter_context(at_once)
-            bar = closing.enter_context(frame_bar(len(judged)))
-            outcome = finish(bar.on_frame_done)
+        if shard is None:
+            going = closing.enter_context(
+                judging_at_once(
+                    inputs, anew, given.out, workers=workers, command=command, **options
+                )
+            )
+            _say_before(going)
+            bar = closing.enter_context(frame_bar(going.frames - going.before))
+            try:
+                outcome = going.finish(bar.on_frame_done)
+            except BaseException:
+                _say_kept(given, going)
+                raise
         else:
             cullers = closing.enter_context(anew())
             bar = closing.enter_context(frame_bar(len(judged)))
@@ -68,6 +81,23 @@ def judge(
             )
     print_run(given.out, outcome)
     return outcome
+
+
+def _say_before(going: Going) -> None:
+    for line in going.spoilt:
+        ERRORS.line(f"{line}; its frames are judged again")
+    if going.before:
+        OUT.line(f"Goes on after {going.before:,} of {counted(going.frames, 'frame')}")
+
+
+def _say_kept(given: argparse.Namespace, going: Going) -> None:
+    """What is there to go on with, though the run ended before its time."""
+    if kept := going.finished:
+        said = f"{kept:,} of {counted(going.frames, 'frame')} are kept: the same command goes on"
+        if isinstance(sys.exception(), KeyboardInterrupt):
+            given.interrupted = said
+        else:
+            ERRORS.line(said)
 
 
 def _workers(given: argparse.Namespace, inputs: Inputs, alone: str) -> int:

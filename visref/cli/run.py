@@ -13,6 +13,7 @@ from visref.cli.arguments import (
     memory_of,
     policy_of,
 )
+from visref.cli.command_facts import facts_of
 from visref.cli.commands import (
     add_command_arguments,
     add_time_limit,
@@ -106,4 +107,18 @@ def run(given: argparse.Namespace) -> Exit:
         image_check=given.image_check,
         repeat=given.repeat,
         alone=alone,
+        command=facts_of(
+            given,
+            inputs,
+            policy,
+            cullers=specs,
+            programs=given.programs or (),
+            files={"truth": given.truth},
+            options={
+                "pictures": given.pictures,
+                "image check": given.image_check,
+                "repeat": given.repeat,
+                "in process": given.in_process,
+            },
+        ),
     ).exit

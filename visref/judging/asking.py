@@ -223,6 +223,16 @@ class Panel:
         except BaseException as error:  # a plug-in may raise anything; the others go on
             self.fail(record, step, frame, error)
 
+    def forget(self) -> None:
+        """Begin the records anew: what was found so far is kept elsewhere. Who failed is not asked
+        again."""
+        self.failures = []
+        for record in self.records:
+            record.frames, record.too_small, record.ignored = [], [], {}
+            record.raster, record.misaligned = None, False
+        for job in self.jobs:
+            job.audit.found = {}
+
     def close(self) -> None:
         """Let all go."""
         for (_, culler), record in zip(self._cullers, self.records, strict=True):

@@ -36,7 +36,7 @@ from visref.judging.review import Review
 from visref.judging.rounding import greatest_move
 from visref.judging.settle import settle
 from visref.judging.summary import Caster, Facts, Moved, conclude, examined
-from visref.picking import Shard
+from visref.picking import Shard, Stretch
 from visref.recordings.truth_file import RecordedTruth
 from visref.scene import Int32, Scene
 from visref.stopwatch import Stopwatch
@@ -68,6 +68,18 @@ class Listener(Protocol):
 
     def on_frame_done(self, frame: int) -> None:
         """All cullers are through with this frame."""
+        ...
+
+
+class Parting(Protocol):
+    """Takes what a run found so far, so that it need not be held until the end."""
+
+    def due(self, frame: int) -> bool:
+        """Whether what was found up to this frame, which is through, is to be taken now."""
+        ...
+
+    def take(self, outcome: RunOutcome, frame: int) -> None:
+        """What was found since the last time; its records are emptied once this returns."""
         ...
 
 
@@ -117,7 +129,8 @@ class Sitting:
         # By frame, by how many pixels rounding moved a vertex that is seen, whose triangle it is,
         # and for which cullers that frame was cast: nobody where it was for the truth itself.
         self.moved: dict[int, Moved] = {}
-        self._posed = self.timeline.still
+        # Whom everybody met last; None where somebody has met another since.
+        self._posed: Scene | None = self.timeline.still
 
     def frame(
         self, frame: int, jobs: Sequence[Job], on_truth: OnTruth, on_verdict: OnVerdict,
@@ -161,6 +174,7 @@ class Sitting:
         last = self.timeline.at(frames[-1])
         if last is not self.panel.scene:
             self.caster.pose(last)
+            self._posed = None
         return examined(self.caster, scene, self.path, frames, self.threads)
 
     def _pose(self, frame: int) -> None:
@@ -338,10 +352,12 @@ class Referee:
         cullers: Sequence[tuple[str, Culler]],
         listeners: Sequence[Listener] = (),
         *,
-        shard: Shard | None = None,
+        shard: Shard | Stretch | None = None,
+        parting: Parting | None = None,
     ) -> RunOutcome:
         """Judge every culler on these frames of the path, in order; of a `shard`, in its frames
-        alone, as the whole run would judge them. What was found beside verdicts is in `facts`."""
+        alone, as the whole run would judge them. What was found beside verdicts is in `facts`.
+        What `parting` took is in neither."""
         path = path.relative_to(self.scene.origin)
         frames = list(frames)
         judged = frames if shard is None else shard.of(frames)
@@ -350,9 +366,29 @@ class Referee:
         sitting = Sitting(
             path, timeline, panel, self.engine, self.threads, self.recorded, self.image_check
         )
-        outcome = RunOutcome(panel.records, policy=self.policy)
         review = Review(self.policy, self.scene)
-        self.facts = facts = Facts(failures=panel.failures)
+        known: list[Finding] | None = None
+        parted = False
+
+        def examine() -> list[Finding]:
+            # Once: nothing of it hangs on what was judged.
+            nonlocal known
+            if known is None and self.examine and sitting.caster is not None:
+                known = sitting.examine(self.scene, frames)
+            return known or []
+
+        def concluded(findings: list[Finding]) -> RunOutcome:
+            self.facts = facts = Facts(examined=findings, failures=panel.failures)
+            outcome = RunOutcome(panel.records, policy=self.policy)
+            if sitting.caster is not None:
+                facts.caster = Caster.of(sitting.caster)
+            if self.recorded is not None:
+                facts.recorded = Caster(self.recorded.engine, self.recorded.exact)
+            facts.moved = list(sitting.moved.values())
+            whole = len(judged) == len(frames) and not parted
+            conclude(outcome, facts, review.accepting, path.numbers, self.scene, whole=whole)
+            return outcome
+
         try:
             sitting.begin(frames, judged[0] if judged else None)
             if self.recorded is not None and panel.jobs:
@@ -361,19 +397,16 @@ class Referee:
                 self._judge(sitting, frame, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
-            if self.examine:
-                # Afterwards: nobody needs the engine's arrays any more.
-                facts.examined = sitting.examine(self.scene, frames)
+                if parting is not None and frame != judged[-1] and parting.due(frame):
+                    parted = True
+                    # Between frames: nobody needs the engine's arrays.
+                    parting.take(concluded(examine()), frame)
+                    panel.forget()
+                    sitting.moved.clear()
+            findings = examine()
         finally:
             sitting.close()
-        if sitting.caster is not None:
-            facts.caster = Caster.of(sitting.caster)
-        if self.recorded is not None:
-            facts.recorded = Caster(self.recorded.engine, self.recorded.exact)
-        facts.moved = list(sitting.moved.values())
-        whole = len(judged) == len(frames)
-        conclude(outcome, facts, review.accepting, path.numbers, self.scene, whole=whole)
-        return outcome
+        return concluded(findings)
 
     def _judge(
         self, sitting: Sitting, frame: int, review: Review, listeners: Sequence[Listener]

@@ -8,6 +8,7 @@ from typing import Any
 
 from visref.judging.outcome import finding_json
 from visref.merging.reading import PartFolder
+from visref.picking import Shard, Stretch
 
 SAME_FIX = "merge the parts of one run: the same command, but for --shard and --out"
 
@@ -19,13 +20,17 @@ def in_order(parts: Sequence[PartFolder]) -> list[PartFolder]:
     for part in parts[1:]:
         for difference in _differences(first, part):
             raise part.error(f"{difference} than {first.folder}", fix=SAME_FIX)
+    if isinstance(first.said.shard, Stretch):
+        return _stretches_in_order(parts)
     by_number: dict[int, PartFolder] = {}
     for part in parts:
         shard = part.said.shard
+        assert isinstance(shard, Shard)
         if shard.number in by_number:
             other = by_number[shard.number].folder
             raise part.error(f"it is shard {shard}, and so is {other}", fix="give each shard once")
         by_number[shard.number] = part
+    assert isinstance(first.said.shard, Shard)
     count = first.said.shard.count
     missing = [number for number in range(1, count + 1) if number not in by_number]
     if missing:
@@ -36,6 +41,25 @@ def in_order(parts: Sequence[PartFolder]) -> list[PartFolder]:
             fix="give the folders of all shards",
         )
     return [by_number[number] for number in sorted(by_number)]
+
+
+def _stretches_in_order(parts: Sequence[PartFolder]) -> list[PartFolder]:
+    place = 0
+    ordered = sorted(parts, key=lambda part: _start(part.said.shard))
+    for part in ordered:
+        stretch = part.said.shard
+        assert isinstance(stretch, Stretch)
+        if stretch.start != place:
+            said = f"it begins with the frame at place {stretch.start}, and the one before it"
+            raise part.error(f"{said} ends before place {place}", fix=SAME_FIX)
+        place = stretch.stop
+    if place != len(ordered[-1].said.frames):
+        raise ordered[-1].error("what follows it is missing", fix=SAME_FIX)
+    return ordered
+
+
+def _start(share: Shard | Stretch) -> int:
+    return share.start if isinstance(share, Stretch) else 0
 
 
 @dataclass(frozen=True)
@@ -67,8 +91,14 @@ def _common(part: PartFolder) -> Iterator[_Said]:
     manifest, said = part.manifest, part.said
     yield _Said(manifest["scene"]["sha256"], "it is of another scene")
     yield _Said(manifest["path"]["sha256"], "it is of another path")
-    yield _Said(manifest["samples"], "it is of another path")
-    yield _Said(said.shard.count, f"it is one of another number of shards ({said.shard.count})")
+    if isinstance(said.shard, Stretch):
+        # A stretch has the samples of its own frames.
+        yield _Said(0, "it is one of another number of shards")
+        yield _Said(None, "it is of another path")
+    else:
+        count = said.shard.count
+        yield _Said(count, f"it is one of another number of shards ({count})")
+        yield _Said(manifest["samples"], "it is of another path")
     yield _Said(said.frames, "it is of a run over other frames")
     yield _Said(manifest["engine"], "its truth is of another engine")
     yield _Said(manifest["exact"], "its truth is of another engine")

@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
 from visref.judging.judge import MissKind
@@ -22,7 +23,7 @@ from visref.merging.joining import Cell, Joined, join
 from visref.merging.reading import FIX, PartFolder, read_part
 from visref.merging.truths import check_truths
 from visref.provenance import machine
-from visref.recordings.truth_file import write_joined
+from visref.recordings.truth_file import read_rows, write_joined
 from visref.run_folder.cuts import MAX_OBJECTS
 from visref.run_folder.groups import RowGroups
 from visref.run_folder.inside import file_inside, lines_inside
@@ -47,7 +48,7 @@ from visref.run_folder.objects import name_causes
 from visref.run_folder.part import PicturePlan
 from visref.run_folder.rows import Motion, MovedObject
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, choose
-from visref.run_folder.write import write_json, write_rows
+from visref.run_folder.write import frames_json, samples_json, write_json, write_rows
 
 _Place = tuple[int, str, int]
 
@@ -66,18 +67,27 @@ def merge_into(
     folder: Path,
     parts: Sequence[Path],
     *,
+    path: CameraPath | None = None,
+    truth: Path | None = None,
     on_cell: Callable[[Cell], None] = lambda cell: None,
     after: Callable[[Joined], None] = lambda joined: None,
 ) -> RunOutcome:
     """The same into a folder that is there, and empty. Who has the scene at hand may look at each
-    verdict, with what was drawn, and `after` that add to the records before they are written."""
-    merging = _Merging(folder, in_order([read_part(part) for part in parts]))
+    verdict, with what was drawn, and `after` that add to the records before they are written.
+    Stretches, as parts that a run left on its way, have neither the whole `path` nor a copy of the
+    `truth` file that they went by."""
+    rows = None if truth is None else read_rows(truth)
+    read = [read_part(part, rows) for part in parts]
+    merging = _Merging(folder, in_order(read), path)
     return merging.run(on_cell, after)
 
 
 class _Merging:
-    def __init__(self, folder: Path, parts: Sequence[PartFolder]) -> None:
+    def __init__(
+        self, folder: Path, parts: Sequence[PartFolder], path: CameraPath | None = None
+    ) -> None:
         self._folder = folder
+        self._path = path
         self._parts = parts
         self._rows: list[dict[str, Any]] = []
         self._objects = RowGroups(folder / OBJECTS, OBJECTS_SCHEMA)
@@ -96,7 +106,7 @@ class _Merging:
             self._on_cell(cell)
             on_cell(cell)
 
-        joined = join(self._parts, told)
+        joined = join(self._parts, told, None if self._path is None else self._path.numbers)
         after(joined)
         self._objects.close()
         name_causes(folder / OBJECTS, {one.spec: one.causes for one in joined.outcome.cullers})
@@ -153,7 +163,8 @@ class _Merging:
         first = self._parts[0]
         truths = [part.truth for part in self._parts if part.truth is not None]
         if first.said.truth:
-            shutil.copyfile(file_inside(first.folder, TRUTH, FIX), self._folder / TRUTH)
+            assert first.truth is not None
+            shutil.copyfile(first.truth.file, self._folder / TRUTH)
         elif truths:
             check_truths(truths)
             write_joined(self._folder / TRUTH, truths)
@@ -178,6 +189,7 @@ class _Merging:
                     witness["causes"] = causes_json(record, frame, view, miss.object)
                     witness["facts"] = {
                         **witness.get("facts", {}),
+                        "age": miss.age,
                         "box_too_small": box_too_small(record, miss.object),
                     }
                     if place not in surrounded or not kept(place):
@@ -203,6 +215,11 @@ class _Merging:
         policy = manifest["policy"]
         if policy is not None and joined.outcome.policy.today is not None:
             policy = {**policy, "today": joined.outcome.policy.today.isoformat()}
+        if self._path is not None:
+            numbers = self._path.numbers
+            known = {name: manifest["path"][name] for name in ("source", "sha256")}
+            manifest["path"] = {**known, **frames_json(numbers)}
+            manifest["samples"] = samples_json(self._path, numbers)
         return {
             **manifest,
             "settings": {name: settings[name] for name in settings if name != "shard"},

@@ -25,7 +25,7 @@ from visref.judging.rasters import looser
 from visref.judging.review import Review
 from visref.judging.summary import Facts, conclude
 from visref.judging.superfluous import Superfluous
-from visref.merging.reading import FIX, PartFolder, cells_error
+from visref.merging.reading import FIX, PartFolder, cells_error, told
 from visref.run_folder.layout import (
     COUNTS,
     MANIFEST,
@@ -91,8 +91,13 @@ class Joined:
     ends: dict[str, int] = field(default_factory=dict)
 
 
-def join(parts: Sequence[PartFolder], on_cell: Callable[[Cell], None]) -> Joined:
-    """Go through the verdicts of all parts, in order, and conclude. `on_cell` is told of each."""
+def join(
+    parts: Sequence[PartFolder],
+    on_cell: Callable[[Cell], None],
+    numbers: Sequence[int] | None = None,
+) -> Joined:
+    """Go through the verdicts of all parts, in order, and conclude. `on_cell` is told of each.
+    `numbers`: of the path's frames, where the parts do not say them."""
     policy = _policy(parts)
     records = {
         one.name: CullerRecord(
@@ -120,7 +125,8 @@ def join(parts: Sequence[PartFolder], on_cell: Callable[[Cell], None]) -> Joined
                     joined.names.names.update(one.names)
                 _add_facts(records[one.name], part, one.name)
     facts = _facts(parts, joined)
-    numbers = parts[0].run.manifest.path.numbers
+    if numbers is None:
+        numbers = parts[0].run.manifest.path.numbers
     conclude(joined.outcome, facts, review.accepting, numbers, joined.names)
     mark_unsteady(joined.outcome, _again(parts, joined))
     parts[0].said.inputs.put_first(joined.outcome)
@@ -177,11 +183,11 @@ def _go_through(
     on_cell: Callable[[Cell], None],
 ) -> None:
     """Review the verdicts of a part. Raises ValueError where its rows do not go together."""
-    table = part.run.objects.cast(OBJECTS_SCHEMA)
+    table = part.objects()
     _check_rows(part, table)
-    truth = None if part.truth is None else part.truth.recorded()
+    truth = None if part.truth is None else part.truth.recorded
     samples = part.run.manifest.samples
-    rows = iter(zip(part.run.frames, part.cells, strict=True))
+    rows = iter(zip(part.run.frames, part.cells(), strict=True))
     following = next(rows, None)
     start = 0
     for frame in part.judged:
@@ -192,7 +198,7 @@ def _go_through(
             review.look(frame, cut, seen)
         while following is not None and following[0].frame == frame:
             row, kept = following
-            stop = start + _told(row)
+            stop = start + told(row)
             mine = table.slice(start, stop - start)
             start, following = stop, next(rows, None)
             if row.culler not in used:
@@ -223,15 +229,10 @@ def _values(row: FrameRow) -> dict[str, Any]:
     return {name: getattr(row, name) for name in row.__dataclass_fields__}
 
 
-def _told(row: FrameRow) -> int:
-    """How many rows of objects.parquet are a verdict's."""
-    return row.missed + (row.partly_missed or 0) + row.undecided + row.superfluous
-
-
 def _check_rows(part: PartFolder, table: pa.Table) -> None:
     """That objects.parquet has the rows of each verdict together, ordered as frames.parquet is."""
     rows = part.run.frames
-    counts = [_told(row) for row in rows]
+    counts = [told(row) for row in rows]
     fits = sum(counts) == len(table)
     for name in ("culler", "frame", "view"):
         if not fits:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from visref.culler import Promise, RasterTolerance
 from visref.errors import InputError
@@ -16,7 +17,7 @@ from visref.judging.again import Difference
 from visref.judging.asking import Failure, Step
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.summary import Caster, Facts, Moved
-from visref.picking import Shard
+from visref.picking import Shard, Stretch
 from visref.recordings.truth_file import TruthRows, read_rows
 from visref.run_folder.columns import table_inside
 from visref.run_folder.facts import read_motion
@@ -24,6 +25,7 @@ from visref.run_folder.inside import file_inside, json_inside
 from visref.run_folder.json_fields import Fields
 from visref.run_folder.layout import (
     MANIFEST,
+    OBJECTS_SCHEMA,
     PART,
     PART_CELLS,
     PART_SCHEMA,
@@ -32,8 +34,8 @@ from visref.run_folder.layout import (
     TRUTH,
 )
 from visref.run_folder.part import PART_FORMAT, PART_VERSION, InputFindings
-from visref.run_folder.read import RunFolder, read_run
-from visref.run_folder.rows import Motion
+from visref.run_folder.read import RunFolder, read_objects, read_run
+from visref.run_folder.rows import FrameRow, Motion
 from visref.scene import Units
 
 FIX = "give folders that `visref run` or `visref check` wrote with --shard"
@@ -59,7 +61,7 @@ class CullerPart:
 class Said:
     """`part.json`: see `visref.run_folder.part`."""
 
-    shard: Shard
+    shard: Shard | Stretch
     frames: tuple[int, ...]
     cuts: frozenset[int]
     pictures: tuple[int, ...]
@@ -75,14 +77,14 @@ class Said:
 
 @dataclass(frozen=True, eq=False)
 class PartFolder:
-    """A part's folder. `manifest`: its JSON as it stands; `cells`: of `part.parquet`, one per row
-    of `run.frames`; `units`: of cullers that decide about others than objects."""
+    """A part's folder, but for the tables that there is a row of for all that was drawn: those are
+    read when they are asked for. `manifest`: its JSON as it stands; `units`: of cullers that decide
+    about others than objects."""
 
     folder: Path
     run: RunFolder
     manifest: dict[str, Any]
     said: Said
-    cells: list[dict[str, Any]]
     units: dict[str, Units]
     truth: TruthRows | None
 
@@ -91,31 +93,43 @@ class PartFolder:
         """The frames of this part."""
         return tuple(self.said.shard.of(self.said.frames))
 
+    def objects(self) -> pa.Table:
+        """objects.parquet. Raises InputError where it is spoilt."""
+        rows = sum(map(told, self.run.frames))
+        return read_objects(self.folder, self.run.manifest, rows).cast(OBJECTS_SCHEMA)
+
+    def cells(self) -> list[dict[str, Any]]:
+        """part.parquet, a row for each of `run.frames`. Raises InputError where it is spoilt."""
+        cells: list[dict[str, Any]] = table_inside(
+            self.folder,
+            PART_CELLS,
+            PART_SCHEMA,
+            self.run.manifest.version,
+            FIX,
+            required=frozenset({"culler", "frame", "settled", "drawn"}),
+            most=len(self.run.frames),
+        ).to_pylist()
+        own = [(row.culler, row.frame, row.view) for row in self.run.frames]
+        if own != [(cell["culler"], cell["frame"], cell["view"]) for cell in cells]:
+            raise self.error("its rows are not those of frames.parquet", PART_CELLS)
+        return cells
+
     def error(self, problem: str, file: str = "", fix: str = FIX) -> InputError:
         """An error in this folder, or in a file of it."""
         return InputError(problem, source=str(self.folder / file if file else self.folder), fix=fix)
 
 
-def read_part(folder: Path) -> PartFolder:
-    """Raises InputError where it is no folder of a part, or a file of it is spoilt."""
-    run = read_run(folder)
+def read_part(folder: Path, truth: TruthRows | None = None) -> PartFolder:
+    """`truth`: that of the file that it went by, where it has no copy. Raises InputError where it
+    is no folder of a part, or a file of it is spoilt."""
+    run = read_run(folder, objects=False)
     if not (folder / PART).exists():
         raise InputError("it is a run of its own, not a part", source=str(folder), fix=FIX)
     said = _said(Fields(json_inside(folder, PART, FIX), str(folder / PART), FIX))
-    cells = table_inside(
-        folder,
-        PART_CELLS,
-        PART_SCHEMA,
-        run.manifest.version,
-        FIX,
-        required=frozenset({"culler", "frame", "settled", "drawn"}),
-        most=len(run.frames),
-    ).to_pylist()
-    truth = None
-    if (folder / TRUTH).exists():
+    if truth is None and (folder / TRUTH).exists():
         truth = read_rows(file_inside(folder, TRUTH, FIX), run.manifest.scene.objects)
     part = PartFolder(
-        folder, run, json_inside(folder, MANIFEST, FIX), said, cells, _units(folder, run), truth
+        folder, run, json_inside(folder, MANIFEST, FIX), said, _units(folder, run), truth
     )
     _check(part)
     return part
@@ -154,13 +168,11 @@ def _units(folder: Path, run: RunFolder) -> dict[str, Units]:
 
 def _check(part: PartFolder) -> None:
     """That its files tell of the same."""
-    own = [(row.culler, row.frame, row.view) for row in part.run.frames]
-    if own != [(cell["culler"], cell["frame"], cell["view"]) for cell in part.cells]:
-        raise part.error("its rows are not those of frames.parquet", PART_CELLS)
     known, judged = set(part.run.manifest.samples), set(part.judged)
-    if not set(part.said.frames) <= known:
+    stretch = isinstance(part.said.shard, Stretch)
+    if not (judged if stretch else set(part.said.frames)) <= known:
         raise part.error("it has frames that the path has not", PART)
-    if not {frame for _, frame, _ in own} <= judged:
+    if not {row.frame for row in part.run.frames} <= judged:
         raise part.error("it judges frames that are not this part's", PART)
     if {culler.name for culler in part.said.cullers} != set(part.run.manifest.cullers):
         raise part.error(f"its cullers are not those of {MANIFEST}", PART)
@@ -176,11 +188,10 @@ def _check(part: PartFolder) -> None:
 def _said(top: Fields) -> Said:
     if top.plain().get("format") != PART_FORMAT or top.whole("version") != PART_VERSION:
         raise top.error(f"this is no part's (format {PART_FORMAT}, version {PART_VERSION})")
-    count = top.whole("shards", least=1, most=_MOST_SHARDS)
-    shard = Shard(top.whole("shard", least=1, most=count), count)
     frames = top.whole_list("frames")
     if list(frames) != sorted(set(frames)):
         raise top.error("they do not ascend", "frames")
+    shard = _share(top, len(frames))
     inputs = top.inner("inputs")
     return Said(
         shard,
@@ -223,6 +234,14 @@ def _said(top: Fields) -> Said:
         tuple({spec: _difference(one) for spec, one in time.items()} for time in top.each("again")),
         tuple(_culler(one) for one in top.each("cullers")),
     )
+
+
+def _share(top: Fields, frames: int) -> Shard | Stretch:
+    if top.has("start"):
+        stop = top.whole("stop", least=1, most=frames)
+        return Stretch(top.whole("start", most=stop - 1), stop)
+    count = top.whole("shards", least=1, most=_MOST_SHARDS)
+    return Shard(top.whole("shard", least=1, most=count), count)
 
 
 def _id(text: str, top: Fields) -> int:
@@ -286,6 +305,11 @@ def _culler(one: Fields) -> CullerPart:
         {unit.whole("unit"): unit.whole("frame") for unit in ignored},
         {unit.whole("unit"): unit.text("name") for unit in (*small, *ignored)},
     )
+
+
+def told(row: FrameRow) -> int:
+    """How many rows of objects.parquet are a verdict's."""
+    return row.missed + (row.partly_missed or 0) + row.undecided + row.superfluous
 
 
 def cells_error(part: PartFolder, why: ValueError) -> InputError:

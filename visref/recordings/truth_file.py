@@ -310,16 +310,27 @@ class TruthRows:
     table: pa.Table
     facts: dict[str, Any]
 
-    @property
+    @cached_property
     def cells(self) -> dict[tuple[int, str], int]:
         """By frame and view, how many samples anything owns."""
         lists = (self.facts[name] for name in ("frames", "views", "owned"))
         return {(frame, view): owned for frame, view, owned in zip(*lists, strict=True)}
 
+    @cached_property
     def recorded(self) -> RecordedTruth:
         """By frame and view."""
         rows = _rows_by_cell(self.table, dict(self.cells), self.table["view"])
         return RecordedTruth(self.facts["engine"], self.facts["exact"], rows)
+
+
+def can_be_merged(file: Path) -> bool:
+    """Whether a truth file says that it is of version 2, which alone `read_rows` takes."""
+    try:
+        with pq.ParquetFile(file.absolute()) as opened:
+            found = json.loads((opened.schema_arrow.metadata or {}).get(_KEY, b"{}"))
+    except (OSError, pa.ArrowException, ValueError, RecursionError):
+        return False
+    return isinstance(found, dict) and found.get("version") == _VERSION
 
 
 def read_rows(file: Path, objects: int | None = None) -> TruthRows:

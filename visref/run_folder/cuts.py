@@ -237,6 +237,12 @@ class CutKeeper:
         if entry not in self._top and not best and entry[1] not in self._open:
             del self._cuts[entry[1]]
 
+    def limit(self, objects: int) -> None:
+        """Forget what would not have been kept of so many objects, where none was `open_`."""
+        kept = {entry[1] for entry in self._top}
+        kept.update(entry[1] for entry in list(self._best.values())[:objects])
+        self._cuts = {place: cut for place, cut in self._cuts.items() if place in kept}
+
     def get(self, frame: int, view: str, obj: int) -> Cut | None:
         """The cut of a miss, None where it was not kept."""
         data = self._cuts.get((frame, view, obj))

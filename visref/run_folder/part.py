@@ -26,7 +26,7 @@ from visref.judging.judge import Counts
 from visref.judging.outcome import RunOutcome, finding_json
 from visref.judging.referee import JudgedFrame
 from visref.judging.summary import Caster, Facts
-from visref.picking import Shard
+from visref.picking import Shard, Stretch
 from visref.run_folder.groups import RowGroups
 from visref.run_folder.layout import PART_CELLS, PART_SCHEMA, PART_UNITS, PART_UNITS_SCHEMA
 from visref.run_folder.rows import Motion
@@ -39,11 +39,13 @@ PART_VERSION = 1
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a run over `frames`. `latency`: below which age a policy accepts a miss."""
+    """A part of a run over `frames`. `latency`: below which age a policy accepts a miss. `since`:
+    the place of the frame from which on it is known what was seen, where that is before its own."""
 
-    shard: Shard
+    shard: Shard | Stretch
     frames: tuple[int, ...]
     latency: int = 0
+    since: int | None = None
 
     @property
     def judged(self) -> Sequence[int]:
@@ -53,7 +55,10 @@ class Part:
     @property
     def open(self) -> frozenset[int]:
         """Its frames in which a miss may be younger than the part can know, and so accepted."""
-        return frozenset(self.judged[: self.latency] if self.shard.number > 1 else ())
+        if self.since is None:
+            return frozenset(() if self.shard.begins else self.judged[: self.latency])
+        unsure = self.frames[self.since : self.since + self.latency] if self.since else ()
+        return frozenset(unsure).intersection(self.judged)
 
 
 class PicturePlan:
@@ -95,9 +100,8 @@ class InputFindings:
 class PartKeeper:
     """A run's listener that writes what a part keeps. `folder` exists."""
 
-    def __init__(self, folder: Path, part: Part, scene: Scene, path: CameraPath) -> None:
+    def __init__(self, folder: Path, scene: Scene, path: CameraPath) -> None:
         self._folder = folder
-        self._part = part
         self._scene = scene
         self._path = path
         self._cells = RowGroups(folder / PART_CELLS, PART_SCHEMA)
@@ -125,8 +129,14 @@ class PartKeeper:
     def on_frame_done(self, frame: int) -> None:
         pass
 
+    def discard(self) -> None:
+        """It was no part after all."""
+        self._cells.close()
+        (self._folder / PART_CELLS).unlink()
+
     def finish(
         self,
+        part: Part,
         outcome: RunOutcome,
         facts: Facts,
         inputs: InputFindings,
@@ -145,12 +155,11 @@ class PartKeeper:
             row = {"culler": [spec], "offsets": [its.offsets], "triangles": [its.triangles]}
             units.add(pa.table(row, schema=PART_UNITS_SCHEMA))
         units.close()
-        part, scene = self._part, self._scene
+        scene = self._scene
         return {
             "format": PART_FORMAT,
             "version": PART_VERSION,
-            "shard": part.shard.number,
-            "shards": part.shard.count,
+            **_share_json(part.shard),
             "frames": list(part.frames),
             "cuts": [frame for frame in part.judged if self._path.views(frame)[0].cut],
             "pictures": list(pictures),
@@ -210,6 +219,12 @@ class PartKeeper:
 
     def _unit_name(self, kind: str, unit: int) -> str:
         return self._scene.names[unit] if kind == OBJECT else ""
+
+
+def _share_json(share: Shard | Stretch) -> dict[str, int]:
+    if isinstance(share, Stretch):
+        return {"start": share.start, "stop": share.stop}
+    return {"shard": share.number, "shards": share.count}
 
 
 def _caster_json(caster: Caster | None) -> dict[str, Any] | None:

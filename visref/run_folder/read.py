@@ -249,17 +249,7 @@ def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
     check_timings(folder, manifest, timings)
     table = OBJECTS_SCHEMA.empty_table()
     if objects:
-        table = table_inside(
-            folder,
-            OBJECTS,
-            OBJECTS_SCHEMA,
-            version,
-            FIX,
-            required=frozenset({"culler", "frame", "kind"}),
-            repeated=OBJECTS_REPEATED,
-            most=min(MAX_OBJECT_ROWS, told_rows(frames)),
-        )
-        check_objects(folder, manifest, table)
+        table = read_objects(folder, manifest, told_rows(frames))
     return RunFolder(
         folder,
         manifest,
@@ -268,6 +258,23 @@ def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
         [TimingRow(**row) for row in timings.to_pylist()],
         table,
     )
+
+
+def read_objects(folder: Path, manifest: Manifest, rows: int) -> pa.Table:
+    """The table of objects of a run folder whose frames tell of so many rows. Raises InputError if
+    it is spoilt."""
+    table = table_inside(
+        folder,
+        OBJECTS,
+        OBJECTS_SCHEMA,
+        manifest.version,
+        FIX,
+        required=frozenset({"culler", "frame", "kind"}),
+        repeated=OBJECTS_REPEATED,
+        most=min(MAX_OBJECT_ROWS, rows),
+    )
+    check_objects(folder, manifest, table)
+    return table
 
 
 def _without_default(row: type[FrameRow] | type[TimingRow]) -> frozenset[str]:

@@ -19,6 +19,7 @@ from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.policy import Policy
 from visref.judging.referee import JudgedFrame
+from visref.picking import Stretch
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
@@ -59,7 +60,8 @@ class RunWriter:
     """A run's listener that writes its folder. `folder` exists and is empty. `exact`: whether a
     truth that is on file already is exact, None where that is not known. `timeline`: the scene
     of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by.
-    `part`: which part of a run this is, None where it is the whole."""
+    `part`: which part of a run this may become, None where it will be the whole. `plan`: of
+    pictures, where this is one of several parts; by default one of its own."""
 
     def __init__(
         self,
@@ -74,6 +76,7 @@ class RunWriter:
         picture_frames: Sequence[int] = (),
         policy: Policy | None = None,
         part: Part | None = None,
+        plan: PicturePlan | None = None,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -90,7 +93,9 @@ class RunWriter:
         self._frames: list[dict[str, Any]] = []
         self._timings: list[dict[str, Any]] = []
         self._objects = ObjectsWriter(folder / OBJECTS, scene, picture_frames)
-        self._plan = PicturePlan(picture_frames, part.open if part is not None else frozenset())
+        self._plan = plan or PicturePlan(
+            picture_frames, part.open if part is not None else frozenset()
+        )
         self._pictures: list[PictureSet] = []
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
@@ -159,8 +164,13 @@ class RunWriter:
     def on_frame_done(self, frame: int) -> None:
         self._motion.add(frame)
 
-    def finish(self, outcome: RunOutcome) -> None:
-        """Write everything that is left to write."""
+    def finish(self, outcome: RunOutcome, part: Part | None = None) -> None:
+        """Write everything that is left to write, of the `part` that this became, or of the whole
+        run."""
+        if part is None:
+            for kept in self._cuts.values():
+                kept.limit(MAX_OBJECTS)
+        self._part = part
         folder = self._folder
         write_rows(folder / FRAMES, self._frames, FRAMES_SCHEMA)
         write_rows(folder / TIMINGS, self._timings, TIMINGS_SCHEMA)
@@ -215,9 +225,7 @@ class RunWriter:
             "path": {
                 "source": path.source,
                 "sha256": path_digest(path),
-                "frames": len(path),
-                # 0, 1, … are not written.
-                **({} if path.without_gaps else {"numbers": list(path.numbers)}),
+                **frames_json(self._numbers),
             },
             "engine": self._engine,
             "exact": self._exact,
@@ -235,13 +243,30 @@ class RunWriter:
             },
             "pictures": [asdict(pictures) for pictures in self._pictures],
             "motion": motion_json(self.moved),
-            "samples": [
-                {camera.view: camera.definition() for camera in path.views(frame)}
-                for frame in path.numbers
-            ],
+            "samples": samples_json(path, self._numbers),
             "versions": versions(),
             "machine": machine(),
         }
+
+    @property
+    def _numbers(self) -> Sequence[int]:
+        """Of the path's frames that the manifest describes: a stretch has no others than its own,
+        as there are many stretches."""
+        if self._part is not None and isinstance(self._part.shard, Stretch):
+            return self._part.judged
+        return self._path.numbers
+
+
+def frames_json(numbers: Sequence[int]) -> dict[str, Any]:
+    """How many frames a path has, and their numbers, but for 0, 1, …"""
+    count = len(numbers)
+    plain = tuple(numbers) == tuple(range(count))
+    return {"frames": count, **({} if plain else {"numbers": list(numbers)})}
+
+
+def samples_json(path: CameraPath, numbers: Sequence[int]) -> list[dict[str, Any]]:
+    """The samples of these frames, by view."""
+    return [{camera.view: camera.definition() for camera in path.views(frame)} for frame in numbers]
 
 
 def _timing(culler: str, frame: int, view: str, phase: str, ms: float) -> dict[str, Any]:
