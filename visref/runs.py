@@ -191,9 +191,7 @@ def merge_naming(folder: Path, parts: Sequence[Path], inputs: Inputs) -> RunOutc
     return merge_into(folder, parts, on_cell=on_cell, after=after)
 
 
-def merge_with_scene(
-    parts: Sequence[Path], out: Path, scene: str, path: str | None
-) -> RunOutcome:
+def merge_with_scene(parts: Sequence[Path], out: Path, scene: str, path: str | None) -> RunOutcome:
     """`visref.merging.merge_runs`, with the causes of what was missed. Raises InputError too where
     scene or path are not those of the parts."""
     run = read_run(parts[0])

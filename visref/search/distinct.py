@@ -105,6 +105,7 @@ def structure_of(shrunk: Shrunk) -> str:
         "far out": bool(scene.origin.any()),
         "glass": bool((scene.alpha == Alpha.BLEND).any()),
         "mask": scene.masks is not None,
+        "equal names": len(set(scene.given_names)) < scene.object_count,
         "one-sided": bool(scene.one_sided.any()),
     }
     several = "several objects" if scene.object_count > 1 else "an object"

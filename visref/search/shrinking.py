@@ -62,11 +62,12 @@ def shrink(case: Case, holding: Holding, progress: Progress | None = None) -> Sh
 
 def cost_of(case: Case) -> tuple[int, ...]:
     """What is to be lowered, what weighs most first: frames, views, objects, triangles, samples,
-    materials, motion, and the digits of cameras, of matrices and of vertices."""
+    equal names and materials, motion, and the digits of cameras, of matrices and of vertices."""
     scene, frames = case.scene, case.path.frames
     cameras = [camera for frame in frames for camera in frame.cameras]
     looks = int(np.count_nonzero(scene.alpha)) + int(np.count_nonzero(scene.one_sided))
     looks += 0 if scene.masks is None else 1
+    looks += scene.object_count - len(set(scene.given_names))
     motion = sum(len(frame.world_from_object) + len(frame.absent) for frame in frames)
     motion += sum(map(len, case.shapes.values()))
     poses = [m for frame in frames for m in frame.world_from_object.values()]
@@ -125,6 +126,7 @@ class _Shrinker:
             ("views", self._views),
             ("objects", self._objects),
             ("triangles", self._triangles),
+            ("names", lambda: self._once(edits.told_apart)),
             ("materials", self._materials),
             ("motion", self._motion),
             ("image", self._image),
@@ -150,6 +152,9 @@ class _Shrinker:
         if cost_of(case) >= cost_of(self.case):
             return False
         return self._take(case)
+
+    def _once(self, change: Callable[[Case], Case]) -> None:
+        self._try(lambda: change(self.case))
 
     def _take(self, case: Case) -> bool:
         found = self._holding.at(case)
