@@ -41,10 +41,10 @@ def shrink_all(folder: SearchFolder, trier: Trier, told: Callable[[str], None]) 
 
 
 def _shrink_one(folder: SearchFolder, fault: Fault, trier: Trier) -> None:
-    wanted = Wanted.of(fault.violation)
+    wanted = Wanted.of(fault.violation, cause=fault.key.cause)
     for case in _cases(fault, trier):
         holding = Holding(trier.suspect, wanted, engine=trier.engine, effort=EFFORT)
-        if holding.at(case) is not None:
+        if holding.starts(case):
             break
     else:
         raise InputError(f"trial {fault.trial} does not show it by itself")

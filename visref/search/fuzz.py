@@ -21,12 +21,15 @@ from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Status
 from visref.search.distinct import shrink_all
 from visref.search.folder import Fault, Key, SearchFolder, Tally
-from visref.search.judging import Violation
+from visref.search.judging import Kind, Violation
 from visref.search.stream import Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
 
 # Trials of one cause that are shrunk: their smallest scenes may differ.
 EXAMPLES = 3
+# So many trials with a violation have their causes looked for, and later ones that show something
+# new: that takes several times as long as judging them.
+EXPLAINED = 32
 # Faults that are kept: a culler that fails everywhere fails in more ways than anybody reads.
 MOST_FAULTS = 50
 
@@ -63,7 +66,7 @@ def fuzz(
         folder.open(stream, trier.source)
         with _trying(trier, moves, workers) as try_all:
             while _goes_on(folder.tally, trials, ends):
-                _round(folder, stream, trier.together, trials, try_all)
+                _round(folder, stream, trier, trials, try_all)
                 folder.write(stream, trier.source)
                 shown(folder, "")
         shrink_all(folder, trier, lambda text: shown(folder, text))
@@ -72,10 +75,11 @@ def fuzz(
 
 
 def _round(
-    folder: SearchFolder, stream: Stream[Any], together: int, trials: int | None, try_all: TryAll
+    folder: SearchFolder, stream: Stream[Any], trier: Trier, trials: int | None, try_all: TryAll
 ) -> None:
     """Try the rest of the round at hand."""
-    source, first = stream.source, folder.tally.trials
+    source, first = trier.source, folder.tally.trials
+    together = trier.together
     # Whole runs of trials, so that what stands before one is the same wherever it stopped.
     start = first - first % together
     end = round_of(first).stop
@@ -84,9 +88,14 @@ def _round(
     for task, outcomes in try_all(
         [(number, source.written(genomes[number])) for number in numbers]
     ):
-        for outcome in outcomes:
-            if outcome.trial < first:
+        for at, tried in enumerate(outcomes):
+            if tried.trial < first:
                 continue
+            outcome = tried
+            if outcome.misses and (
+                folder.tally.violating < EXPLAINED or stream.is_new(outcome.features)
+            ):
+                outcome = trier.explained(task[: at + 1], outcome)
             if not outcome.skipped:
                 stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
             _take_in(folder, outcome, task)
@@ -129,7 +138,10 @@ def _take_in(folder: SearchFolder, outcome: Outcome, task: Task) -> None:
     tally.violating += bool(outcome.violations)
     first: dict[Key, Violation] = {}
     for violation in outcome.violations:
-        first.setdefault(Key.of(violation), violation)
+        # A miss whose cause nobody looked for is no fault of its own.
+        if violation.kind is Kind.SUPERFLUOUS or outcome.looked_into:
+            keys = [*(one.key for one in folder.faults), *first]
+            first.setdefault(Key.among(violation, keys), violation)
     for key, violation in first.items():
         known = [one for one in folder.faults if one.key == key]
         if len(known) < EXAMPLES and len(folder.faults) < MOST_FAULTS:
