@@ -61,7 +61,8 @@ def test_a_shrunk_fault_of_each_class_replays_by_the_same_cause(name, tmp_path):
     if told["kind"] == "superfluous":
         assert told["cause"] == ""
         return
-    lines = [line for file in (out / "witnesses").iterdir() for line in file.open()]
+    files = sorted((out / "witnesses").iterdir())
+    lines = [line for file in files for line in file.read_text().splitlines()]
     (witness,) = (
         one
         for one in map(json.loads, lines)
