@@ -27,6 +27,8 @@ from visref.search.trying import Asked, Outcome, Trier, moves_of
 
 # Trials of one cause that are shrunk: their smallest scenes may differ.
 EXAMPLES = 3
+# A round of trials in a large scene takes long, and somebody may stop it.
+_WRITTEN_EVERY_S = 10.0
 # So many trials with a violation have their causes looked for, and later ones that show something
 # new: that takes several times as long as judging them.
 EXPLAINED = 32
@@ -49,8 +51,8 @@ def fuzz(
     shown: Shown = lambda *_: None,
 ) -> SearchFolder:
     """Search until so many trials are made in all, or for so many seconds more; the folder is
-    written after each round of trials, and goes on where it stopped. Then each distinct fault is
-    shrunk. `shown` is told after each round, and before each fault.
+    written after each round of trials, in a long one now and then, and goes on where it stopped.
+    Then each distinct fault is shrunk. `shown` is told after some trials, and before each fault.
 
     Raises InputError for anything wrong with what is asked or with the folder, and NothingToJudge
     where the culler cannot start here or ends a worker's process.
@@ -66,18 +68,30 @@ def fuzz(
         folder.open(stream, trier.source)
         with _trying(trier, moves, workers) as try_all:
             while _goes_on(folder.tally, trials, ends):
-                _round(folder, stream, trier, trials, try_all)
+                written = time.monotonic()
+                for _ in _round(folder, stream, trier, trials, try_all):
+                    shown(folder, "")
+                    if not _goes_on(folder.tally, trials, ends):
+                        break
+                    if time.monotonic() - written > _WRITTEN_EVERY_S:
+                        folder.write(stream, trier.source)
+                        written = time.monotonic()
                 folder.write(stream, trier.source)
-                shown(folder, "")
-        shrink_all(folder, trier, lambda text: shown(folder, text))
+
+        def before(text: str) -> None:
+            # What was shrunk so far stays when somebody stops it.
+            folder.write(stream, trier.source)
+            shown(folder, text)
+
+        shrink_all(folder, trier, before)
         folder.write(stream, trier.source)
     return folder
 
 
 def _round(
     folder: SearchFolder, stream: Stream[Any], trier: Trier, trials: int | None, try_all: TryAll
-) -> None:
-    """Try the rest of the round at hand."""
+) -> Iterator[None]:
+    """Try the rest of the round at hand; gives way after each run of trials that is taken in."""
     source, first = trier.source, folder.tally.trials
     together = trier.together
     # Whole runs of trials, so that what stands before one is the same wherever it stopped.
@@ -99,6 +113,7 @@ def _round(
             if not outcome.skipped:
                 stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
             _take_in(folder, outcome, task)
+        yield
 
 
 def described(asked: Asked) -> dict[str, Any]:
