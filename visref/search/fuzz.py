@@ -24,6 +24,7 @@ from visref.search.folder import Fault, Key, SearchFolder, Tally
 from visref.search.judging import Kind, Violation
 from visref.search.stream import Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
+from visref.search.views import ViewsOf
 
 # Trials of one cause that are shrunk: their smallest scenes may differ.
 EXAMPLES = 3
@@ -64,7 +65,9 @@ def fuzz(
         moves = moves_of(suspect)
         trier = Trier(asked, suspect, asked.source(moves=moves))
         stream: Stream[Any] = Stream(trier.source, asked.seed)
-        folder = SearchFolder(out, {**described(asked), "moves": moves})
+        sha256 = trier.source.scene.digest if isinstance(trier.source, ViewsOf) else None
+        about = {**described(asked), "scene_sha256": sha256, "moves": moves}
+        folder = SearchFolder(out, about)
         folder.open(stream, trier.source)
         with _trying(trier, moves, workers) as try_all:
             while _goes_on(folder.tally, trials, ends):
