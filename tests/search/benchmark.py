@@ -16,11 +16,13 @@ is what people do: one scene, a city, with cameras anywhere in it.
 from __future__ import annotations
 
 import argparse
-import heapq
 import json
 import multiprocessing
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,7 @@ from visref.search.generated import GeneratedScenes
 from visref.search.novelty import features_of
 from visref.search.stream import Stream, round_of
 from visref.visibility import objects_seen
+from visref.wording import counted
 
 # Processor seconds between two words on how far it is.
 _TOLD_EVERY = 10.0
@@ -108,48 +111,97 @@ class Trials:
             self.made.append(trial)
 
 
+@dataclass(frozen=True)
+class Step:
+    """A subject was tried: its `place` among all, the trial's number, the processor seconds that it
+    has `spent` in all and that all have, and what a verdict says against it."""
+
+    place: int
+    number: int
+    spent: float
+    seconds: float
+    said: str
+
+
+@dataclass(eq=False)
+class Progress:
+    """How far a search is. By a subject's place: `number`, the trial that is its next, and `spent`,
+    its processor seconds, of those that go on; `found`, the step that found it; `crashed`, the
+    trial that ended its process. `seconds`: of all."""
+
+    number: dict[int, int]
+    spent: dict[int, float]
+    found: dict[int, Step] = field(default_factory=dict)
+    crashed: dict[int, int] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @classmethod
+    def of(cls, count: int) -> Progress:
+        """Before the first trial of so many subjects."""
+        return cls(dict.fromkeys(range(count), 0), dict.fromkeys(range(count), 0.0))
+
+    @property
+    def next(self) -> int:
+        """Whose turn it is: who has spent least, so that time is shared evenly, and who is slow
+        makes fewer trials."""
+        return min(self.number, key=lambda place: (self.spent[place], place))
+
+    def take(self, step: Step) -> None:
+        self.seconds = step.seconds
+        if step.said:
+            self.found[step.place] = step
+            del self.number[step.place], self.spent[step.place]
+        else:
+            self.number[step.place], self.spent[step.place] = step.number + 1, step.spent
+
+    def crash(self) -> int:
+        """Whose turn it is has ended the process: it is out. Returns its place."""
+        place = self.next
+        self.crashed[place] = self.number.pop(place)
+        del self.spent[place]
+        return place
+
+    def row(self, every: Sequence[Subject]) -> dict[str, Any]:
+        """In JSON values, by the subjects' names: `found`, trials, own seconds, seconds of all and
+        words; `not_found`, the trials that it went through; `crashed`, the trial."""
+        return {
+            "seconds": round(self.seconds, 1),
+            "found": {
+                every[place].name: [
+                    one.number + 1, round(one.spent, 2), round(one.seconds, 1), one.said
+                ]
+                for place, one in self.found.items()
+            },
+            "not_found": {every[place].name: number for place, number in self.number.items()},
+            "crashed": {every[place].name: number + 1 for place, number in self.crashed.items()},
+        }  # fmt: skip
+
+
 def search(
     every: Sequence[Subject],
     kind: str,
     seed: int,
     seconds: float,
     guided: bool,
-    shown: Callable[[dict[str, Any]], None] = lambda _: None,
-) -> dict[str, Any]:
-    """Trials until all subjects are found or the time is over: `found`, `{name: [trials, own
-    seconds, seconds of all, words]}`, and `tried`, the trials that each
-    of the others went through. Time is this process's processor time, so that what else a machine
-    does is not counted; it is shared evenly: who is slow makes fewer trials. `shown` is told how
-    far it is now and then."""
-
-    def so_far() -> dict[str, Any]:
-        return {
-            "found": found,
-            "tried": {every[place].name: number for _, place, number in queue},
-            "trials": len(trials.made),
-            "seconds": round(time.process_time() - began, 1),
-        }
-
-    began = told = time.process_time()
+    progress: Progress,
+) -> Iterator[Step]:
+    """Trials from where `progress` is on until all subjects are found or the time is over; whoever
+    asks for the next step has taken the last one in. Time is this process's processor time, so that
+    what else a machine does is not counted."""
     trials = Trials(kind, seed, guided)
-    found: dict[str, Any] = {}
-    # Seconds spent, the subject's place, trials made.
-    queue = [(0.0, place, 0) for place in range(len(every))]
-    while queue and time.process_time() - began < seconds:
-        spent, place, number = heapq.heappop(queue)
-        trial, subject = trials[number], every[place]
+    if progress.seconds:
+        # What an earlier process made is made again, in nobody's time.
+        for number in range(max(progress.number.values(), default=0)):
+            trials[number]
+    began = time.process_time() - progress.seconds
+    while progress.number and time.process_time() - began < seconds:
+        place = progress.next
+        number = progress.number[place]
+        trial = trials[number]
         start = time.process_time()
-        said = "" if trial is None else trial.problem(subject)
-        spent += time.process_time() - start
-        if said:
-            at = time.process_time() - began
-            found[subject.name] = [number + 1, round(spent, 2), round(at, 1), said]
-        else:
-            heapq.heappush(queue, (spent, place, number + 1))
-        if time.process_time() - told > _TOLD_EVERY:
-            told = time.process_time()
-            shown(so_far())
-    return so_far()
+        said = "" if trial is None else trial.problem(every[place])
+        now = time.process_time()
+        yield Step(place, number, progress.spent[place] + now - start, now - began, said)
 
 
 def chosen(one_each: bool) -> list[Subject]:
@@ -158,36 +210,106 @@ def chosen(one_each: bool) -> list[Subject]:
     return list({one.fault: one for one in reversed(every)}.values())[::-1] if one_each else every
 
 
-def _part(of: tuple[int, int, str, int, float, bool, bool, Path]) -> dict[str, Any]:
-    part, parts, kind, seed, seconds, guided, one_each, out = of
-    every = chosen(one_each)[part::parts]
-    beside = out.with_suffix(f".part{part}")
+@dataclass(frozen=True)
+class Part:
+    """Every so many of the subjects, searched by a process of its own."""
 
-    def shown(result: dict[str, Any]) -> None:
-        beside.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    part: int
+    parts: int
+    kind: str
+    seed: int
+    seconds: float
+    guided: bool
+    one_each: bool
 
-    return search(every, kind, seed, seconds, guided, shown)
+    @property
+    def subjects(self) -> list[Subject]:
+        return chosen(self.one_each)[self.part :: self.parts]
+
+
+def _searching(part: Part, progress: Progress, sent: Connection) -> None:
+    """In a process of its own: tells each step, and at the end nothing."""
+    every = part.subjects
+    for step in search(every, part.kind, part.seed, part.seconds, part.guided, progress):
+        progress.take(step)
+        sent.send(step)
+    sent.send(None)
+
+
+class Ended(Exception):
+    """The process ended before its search did."""
+
+
+def _steps(part: Part, progress: Progress) -> Iterator[Step]:
+    """The steps of a search in a process of its own. Raises Ended where that ends before."""
+    context = multiprocessing.get_context("spawn")
+    received, sent = context.Pipe(duplex=False)
+    process = context.Process(target=_searching, args=(part, progress, sent))
+    process.start()
+    sent.close()
+    try:
+        while (step := received.recv()) is not None:
+            yield step
+    except EOFError:
+        raise Ended from None
+    finally:
+        received.close()
+        process.terminate()
+        process.join()
+
+
+def searched(part: Part, beside: Path) -> Progress:
+    """A part's search to its end. Whoever takes its process along is out, and the others go on in
+    another. How far it is stands in a file beside, now and then."""
+    every = part.subjects
+    progress, told = Progress.of(len(every)), 0.0
+    while True:
+        steps = 0
+        try:
+            for step in _steps(part, progress):
+                steps += 1
+                progress.take(step)
+                if step.seconds - told > _TOLD_EVERY:
+                    told = step.seconds
+                    text = json.dumps(progress.row(every), indent=1)
+                    beside.write_text(f"{text}\n", encoding="utf-8")
+        except Ended:
+            if not progress.number:
+                return progress
+            name = every[progress.crash()].name
+            print(f"{name} ended its process after {counted(steps, 'step')}", flush=True)
+        else:
+            return progress
 
 
 def benchmark(given: argparse.Namespace) -> dict[str, Any]:
-    """The same over several processes, each with its share of the subjects; how far each is stands
-    in a file beside `out`."""
-    guided = not given.unguided
-    asked = (given.kind, given.seed, given.seconds, guided, given.one_each, given.out)
-    shares = [(part, given.workers, *asked) for part in range(given.workers)]
-    with multiprocessing.get_context("spawn").Pool(given.workers) as pool:
-        parts = pool.map(_part, shares, chunksize=1)
+    """The same over several processes, each with its share of the subjects."""
+    guided, count = not given.unguided, given.workers
+    parts = [
+        Part(part, count, given.kind, given.seed, given.seconds, guided, given.one_each)
+        for part in range(count)
+    ]
+    with ThreadPoolExecutor(count) as pool:
+        besides = [given.out.with_suffix(f".part{part.part}") for part in parts]
+        found = list(pool.map(searched, parts, besides))
+    rows = [one.row(part.subjects) for one, part in zip(found, parts, strict=True)]
     every = chosen(given.one_each)
-    found = {name: row for part in parts for name, row in part["found"].items()}
+    by_name = {
+        what: {name: value for row in rows for name, value in row[what].items()}
+        for what in ("found", "not_found", "crashed")
+    }
+    last = [[*one.number.values(), *(s.number + 1 for s in one.found.values())] for one in found]
     return {
         "kind": given.kind,
         "seed": given.seed,
         "guided": guided,
-        "seconds": round(sum(part["seconds"] for part in parts), 1),
-        "trials": max(part["trials"] for part in parts),
+        "seconds": round(sum(row["seconds"] for row in rows), 1),
+        "trials": max(number for numbers in last for number in [0, *numbers]),
         "subjects": len(every),
-        "found": {one.name: found[one.name] for one in every if one.name in found},
-        "not_found": {name: n for part in parts for name, n in sorted(part["tried"].items())},
+        **{
+            what: {one.name: names[one.name] for one in every if one.name in names}
+            for what, names in by_name.items()
+        },
     }
 
 

@@ -1,6 +1,6 @@
-"""The table of docs/fuzz.md, from what `tests.search.benchmark` wrote.
+"""The table of docs/fuzz.md, from what `tests.search.benchmark` wrote for several seeds.
 
-python -m tests.search.benchmark_table GENERATED.json RANDOM.json
+python -m tests.search.benchmark_table SEED_0.json SEED_1.json …
 """
 
 from __future__ import annotations
@@ -30,34 +30,54 @@ def groups() -> dict[str, str]:
     return found
 
 
-def rows(results: list[dict[str, Any]]) -> list[str]:
-    """A line per group: how many faults, and of each result how many were found, in how many trials
-    (median, most)."""
+def rows(seeds: list[dict[str, Any]]) -> list[str]:
+    """A line per group: how many faults; how many were found, by the seeds' median and by each;
+    and in how many trials, of all that were found by any seed (median, most)."""
     group_of = groups()
-    names = [*results[0]["found"], *results[0]["not_found"]]
     by_group = defaultdict(list)
-    for name in names:
+    for name in names_of(seeds[0]):
         by_group[group_of[name]].append(name)
-    by_group["all"] = names
+    unsafe = [name for name in names_of(seeds[0]) if group_of[name].startswith("mutants")]
+    by_group |= {"all mutants": unsafe, "all": names_of(seeds[0])}
     lines = []
     for group, members in by_group.items():
-        cells = [group, str(len(members))]
-        for result in results:
-            trials = [result["found"][name][0] for name in members if name in result["found"]]
-            middle = f"{statistics.median(trials):g}" if trials else "–"
-            cells += [str(len(trials)), middle, str(max(trials, default="–"))]
+        counts = [sum(name in seed["found"] for name in members) for seed in seeds]
+        trials = [seed["found"][n][0] for seed in seeds for n in members if n in seed["found"]]
+        cells = [
+            group,
+            str(len(members)),
+            f"{statistics.median(counts):g}",
+            " ".join(map(str, counts)),
+            f"{statistics.median(trials):g}" if trials else "–",
+            str(max(trials, default="–")),
+        ]
         lines.append(f"| {' | '.join(cells)} |")
     return lines
 
 
+def names_of(seed: dict[str, Any]) -> list[str]:
+    return [*seed["found"], *seed["not_found"], *seed["crashed"]]
+
+
+def missed(seeds: list[dict[str, Any]]) -> list[str]:
+    """The faults that half of the seeds or more did not find: by how many, and the trials that
+    they went through."""
+    lines = []
+    for name in sorted(names_of(seeds[0])):
+        tried = [seed["not_found"][name] for seed in seeds if name in seed["not_found"]]
+        crashes = sum(name in seed["crashed"] for seed in seeds)
+        if 2 * (len(tried) + crashes) >= len(seeds):
+            ended = f", {crashes} times it ended its process" if crashes else ""
+            lines.append(f"{name}: not found by {len(tried)}, after {tried} trials{ended}")
+    return lines
+
+
 def main() -> None:
-    results = [json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]
-    print("\n".join(rows(results)))
-    for result in results:
-        print(
-            f"\n{result['trials']} trials, {result['seconds']} s; not found after so many trials:"
-        )
-        print(", ".join(f"{name} ({n})" for name, n in result["not_found"].items()))
+    seeds = [json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]
+    print("\n".join(rows(seeds)))
+    for seed in seeds:
+        print(f"seed {seed['seed']}: {seed['trials']} trials, {seed['seconds']} s")
+    print("\n".join(missed(seeds)))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from visref.camera_path import CameraPath
+from visref.camera_path import CameraPath, Frame
 from visref.conformance.building import box, camera, case
 from visref.conformance.scenes import SCENES
 from visref.errors import InputError
+from visref.search import edits
 from visref.search.case import Case, starts_of
 from visref.timeline import Timeline
 
@@ -88,3 +89,39 @@ def test_a_scene_of_no_object_has_no_files():
     built = BUILD["empty_scene"](np.random.default_rng(0))
     with pytest.raises(InputError):
         Case.of(built.scene, built.path).files()
+
+
+def equal_names(*names: str) -> Case:
+    """A row of boxes with these names."""
+    row = [(n, box((2 * k, 0, -5), (2 * k + 1, 1, -4))) for k, n in enumerate(names)]
+    built = case(row, [camera()])
+    return Case.of(built.scene, built.path)
+
+
+def test_names_that_repeat_stay_as_they_were_given_in_its_files_too():
+    made = equal_names("a", "b", "a", "a")
+    assert made.scene.names == ("a", "b", "a#2", "a#3")
+    for one in (made, made.read_back()):
+        assert one.inputs().scene.given_names == ("a", "b", "a", "a")
+    assert made.read_back().digest == made.digest
+    assert edits.told_apart(made).digest != made.digest
+    # A file that has less still has the same names, or each its own.
+    for kept, given in (
+        ({"a", "a#2"}, ("a", "a")),
+        ({"a", "a#3"}, ("a", "a#3")),
+        ({"b", "a#2"}, ("b", "a#2")),
+    ):
+        less = edits.only_objects(made, kept)
+        assert set(less.scene.names) == kept
+        assert less.read_back().scene.given_names == given
+        assert less.read_back().digest == less.digest
+
+
+def test_what_a_path_names_has_a_name_of_its_own():
+    made = equal_names("a", "a")
+    path = CameraPath([Frame(made.path.frames[0].cameras, absent=("a#2",))])
+    assert Case.of(made.scene, path).scene.given_names == ("a", "a")
+    path = CameraPath([Frame(made.path.frames[0].cameras, absent=("a",))])
+    told = Case.of(edits.told_apart(made).scene, path)
+    assert told.scene.given_names == ("a", "a#2")
+    assert told.read_back().digest == told.digest

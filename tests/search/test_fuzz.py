@@ -141,6 +141,23 @@ def test_a_search_in_parts_writes_the_same_bytes(found, tmp_path):
     assert len(bytes_of(found)) > 15
 
 
+def test_a_search_that_is_stopped_keeps_what_it_tried_and_goes_on(found, tmp_path, monkeypatch):
+    monkeypatch.setattr("visref.search.fuzz._WRITTEN_EVERY_S", 0.0)
+    out, told = tmp_path / "out", []
+
+    def stop(folder, doing):
+        told.append(folder.tally.trials)
+        if told[-1] == 7:
+            raise KeyboardInterrupt
+
+    asked = Asked(culler=PLANTED, making=Making(in_process=True))
+    with pytest.raises(KeyboardInterrupt):
+        fuzz(asked, out, trials=16, shown=stop)
+    assert json.loads((out / "summary.json").read_text())["trials"] == 6
+    search(out)
+    assert bytes_of(out) == bytes_of(found)
+
+
 @pytest.mark.slow
 def test_the_same_trials_write_the_same_bytes_by_any_number_of_workers(tmp_path):
     search(tmp_path / "one", trials=40)
@@ -265,6 +282,17 @@ def test_another_search_is_not_gone_on_with(tmp_path):
         with pytest.raises(InputError, match="another search"):
             search(out, trials=8, **asked)
     assert bytes_of(out) == before
+
+
+@pytest.mark.slow
+def test_a_scene_that_is_another_since_is_not_gone_on_with(tmp_path):
+    scene, out = tmp_path / "scene.glb", tmp_path / "out"
+    for name, trials in (("coplanar_ties", 1), ("glass", 2)):
+        shutil.copyfile(written(name, tmp_path / name) / "scene.glb", scene)
+        if trials == 1:
+            search(out, HERE + "Sound", trials, scene=str(scene))
+    with pytest.raises(InputError, match="another search"):
+        search(out, HERE + "Sound", 2, scene=str(scene))
 
 
 @pytest.mark.parametrize("name", ["corpus/state.json", "corpus/000000.json"])

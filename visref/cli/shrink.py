@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from visref.cli.arguments import memory_of
@@ -15,6 +16,7 @@ from visref.cli.commands import (
 from visref.cli.terminal import OUT, progress
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
+from visref.judging.causes import CODES
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
@@ -22,17 +24,23 @@ from visref.plug_ins import Making
 from visref.search.case import Case
 from visref.search.fault_folder import FAULT_FOLDER, write_fault
 from visref.search.fault_texts import size_text
-from visref.search.holding import Effort, Holding
+from visref.search.holding import Effort, Holding, Wanted
 from visref.search.of_run import open_run, starting_case
 from visref.search.shrinking import shrink
 from visref.search.suspects import Program, Suspect, suspect_of
-from visref.wording import counted
+from visref.wording import counted, did_you_mean
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="the run folder that has the miss")
     parser.add_argument("--frame", type=whole_number, required=True, metavar="F")
     parser.add_argument("--object", required=True, metavar="O", help="object id or name")
+    parser.add_argument(
+        "--cause",
+        metavar="CODE",
+        help="the cause that every step must keep (default: what the run names for the object, as "
+        "long as small scenes tell it)",
+    )
     parser.add_argument(
         "--culler",
         action="append",
@@ -70,9 +78,11 @@ def run(given: argparse.Namespace) -> Exit:
     refuse_inputs(given.out, [given.run])
     with _suspect(given) as suspect, progress() as shown:
         judged = open_run(given.run, given.frame, given.object, suspect.name)
+        wanted = _with_cause(judged.wanted, given.cause)
         engine = judged.inputs.engine
         effort = Effort(given.trials, given.time)
-        holding = Holding(suspect, judged.wanted, engine=engine, effort=effort)
+        firm = given.cause is not None
+        holding = Holding(suspect, wanted, engine=engine, effort=effort, firm=firm)
         bar = shown.add_task("reading the run", total=given.trials)
 
         def tell(step: str, trials: int, case: Case) -> None:
@@ -87,6 +97,26 @@ def run(given: argparse.Namespace) -> Exit:
         OUT.line("It may be made smaller yet: give more --trials, or --time")
     OUT.line(f"The fault: {given.out}; its REPORT.md can be pasted into a tracker")
     return Exit.NO_VIOLATION
+
+
+def _with_cause(wanted: Wanted, cause: str | None) -> Wanted:
+    """With the cause that is given, if one is. Raises InputError where there is none such, or where
+    it is about what is drawn for nothing."""
+    if cause is None:
+        return wanted
+    if cause not in CODES:
+        raise InputError(
+            f"no cause is called '{cause}'",
+            place="--cause",
+            fix=did_you_mean(cause, CODES, "give one that the run's verdict.json names"),
+        )
+    if not wanted.left_out:
+        raise InputError(
+            f"'{wanted.name}' is drawn for nothing there, and causes are of what is missed",
+            place="--cause",
+            fix="leave it out",
+        )
+    return replace(wanted, cause=cause)
 
 
 def _trials(count: int) -> str:

@@ -1,10 +1,10 @@
 """A scene as a GLB file that says exactly it: read back, it has the same vertices, triangles, ids,
 names, groups, materials and masks.
 
-Each object is a node at the root, in order, under the name that visref gives it (`house#2`), so
-that every engine can tell which it means; a group is one node. What an engine with a glTF loader of
-its own needs to draw it is there, and nothing else. Where a file cannot say a scene exactly, that
-is an InputError and no file.
+Each object is a node at the root, in order, by default under the name that visref gives it
+(`house#2`), so that every engine can tell which it means; a group is one node. What an engine with
+a glTF loader of its own needs to draw it is there, and nothing else. Where a file cannot say a
+scene exactly, that is an InputError and no file.
 
 Source: glTF 2.0, sections 3.6 to 3.11 and 4.4; EXT_mesh_gpu_instancing.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -54,17 +54,19 @@ class _Look:
     mask: int
 
 
-def glb_of(scene: Scene, growth: Growth | None = None) -> bytes:
-    """The GLB file of a scene at rest, the same bytes for the same scene. Raises InputError where
+def glb_of(scene: Scene, growth: Growth | None = None, *, given: bool = False) -> bytes:
+    """The GLB file of a scene at rest, the same bytes for the same scene. `given`: objects have
+    the names that they were given, which may repeat. Raises InputError where
     no file says it exactly: a mask that cannot be looked up, levels of detail, numbers that
     float32 does not hold, instances that are no translations of each other, no object at all."""
-    return _File(scene, growth).pack()
+    return _File(scene, growth, scene.given_names if given else scene.names).pack()
 
 
 @dataclass(eq=False)
 class _File:
     scene: Scene
     growth: Growth | None
+    names: Sequence[str]
     nodes: list[dict[str, Any]] = field(default_factory=list)
     meshes: list[dict[str, Any]] = field(default_factory=list)
     materials: list[dict[str, Any]] = field(default_factory=list)
@@ -123,7 +125,7 @@ class _File:
     # Objects.
 
     def _node(self, index: int, mesh_of: int) -> dict[str, Any]:
-        entry: dict[str, Any] = {"name": self.scene.names[index]}
+        entry: dict[str, Any] = {"name": self.names[index]}
         if self.scene.paths[index] != self.scene.given_names[index]:
             raise self._cannot("an object is not at the root", self._place(index))
         if self.scene.origin.any():

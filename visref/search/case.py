@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,7 +30,7 @@ from visref.inputs import Inputs
 from visref.masks.store import Masks
 from visref.registry import DEFAULT_ENGINE
 from visref.rig import Moment, Rig
-from visref.scene import Float32, Float64, Int32, Scene
+from visref.scene import Float32, Float64, Int32, Scene, unique_names
 from visref.timeline import Timeline
 
 SCENE, PATH = "scene.glb", "path.json"
@@ -42,8 +43,9 @@ _NOWHERE = np.zeros(3)
 class Case:
     """A scene, how its objects stand in each frame, and who looks.
 
-    `scene`: objects at the root under names of their own, each with vertices of its own that its
-    triangles use; it has no rig and no groups, and is `one_sided` as its file is. `path`: frames 0,
+    `scene`: objects at the root, each with vertices of its own that its triangles use, with the
+    names that they were given where these can be told (`given_names`); it has no rig and no groups,
+    and is `one_sided` as its file is. `path`: frames 0,
     1, …, with cameras in world coordinates; beyond these a frame says `world_from_object` and
     `absent` by object names, and nothing else. `shapes`: by the id of an object that is deformed,
     (frames, v, 3) float32, its vertices in each frame in place of the scene's. `cull_backfaces`:
@@ -83,7 +85,7 @@ class Case:
         for array in (scene.object_offsets, scene.one_sided, scene.alpha, scene.origin):
             state.update(f"{array.shape}".encode() + array.tobytes())
         state.update(scene.vertices[scene.triangles].tobytes())
-        state.update("\0".join(scene.names).encode())
+        state.update("\0".join([*scene.names, *scene.given_names]).encode())
         if scene.masks is not None:
             state.update(scene.masks.digest)
         for index, shapes in sorted(self.shapes.items()):
@@ -125,7 +127,7 @@ class Case:
             scene, growth = self._growing()
             path = _timed(path)
         said = json.dumps(path.to_json(), indent=1, ensure_ascii=True, allow_nan=False)
-        return {SCENE: glb_of(scene, growth), PATH: f"{said}\n".encode()}
+        return {SCENE: glb_of(scene, growth, given=True), PATH: f"{said}\n".encode()}
 
     def write(self, folder: Path) -> None:
         """Write both files into a folder that is there. Raises what `files` does."""
@@ -162,6 +164,17 @@ class Case:
             moves = dict(self.shapes)
         weights = np.eye(count, dtype=np.float32)[:, 1 if exact and count > 1 else 0 :]
         return replace(self.scene, vertices=vertices), Growth(moves, weights, _CLIP)
+
+
+def given_names(
+    names: Sequence[str], given: Sequence[str], frames: Sequence[Frame]
+) -> tuple[str, ...]:
+    """The names that objects were given, where a file that has them is read with these `names`, and
+    frames say nothing of one that is several objects'; else `names`."""
+    repeated = {name for name, count in Counter(given).items() if count > 1}
+    told = {n for frame in frames for n in (*frame.world_from_object, *frame.absent)}
+    plain = unique_names(given) == tuple(names) and not repeated & told
+    return tuple(given if plain else names)
 
 
 def starts_of(scene: Scene) -> NDArray[np.int64]:
@@ -243,8 +256,8 @@ class _Plain:
             self.faces.append(faces.reshape(-1, 3).astype(np.int32))
             if moving[index] and len(used):
                 self._moving(index, used, part, scenes)
-        scene = self._scene(still)
         path = self._path(still.names)
+        scene = self._scene(still, path.frames)
         if scene.origin.any() and (self.worlds or self.shapes):
             # A matrix is of the world, and takes the place of whatever moved the object there.
             scene, path = _nearer(scene, path)
@@ -307,7 +320,8 @@ class _Plain:
         exact = own.astype(np.float32)
         return exact if np.array_equal(exact, own) else None
 
-    def _scene(self, still: Scene) -> Scene:
+    def _scene(self, still: Scene, frames: Sequence[Frame]) -> Scene:
+        given = given_names(still.names, still.given_names, frames)
         bases = np.cumsum([0, *map(len, self.points)])
         faces = [own + base for own, base in zip(self.faces, bases[:-1], strict=True)]
         return Scene(
@@ -320,6 +334,8 @@ class _Plain:
             source=SCENE,
             masks=still.masks,
             origin=still.origin,
+            given_names=given,
+            paths=given,
         )
 
     def _path(self, names: Sequence[str]) -> CameraPath:

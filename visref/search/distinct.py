@@ -41,10 +41,10 @@ def shrink_all(folder: SearchFolder, trier: Trier, told: Callable[[str], None]) 
 
 
 def _shrink_one(folder: SearchFolder, fault: Fault, trier: Trier) -> None:
-    wanted = Wanted.of(fault.violation)
+    wanted = Wanted.of(fault.violation, cause=fault.key.cause)
     for case in _cases(fault, trier):
         holding = Holding(trier.suspect, wanted, engine=trier.engine, effort=EFFORT)
-        if holding.at(case) is not None:
+        if holding.starts(case):
             break
     else:
         raise InputError(f"trial {fault.trial} does not show it by itself")
@@ -105,6 +105,7 @@ def structure_of(shrunk: Shrunk) -> str:
         "far out": bool(scene.origin.any()),
         "glass": bool((scene.alpha == Alpha.BLEND).any()),
         "mask": scene.masks is not None,
+        "equal names": len(set(scene.given_names)) < scene.object_count,
         "one-sided": bool(scene.one_sided.any()),
     }
     several = "several objects" if scene.object_count > 1 else "an object"

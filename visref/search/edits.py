@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.scene import Alpha, Float32, Float64, Int64, Scene
-from visref.search.case import Case, masks_of
+from visref.search.case import Case, given_names, masks_of
 
 Bool = NDArray[np.bool_]
 
@@ -84,6 +84,12 @@ def _taken(case: Case, objects: Bool, triangles: Bool) -> Case:
             shapes[int(numbers[index])] = own[:, rows]
     names = tuple(name for name, stays in zip(scene.names, objects, strict=True) if stays)
     gone = set(scene.names) - set(names)
+    frames = case.path.frames
+    if gone:
+        frames = tuple(_without(frame, gone) for frame in frames)
+    given = given_names(
+        names, [n for n, stays in zip(scene.given_names, objects, strict=True) if stays], frames
+    )
     taken = Scene(
         vertices=scene.vertices[used],
         triangles=renumbered.reshape(-1, 3).astype(np.int32),
@@ -94,10 +100,9 @@ def _taken(case: Case, objects: Bool, triangles: Bool) -> Case:
         source=scene.source,
         masks=masks_of(scene, triangles),
         origin=scene.origin,
+        given_names=given,
+        paths=given,
     )
-    frames = case.path.frames
-    if gone:
-        frames = tuple(_without(frame, gone) for frame in frames)
     return replace(case, scene=taken, path=CameraPath(frames, case.path.source), shapes=shapes)
 
 
@@ -106,6 +111,13 @@ def _without(frame: Frame, gone: Collection[str]) -> Frame:
         frame,
         world_from_object={n: m for n, m in frame.world_from_object.items() if n not in gone},
         absent=tuple(name for name in frame.absent if name not in gone),
+    )
+
+
+def told_apart(case: Case) -> Case:
+    """Each object under a name of its own."""
+    return replace(
+        case, scene=replace(case.scene, given_names=case.scene.names, paths=case.scene.names)
     )
 
 

@@ -80,13 +80,14 @@ def write_fault(
             listeners=[drawn, last],
         )
         verdict = verdict_from(outcome, inputs.scene, drawn.units)
-        violation = Wanted.of(shrunk.violation).among(verdict, len(case.path) - 1)
-        if violation is None:
+        found = Wanted.of(shrunk.violation, cause="").shown(verdict, len(case.path) - 1)
+        if not found:
             raise InputError(
                 f"'{suspect.name}' answers otherwise when it is made anew: the fault hangs on what "
                 "it met before this case",
                 fix="make its answers depend on the scene and the path alone",
             )
+    violation = Wanted.of(shrunk.violation).picked(found) or found[0]
     draw(case, violation, last, folder / PICTURE)
     record = outcome.cullers[0]
     checks = _write_drawn(folder, inputs, drawn, verdict)
@@ -199,6 +200,7 @@ def _expected(
         "engine": engine,
         "exit_status": int(record.exit),
         "violation": violation_json(violation),
+        "first_cause": shrunk.first_cause,
         "frames": len(shrunk.case.path),
         "objects": scene.object_count,
         "triangles": scene.triangle_count,
@@ -220,6 +222,7 @@ def _told(
         suspect=suspect.name,
         promise=outcome.cullers[0].promise,
         violation=violation,
+        first_cause=shrunk.first_cause,
         hider=scene.names[hider] if violation.kind is Kind.SUPERFLUOUS and hider >= 0 else "",
         width=camera.width,
         height=camera.height,

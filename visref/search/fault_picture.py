@@ -31,6 +31,8 @@ from visref.visibility import FrameTruth, ObjectVisibility
 # Panels are at least so wide.
 _WIDTH_PX = 480
 _GAP_PX = 12
+# A cross fits on a sample that is drawn so large.
+_CROSSED_PX = 24
 _NOTHING_RGB = (236, 236, 232)
 # Okabe and Ito's colours but vermilion, which is for what is wrong; paled towards white.
 _OBJECTS_RGB = ((0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233),
@@ -61,7 +63,7 @@ class LastFrame:
 def draw(case: Case, violation: Violation, last: LastFrame, file: Path) -> None:
     """Left the last frame's view at more samples; right each sample in the colour of the object
     that owns it, those that are wrong in vermilion: lost, or covered by what was drawn for
-    nothing, with a cross at the witness."""
+    nothing, with a mark at the witness."""
     views = [one.truth.camera.view for one in last.settled]
     settled = last.settled[views.index(violation.seen_in) if violation.seen_in in views else 0]
     camera = settled.truth.camera
@@ -72,7 +74,7 @@ def draw(case: Case, violation: Violation, last: LastFrame, file: Path) -> None:
     sheet.paste(_at_more_samples(case, camera, times).resize(size))
     right = samples.resize(size, Image.Resampling.NEAREST)
     if violation.x >= 0:
-        _cross(right, violation, times)
+        _mark(right, violation, times)
     sheet.paste(right, (size[0] + _GAP_PX, 0))
     sheet.save(file, optimize=True)
 
@@ -95,10 +97,15 @@ def _samples(settled: SettledFrame, violation: Violation) -> NDArray[np.uint8]:
     return picture
 
 
-def _cross(picture: Image.Image, violation: Violation, times: int) -> None:
+def _mark(picture: Image.Image, violation: Violation, times: int) -> None:
+    """A cross on the sample of the witness, or a frame about one that a cross would hide."""
     x, y = (violation.x + 0.5) * times, (violation.y + 0.5) * times
-    arm = max(4.0, times / 3.0)
     pen = ImageDraw.Draw(picture)
+    if times < _CROSSED_PX:
+        arm = times / 2.0 + 4.0
+        pen.rectangle([(x - arm, y - arm), (x + arm, y + arm)], outline=(0, 0, 0), width=3)
+        return
+    arm = times / 3.0
     for up in (-arm, arm):
         pen.line([(x - arm, y - up), (x + arm, y + up)], fill=(0, 0, 0), width=3)
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from visref.culler import Promise
+from visref.judging.causes import CODES
 from visref.markdown import code
 from visref.search.case import Case
 from visref.search.judging import Kind, Violation
@@ -15,13 +16,14 @@ from visref.wording import counted, legible
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """All that the texts tell. `hider`: the object that hides what was drawn for nothing, "" where
-    there is none; `arguments`: how `visref run` is told of the culler, `scene_arguments`: of the
-    case, which is beside the text."""
+    """All that the texts tell. `first_cause`: what was named before the first step; `hider`: the
+    object that hides what was drawn for nothing, "" where there is none; `arguments`: how
+    `visref run` is told of the culler, `scene_arguments`: of the case, which is beside the text."""
 
     suspect: str
     promise: Promise
     violation: Violation
+    first_cause: str
     hider: str
     width: int
     height: int
@@ -65,6 +67,21 @@ def sentence(told: Told) -> str:
     )
 
 
+def cause_sentence(told: Told) -> str:
+    """Why, as far as a smallest scene tells it; "" where nothing was named at all."""
+    one = told.violation
+    if one.cause:
+        others = " or ".join(f"{code(other)} ({CODES[other]})" for other in one.others)
+        also = f" As likely in so small a scene: {others}." if others else ""
+        return f"Cause, as visref names it: {code(one.cause)} ({CODES[one.cause]}).{also}"
+    if told.first_cause:
+        return (
+            f"Before the scene was made smaller visref named a cause, {code(told.first_cause)} "
+            f"({CODES[told.first_cause]}); what is left of it tells none."
+        )
+    return ""
+
+
 def report(told: Told, lines: Sequence[str]) -> str:
     """REPORT.md: for a tracker."""
     one = told.violation
@@ -80,8 +97,8 @@ def report(told: Told, lines: Sequence[str]) -> str:
         sentence(told),
         f"It promises to be {told.promise.value}: {told.promise.statement}.",
     ]
-    if one.cause:
-        parts.append(f"Cause, as visref names it: {one.cause}.")
+    if said := cause_sentence(told):
+        parts.append(said)
     parts += [
         "![left: the last frame, at more samples than were judged; right: its samples, with those "
         "that are wrong in vermilion](picture.png)",
@@ -155,7 +172,8 @@ def test_what_was_drawn_is_a_violation(tmp_path):
 def test_file(told: Told, *, checked: bool) -> str:
     """test_fault.py: alone with the files beside it."""
     title = f"A fault of {json.dumps(legible(told.suspect))[1:-1]}, shrunk by visref."
-    said = sentence(told).replace("\\", "\\\\").replace('"""', "'''")
+    said = f"{sentence(told)} {cause_sentence(told)}".replace("\\", "\\\\")
+    said = said.replace('"""', "'''")
     return _TEST.format(title=title, said=_wrapped(said), check=_CHECK if checked else "")
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -44,6 +45,16 @@ class Key:
     how: str = ""
 
     @classmethod
+    def among(cls, violation: Violation, known: Iterable[Key]) -> Key:
+        """The first of some keys whose cause explains the violation, or else its own: small scenes
+        seldom tell one cause from all others."""
+        own = cls.of(violation)
+        for one in known:
+            if one.kind == own.kind and one.cause in violation.causes:
+                return one
+        return own
+
+    @classmethod
     def of(cls, violation: Violation) -> Key:
         what = "superfluous" if violation.kind is Kind.SUPERFLUOUS else "missed"
         if violation.cause:
@@ -64,8 +75,8 @@ _FEW = 8
 class Fault:
     """A distinct fault: the first trial that showed it, with its genome in JSON values and those
     of the trials judged before it in the same run; the violation there, and in its smallest scene
-    once there is one; in how many trials it was seen, where further ones count for the first of
-    their key. `folder`: where that scene is, "" until there
+    once there is one; in how many trials it was seen, of those whose causes were looked for, where
+    further ones count for the first of their key. `folder`: where that scene is, "" until there
     is one, and the same for faults that come out alike; `structure`: what that scene is made of;
     `note`: why there is none."""
 

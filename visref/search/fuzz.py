@@ -21,12 +21,18 @@ from visref.errors import InputError, NothingToJudge
 from visref.judging.status import Status
 from visref.search.distinct import shrink_all
 from visref.search.folder import Fault, Key, SearchFolder, Tally
-from visref.search.judging import Violation
+from visref.search.judging import Kind, Violation
 from visref.search.stream import Stream, round_of
 from visref.search.trying import Asked, Outcome, Trier, moves_of
+from visref.search.views import ViewsOf
 
 # Trials of one cause that are shrunk: their smallest scenes may differ.
 EXAMPLES = 3
+# A round of trials in a large scene takes long, and somebody may stop it.
+_WRITTEN_EVERY_S = 10.0
+# So many trials with a violation have their causes looked for, and later ones that show something
+# new: that takes several times as long as judging them.
+EXPLAINED = 32
 # Faults that are kept: a culler that fails everywhere fails in more ways than anybody reads.
 MOST_FAULTS = 50
 
@@ -46,8 +52,8 @@ def fuzz(
     shown: Shown = lambda *_: None,
 ) -> SearchFolder:
     """Search until so many trials are made in all, or for so many seconds more; the folder is
-    written after each round of trials, and goes on where it stopped. Then each distinct fault is
-    shrunk. `shown` is told after each round, and before each fault.
+    written after each round of trials, in a long one now and then, and goes on where it stopped.
+    Then each distinct fault is shrunk. `shown` is told after some trials, and before each fault.
 
     Raises InputError for anything wrong with what is asked or with the folder, and NothingToJudge
     where the culler cannot start here or ends a worker's process.
@@ -59,23 +65,38 @@ def fuzz(
         moves = moves_of(suspect)
         trier = Trier(asked, suspect, asked.source(moves=moves))
         stream: Stream[Any] = Stream(trier.source, asked.seed)
-        folder = SearchFolder(out, {**described(asked), "moves": moves})
+        sha256 = trier.source.scene.digest if isinstance(trier.source, ViewsOf) else None
+        about = {**described(asked), "scene_sha256": sha256, "moves": moves}
+        folder = SearchFolder(out, about)
         folder.open(stream, trier.source)
         with _trying(trier, moves, workers) as try_all:
             while _goes_on(folder.tally, trials, ends):
-                _round(folder, stream, trier.together, trials, try_all)
+                written = time.monotonic()
+                for _ in _round(folder, stream, trier, trials, try_all):
+                    shown(folder, "")
+                    if not _goes_on(folder.tally, trials, ends):
+                        break
+                    if time.monotonic() - written > _WRITTEN_EVERY_S:
+                        folder.write(stream, trier.source)
+                        written = time.monotonic()
                 folder.write(stream, trier.source)
-                shown(folder, "")
-        shrink_all(folder, trier, lambda text: shown(folder, text))
+
+        def before(text: str) -> None:
+            # What was shrunk so far stays when somebody stops it.
+            folder.write(stream, trier.source)
+            shown(folder, text)
+
+        shrink_all(folder, trier, before)
         folder.write(stream, trier.source)
     return folder
 
 
 def _round(
-    folder: SearchFolder, stream: Stream[Any], together: int, trials: int | None, try_all: TryAll
-) -> None:
-    """Try the rest of the round at hand."""
-    source, first = stream.source, folder.tally.trials
+    folder: SearchFolder, stream: Stream[Any], trier: Trier, trials: int | None, try_all: TryAll
+) -> Iterator[None]:
+    """Try the rest of the round at hand; gives way after each run of trials that is taken in."""
+    source, first = trier.source, folder.tally.trials
+    together = trier.together
     # Whole runs of trials, so that what stands before one is the same wherever it stopped.
     start = first - first % together
     end = round_of(first).stop
@@ -84,12 +105,18 @@ def _round(
     for task, outcomes in try_all(
         [(number, source.written(genomes[number])) for number in numbers]
     ):
-        for outcome in outcomes:
-            if outcome.trial < first:
+        for at, tried in enumerate(outcomes):
+            if tried.trial < first:
                 continue
+            outcome = tried
+            if outcome.misses and (
+                folder.tally.violating < EXPLAINED or stream.is_new(outcome.features)
+            ):
+                outcome = trier.explained(task[: at + 1], outcome)
             if not outcome.skipped:
                 stream.learn(outcome.trial, genomes[outcome.trial], outcome.features)
             _take_in(folder, outcome, task)
+        yield
 
 
 def described(asked: Asked) -> dict[str, Any]:
@@ -129,7 +156,10 @@ def _take_in(folder: SearchFolder, outcome: Outcome, task: Task) -> None:
     tally.violating += bool(outcome.violations)
     first: dict[Key, Violation] = {}
     for violation in outcome.violations:
-        first.setdefault(Key.of(violation), violation)
+        # A miss whose cause nobody looked for is no fault of its own.
+        if violation.kind is Kind.SUPERFLUOUS or outcome.looked_into:
+            keys = [*(one.key for one in folder.faults), *first]
+            first.setdefault(Key.among(violation, keys), violation)
     for key, violation in first.items():
         known = [one for one in folder.faults if one.key == key]
         if len(known) < EXAMPLES and len(folder.faults) < MOST_FAULTS:

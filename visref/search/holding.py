@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from visref.errors import InputError
 from visref.judging.status import Status
@@ -20,7 +20,8 @@ _LARGE = 20_000
 @dataclass(frozen=True)
 class Wanted:
     """What every step must keep: that the object of this name is left out, in whole or in part
-    (`left_out`), or drawn for nothing, in the last frame; by this cause, if one is given."""
+    (`left_out`), or drawn for nothing, in the last frame; by this cause, if one is given, which is
+    to be among those that explain it."""
 
     name: str
     left_out: bool
@@ -33,19 +34,34 @@ class Wanted:
         return cls(violation.name, violation.kind is not Kind.SUPERFLUOUS, kept)
 
     def among(self, verdict: Verdict, frame: int) -> Violation | None:
-        """The violation of this kind in a frame, with the most samples, of a verdict by which a run
-        fails; None where there is none."""
+        """The violation in a frame, with the most samples, of a verdict by which a run fails; None
+        where there is none."""
+        return self.picked(self.shown(verdict, frame))
+
+    def shown(self, verdict: Verdict, frame: int) -> list[Violation]:
+        """The violations of this kind in a frame, whatever the cause, those with the most samples
+        first, of a verdict by which a run fails."""
         if verdict.status is not Status.VIOLATION:
-            return None
+            return []
         matching = [
             one
             for one in verdict.violations
             if one.frame == frame
             and one.name == self.name
             and (one.kind is not Kind.SUPERFLUOUS) == self.left_out
-            and self.cause in ("", one.cause)
         ]
-        return max(matching, key=lambda one: one.samples, default=None)
+        return sorted(matching, key=lambda one: -one.samples)
+
+    def picked(self, shown: Sequence[Violation], *, untold: bool = False) -> Violation | None:
+        """The first that the cause explains; with `untold`, if there is none, the first that
+        nothing explains."""
+        if not self.cause:
+            return shown[0] if shown else None
+        for one in shown:
+            if self.cause in one.causes:
+                return one.by(self.cause)
+        unexplained = (one for one in shown if untold and not one.causes)
+        return next(unexplained, None)
 
 
 @dataclass(frozen=True)
@@ -62,7 +78,8 @@ Progress = Callable[[str, int, Case], None]
 
 
 class Holding:
-    """Tries cases, each once."""
+    """Tries cases, each once. A cause that is wanted is asked for at every step; while it is
+    `untold`, a step may also leave so little that nothing is named. `firm`: it never may."""
 
     def __init__(
         self,
@@ -71,11 +88,15 @@ class Holding:
         *,
         engine: str = DEFAULT_ENGINE,
         effort: Effort | None = None,
+        firm: bool = False,
     ) -> None:
-        self.suspect, self.wanted, self.engine = suspect, wanted, engine
+        self.suspect, self.wanted, self.engine, self.firm = suspect, wanted, engine, firm
+        self.untold = False
+        # What was named before the first step.
+        self.first_cause = wanted.cause
         self.effort = effort or Effort()
         self.trials = 0
-        self._known: dict[str, Violation | None] = {}
+        self._known: dict[str, list[Violation]] = {}
         self._begun = time.monotonic()
 
     @property
@@ -88,20 +109,43 @@ class Holding:
     def at(self, case: Case) -> Violation | None:
         """The violation that the case shows; None where it shows none, or nothing more is to be
         tried, or nobody can judge it."""
+        return self.wanted.picked(self.shown(case), untold=self.untold)
+
+    def starts(self, case: Case) -> bool:
+        """Whether a case shows it, to begin with. A cause that is not named there is wanted no
+        more, unless it is firm."""
+        if self.at(case) is not None:
+            return True
+        if self.firm or not self.shown(case):
+            return False
+        self.wanted = replace(self.wanted, cause="")
+        return True
+
+    def shown(self, case: Case) -> list[Violation]:
+        """The violations that the case shows, whatever the cause; none where nothing more is to be
+        tried, or nobody can judge it."""
         if case.digest in self._known:
             return self._known[case.digest]
         if self.spent:
-            return None
+            return []
         self.trials += 1
         self._known[case.digest] = found = self._tried(case)
         return found
 
-    def _tried(self, case: Case) -> Violation | None:
+    def _tried(self, case: Case) -> list[Violation]:
+        last = len(case.path) - 1
+        wanted = self.wanted
         try:
             # A reader chooses a far scene's origin anew, and so what its samples are.
             judged = case.read_back() if case.scene.origin.any() else case
             threads = 1 if case.scene.triangle_count <= _LARGE else None
-            verdict = verdict_of(judged, self.suspect, engine=self.engine, threads=threads)
+            verdict = verdict_of(
+                judged,
+                self.suspect,
+                engine=self.engine,
+                threads=threads,
+                explained=(lambda found: bool(wanted.shown(found, last))) if wanted.cause else None,
+            )
         except InputError:
-            return None
-        return self.wanted.among(verdict, len(case.path) - 1)
+            return []
+        return wanted.shown(verdict, last)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
+from visref.causes.evidence import Evidence
+from visref.causes.search import find_causes
 from visref.culler import Promise
 from visref.errors import NothingToJudge
 from visref.findings import Code
@@ -43,7 +45,8 @@ class Violation:
     the object is seen. The witness is pixel (`x`, `y`), where `triangle` at view depth `depth` is
     lost, or hides the unit where it comes closest to it (-1 each where it covers no sample; without
     a depth).
-    `unit`: what was drawn, -1 of a miss. `cause`: the word for why, "" where none was found.
+    `unit`: what was drawn, -1 of a miss. `cause`: the code of why (`visref.judging.causes`), ""
+    where none was found or looked for; `others`: causes that explain it alike.
     """
 
     kind: Kind
@@ -60,6 +63,17 @@ class Violation:
     seen_in: str = ""
     unit: int = -1
     cause: str = ""
+    others: tuple[str, ...] = ()
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """All that explain it."""
+        return (self.cause, *self.others) if self.cause else ()
+
+    def by(self, cause: str) -> Violation:
+        """The same, with one of its causes as the first."""
+        rest = tuple(one for one in self.causes if one != cause)
+        return replace(self, cause=cause, others=rest)
 
 
 @dataclass(frozen=True)
@@ -82,26 +96,38 @@ def verdict_of(
     engine: str = DEFAULT_ENGINE,
     threads: int | None = 1,
     listeners: Sequence[Listener] = (),
+    explained: Callable[[Verdict], bool] | None = None,
 ) -> Verdict:
     """Judge a suspect on a case, by the referee of a run with the same engine. `listeners` are
-    told of the truths and the verdicts as they come.
+    told of the truths and the verdicts as they come. `explained`: of which verdicts the misses get
+    their causes, which takes some times as long as judging a small case.
 
     Raises InputError where the case is one that nobody can judge (no file says it, an engine that
     does not pose), and NothingToJudge where the culler or the engine cannot start here.
     """
     inputs = case.inputs(engine, threads)
-    drawn = Drawn()
+    drawn, evidence = Drawn(), Evidence()
+    heard = [drawn, *listeners, *([evidence] if explained is not None else [])]
     referee = Referee(inputs.scene, inputs.make_engine, threads=threads, timeline=inputs.timeline)
     with suspect.on(case) as culler:
-        outcome = referee.run(
-            inputs.path, inputs.frames, [(suspect.name, culler)], [drawn, *listeners]
+        outcome = referee.run(inputs.path, inputs.frames, [(suspect.name, culler)], heard)
+    verdict = verdict_from(outcome, inputs.scene, drawn.units)
+    if explained is not None and explained(verdict):
+        find_causes(
+            evidence,
+            outcome.cullers,
+            inputs.timeline,
+            inputs.path,
+            inputs.frames,
+            inputs.make_engine,
         )
-    return verdict_from(outcome, inputs.scene, drawn.units)
+        verdict = verdict_from(outcome, inputs.scene, drawn.units)
+    return verdict
 
 
 def verdict_from(outcome: RunOutcome, scene: Scene, units: Units | None) -> Verdict:
-    """The verdict of a run of one culler with these units. Raises NothingToJudge where that could
-    not start."""
+    """The verdict of a run of one culler with these units, with the causes that its record has.
+    Raises NothingToJudge where that could not start."""
     (record,) = outcome.cullers
     failed = ""
     for finding in outcome.findings:
@@ -124,7 +150,7 @@ def _violations(record: CullerRecord, scene: Scene, units: Units | None) -> list
     for row in record.frames:
         if record.promise.convicts:
             found += [
-                _of_miss(row.frame, row.view, miss, scene)
+                _of_miss(row.frame, row.view, miss, scene, record)
                 for miss in row.verdict.misses
                 if miss.kind is MissKind.CONFIRMED
             ]
@@ -137,12 +163,14 @@ def _violations(record: CullerRecord, scene: Scene, units: Units | None) -> list
     return found
 
 
-def _of_miss(frame: int, view: str, miss: Miss, scene: Scene) -> Violation:
+def _of_miss(frame: int, view: str, miss: Miss, scene: Scene, record: CullerRecord) -> Violation:
     y, x = divmod(miss.sample, miss.width)
     kind = Kind.PARTLY_MISSED if miss.partly else Kind.MISSED
+    causes = [one.cause for one in record.causes.of(frame, view, miss.object)]
     return Violation(
         kind, frame, view, miss.object, scene.names[miss.object], miss.samples, miss.owned,
         x, y, miss.triangle, miss.depth, miss.view,
+        cause=causes[0] if causes else "", others=tuple(causes[1:]),
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from visref.culler import Promise
 from visref.errors import InputError
 from visref.inputs import Inputs, open_inputs, open_recorded
+from visref.judging.causes import CODES
 from visref.masks.store import Masks
 from visref.recordings.truth_file import path_digest
 from visref.run_folder.layout import ObjectKind
@@ -52,7 +53,8 @@ class Judged:
 
 def open_run(folder: Path, frame: int, target: str, culler: str) -> Judged:
     """What a run judged, and that its culler `culler`, if it is one of the run's, or else any, lost
-    the object `target`, an id or a name, in a frame, or drew it for nothing against its promise.
+    the object `target`, an id or a name, in a frame, or drew it for nothing against its promise;
+    with the cause that the run names of its own culler, if it names one.
 
     Raises InputError where it did not, where the scene or the path are not what they were, and for
     anything wrong with the folder.
@@ -74,13 +76,27 @@ def open_run(folder: Path, frame: int, target: str, culler: str) -> Judged:
 
 def starting_case(judged: Judged, holding: Holding) -> Case:
     """The case with the fewest frames before the one that is asked about, of 0, 1, 3, 7, … and
-    all, that shows what is wanted. Raises InputError where none does."""
+    all, that shows what is wanted; a cause that is not firm is dropped where it is not named there.
+    Raises InputError where none does."""
     count = len(judged.frames)
     lengths = [2**k for k in range(count.bit_length()) if 2**k < count]
+    named: set[str] = set()
+    shows = False
     for length in [*lengths, count]:
         case = judged.case(length)
-        if holding.at(case) is not None:
+        if holding.starts(case):
             return case
+        named |= {cause for one in holding.shown(case) for cause in one.causes}
+        shows |= bool(holding.shown(case))
+    if shows:
+        raise InputError(
+            f"object '{judged.wanted.name}' is not missed by the cause '{holding.wanted.cause}' in "
+            f"frame {judged.frames[-1]}",
+            source=str(judged.run.folder),
+            fix=f"give one that is named there: {', '.join(sorted(named))}"
+            if named
+            else "leave --cause out: none is named there",
+        )
     what = "leave it out" if judged.wanted.left_out else "draw it for nothing"
     raise InputError(
         f"'{holding.suspect.name}' does not {what} any more: object '{judged.wanted.name}', frame "
@@ -163,7 +179,8 @@ def _wanted(run: RunFolder, frame: int, index: int, name: str, culler: str) -> W
     if culler in run.cullers:
         mine = pc.and_(mine, pc.equal(table["culler"], culler))
     of_object = pc.or_kleene(pc.equal(table["object"], index), pc.equal(table["name"], name))
-    kinds = table.filter(pc.and_kleene(mine, of_object)).select(["kind", "samples"]).to_pylist()
+    kinds = table.filter(pc.and_kleene(mine, of_object))
+    kinds = kinds.select(["kind", "samples", "cause"]).to_pylist()
     found = {ObjectKind(row["kind"]) for row in kinds}
     promises = [
         Promise(facts.promise)
@@ -177,7 +194,9 @@ def _wanted(run: RunFolder, frame: int, index: int, name: str, culler: str) -> W
                 source=source,
                 fix="name a culler that promises to miss nothing",
             )
-        return Wanted(name, left_out=True)
+        causes = [row["cause"] for row in kinds if row["kind"] == ObjectKind.CONFIRMED]
+        own = culler in run.cullers and causes[0] in CODES
+        return Wanted(name, left_out=True, cause=causes[0] if own else "")
     if any(row["samples"] is not None for row in kinds):
         return Wanted(name, left_out=False)
     # Units finer than objects have no name in the table.

@@ -31,23 +31,29 @@ _SIDES = ((8, 6), (8, 8), (12, 9), (16, 12), (16, 16), (32, 24), (32, 32), (64, 
           (128, 96), (256, 192), (512, 384), (1024, 768))  # fmt: skip
 # A part of the image is cut out of it where the whole has more samples than this.
 _SAMPLES_FOR_PEOPLE = 64 * 64
+# So many objects and triangles anybody looks through.
+_OBJECTS, _TRIANGLES = 9, 49
 _FIELDS_OF_VIEW = (1.0, 1.5, 0.5, 2.0, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
 class Shrunk:
     """What is left. `violation`: what it shows, in its last frame; `trials`: how many cases were
-    judged; `whole`: whether nothing more can be left out (the effort was enough)."""
+    judged; `whole`: whether nothing more can be left out (the effort was enough); `first_cause`:
+    the cause that was named before the first step, "" for none."""
 
     case: Case
     violation: Violation
     trials: int
     whole: bool
+    first_cause: str = ""
 
 
 def shrink(case: Case, holding: Holding, progress: Progress | None = None) -> Shrunk:
-    """The smallest case found, from one whose last frame shows what `holding` wants. Raises
-    InputError where it does not, or where no file can say what is left."""
+    """The smallest case found, from one whose last frame shows what `holding` wants. A cause that
+    is wanted is named at every step; where that leaves more than people look through, and it is not
+    firm, it goes on to where nothing is named. Raises InputError where the case does not show it,
+    or where no file can say what is left."""
     found = holding.at(case)
     if found is None:
         raise InputError(
@@ -57,16 +63,24 @@ def shrink(case: Case, holding: Holding, progress: Progress | None = None) -> Sh
         )
     shrinker = _Shrinker(case, found, holding, progress or (lambda *_: None))
     shrinker.run()
-    return Shrunk(shrinker.case, shrinker.found, holding.trials, not holding.spent)
+    scene = shrinker.case.scene
+    large = scene.object_count > _OBJECTS or scene.triangle_count > _TRIANGLES
+    if holding.wanted.cause and not holding.firm and large:
+        holding.untold = True
+        shrinker.run()
+    return Shrunk(
+        shrinker.case, shrinker.found, holding.trials, not holding.spent, holding.first_cause
+    )
 
 
 def cost_of(case: Case) -> tuple[int, ...]:
     """What is to be lowered, what weighs most first: frames, views, objects, triangles, samples,
-    materials, motion, and the digits of cameras, of matrices and of vertices."""
+    equal names and materials, motion, and the digits of cameras, of matrices and of vertices."""
     scene, frames = case.scene, case.path.frames
     cameras = [camera for frame in frames for camera in frame.cameras]
     looks = int(np.count_nonzero(scene.alpha)) + int(np.count_nonzero(scene.one_sided))
     looks += 0 if scene.masks is None else 1
+    looks += scene.object_count - len(set(scene.given_names))
     motion = sum(len(frame.world_from_object) + len(frame.absent) for frame in frames)
     motion += sum(map(len, case.shapes.values()))
     poses = [m for frame in frames for m in frame.world_from_object.values()]
@@ -125,6 +139,7 @@ class _Shrinker:
             ("views", self._views),
             ("objects", self._objects),
             ("triangles", self._triangles),
+            ("names", lambda: self._once(edits.told_apart)),
             ("materials", self._materials),
             ("motion", self._motion),
             ("image", self._image),
@@ -150,6 +165,9 @@ class _Shrinker:
         if cost_of(case) >= cost_of(self.case):
             return False
         return self._take(case)
+
+    def _once(self, change: Callable[[Case], Case]) -> None:
+        self._try(lambda: change(self.case))
 
     def _take(self, case: Case) -> bool:
         found = self._holding.at(case)

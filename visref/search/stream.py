@@ -100,11 +100,15 @@ class Stream(Generic[G]):
             return self.source.crossed(one, other, rng)
         return self.source.changed(one, rng)
 
+    def is_new(self, features: Iterable[Feature]) -> bool:
+        """Whether a trial that shows these would be kept."""
+        return any(feature not in self.hits for feature in features)
+
     def learn(self, trial: int, genome: G, features: Iterable[Feature]) -> Kept[G] | None:
         """Take in what a trial showed, in the order of the trials: what is kept of it, if it showed
         anything new."""
         shown = tuple(sorted(set(features)))
-        new = any(feature not in self.hits for feature in shown)
+        new = self.is_new(shown)
         self.hits.update(shown)
         if not new:
             return None

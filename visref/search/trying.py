@@ -21,7 +21,7 @@ from visref.plug_ins.command import Command
 from visref.promise import Promise
 from visref.search.case import Case
 from visref.search.generated import PLAIN, GeneratedScenes
-from visref.search.judging import Verdict, Violation, verdict_of
+from visref.search.judging import Kind, Verdict, Violation, verdict_of
 from visref.search.novelty import Feature, Watching, count_class
 from visref.search.stream import Source
 from visref.search.suspects import Program, Suspect, suspect_of
@@ -97,7 +97,8 @@ def _say(making: Making, name: str) -> Any:
 class Outcome:
     """What became of a trial. `features`: what it showed; `violations`: by frames of its own path;
     `failed`: how the culler broke down; `skipped`: why it was not judged (no case can be made of
-    it, or the culler is not for such); `promise`: the culler's."""
+    it, or the culler is not for such); `promise`: the culler's; `looked_into`: whether the causes
+    of its misses were looked for."""
 
     trial: int
     features: tuple[Feature, ...] = ()
@@ -106,6 +107,12 @@ class Outcome:
     failed: str = ""
     skipped: str = ""
     promise: Promise = Promise.CONSERVATIVE
+    looked_into: bool = False
+
+    @property
+    def misses(self) -> bool:
+        """Whether anything was left out, so that there are causes to look for."""
+        return any(one.kind is not Kind.SUPERFLUOUS for one in self.violations)
 
 
 @dataclass(eq=False)
@@ -129,16 +136,31 @@ class Trier:
     def try_all(self, trials: Sequence[tuple[int, Any]]) -> list[Outcome]:
         """The outcomes of some trials, given by number and genome in JSON values: the same for the
         same ones."""
+        return self._tried(trials, explained=False)
+
+    def _tried(self, trials: Sequence[tuple[int, Any]], *, explained: bool) -> list[Outcome]:
         numbers = [trial for trial, _ in trials]
         genomes = [self.source.read(value) for _, value in trials]
         try:
             if isinstance(self.source, ViewsOf):
-                return self._views(self.source, numbers, genomes)
+                return self._views(self.source, numbers, genomes, explained)
             return [
-                self._case(trial, genome) for trial, genome in zip(numbers, genomes, strict=True)
+                self._case(trial, genome, explained)
+                for trial, genome in zip(numbers, genomes, strict=True)
             ]
         except InputError as error:
             return [Outcome(trial, skipped=str(error)) for trial in numbers]
+
+    def explained(self, trials: Sequence[tuple[int, Any]], outcome: Outcome) -> Outcome:
+        """The outcome of the last of some trials with the causes of its misses: the same trials are
+        judged again. Whose answers hang on anything else shows no cause."""
+        known = list(map(_bare, outcome.violations))
+        # By itself first: to name the causes of a whole run takes longer.
+        for some in [trials[-1:], trials][: len(trials)]:
+            (*_, again) = self._tried(some, explained=True)
+            if list(map(_bare, again.violations)) == known:
+                return again
+        return replace(outcome, looked_into=True)
 
     @property
     def engine(self) -> str:
@@ -148,38 +170,48 @@ class Trier:
         # Small scenes are cast exactly, so that no miss stays unseen.
         return "embree" if self.asked.scene else "exact"
 
-    def _case(self, trial: int, genome: Any) -> Outcome:
+    def _case(self, trial: int, genome: Any, explained: bool) -> Outcome:
         try:
             case = self.source.case(genome)
         except InputError as error:
             return Outcome(trial, skipped=str(error))
         if not self.asked.allows(case):
             return Outcome(trial, skipped="it is not for such scenes")
-        (outcome,) = self._judged(case, [trial], len(case.path))
+        (outcome,) = self._judged(case, [trial], len(case.path), explained)
         return outcome
 
-    def _views(self, source: ViewsOf, numbers: list[int], genomes: list[Any]) -> list[Outcome]:
+    def _views(
+        self, source: ViewsOf, numbers: list[int], genomes: list[Any], explained: bool
+    ) -> list[Outcome]:
         frames = [frame for genome in genomes for frame in source.frames(genome)]
         case = source.on(CameraPath(frames, "views"))
         if not self.asked.allows(case):
             return [Outcome(trial, skipped="it is not for such scenes") for trial in numbers]
-        outcomes = self._judged(case, numbers, FRAMES)
+        outcomes = self._judged(case, numbers, FRAMES, explained)
         if len(numbers) > 1 and any(one.failed for one in outcomes):
             # One of them broke the culler down.
             pairs = zip(numbers, genomes, strict=True)
-            return [self._views(source, [number], [genome])[0] for number, genome in pairs]
+            return [self._views(source, [n], [genome], explained)[0] for n, genome in pairs]
         return outcomes
 
-    def _judged(self, case: Case, numbers: list[int], frames: int) -> list[Outcome]:
+    def _judged(
+        self, case: Case, numbers: list[int], frames: int, explained: bool
+    ) -> list[Outcome]:
         """The outcomes of trials whose frames, so many each, follow each other in a case."""
         timeline = case.inputs(self.engine).timeline
         watching = Watching(timeline.at, lambda frame: frame // frames, self.source.called(case))
         try:
-            verdict = verdict_of(case, self.suspect, engine=self.engine, listeners=[watching])
+            verdict = verdict_of(
+                case,
+                self.suspect,
+                engine=self.engine,
+                listeners=[watching],
+                explained=(lambda _: True) if explained else None,
+            )
         except InputError as error:
             return [Outcome(trial, skipped=str(error)) for trial in numbers]
         return [
-            self._outcome(verdict, watching, number, at, frames)
+            replace(self._outcome(verdict, watching, number, at, frames), looked_into=explained)
             for at, number in enumerate(numbers)
         ]
 
@@ -194,8 +226,9 @@ class Trier:
         )
         features = {
             *watching.features.get(at, ()),
-            # A cause that is new is worth keeping, and so is a larger or smaller loss by it.
-            *(f"violation: {one.kind} {one.cause}: {count_class(one.samples)}" for one in own),
+            # A larger or smaller loss is worth keeping, and a cause that is new.
+            *(f"violation: {one.kind}: {count_class(one.samples)}" for one in own),
+            *(f"violation: {one.kind}: {one.cause}" for one in own if one.cause),
         }
         status = verdict.status
         if not verdict.failed:
@@ -207,6 +240,12 @@ class Trier:
         return Outcome(
             number, tuple(sorted(features)), own, status, verdict.failed, "", verdict.promise
         )
+
+
+def _bare(violation: Violation) -> Violation:
+    """A violation without its causes, that equals itself (what is hidden has no depth, NaN)."""
+    hidden = violation.kind is Kind.SUPERFLUOUS
+    return replace(violation, cause="", others=(), depth=0.0 if hidden else violation.depth)
 
 
 def moves_of(suspect: Suspect) -> bool:

@@ -29,6 +29,7 @@ def violation_json(violation: Violation) -> dict[str, Any]:
         "owned": None if hidden else violation.owned,
         "unit": violation.unit if hidden else None,
         "cause": violation.cause,
+        "other_causes": list(violation.others),
         "witness": witness if violation.x >= 0 else None,
     }
 
@@ -58,4 +59,5 @@ def read_violation(fields: Fields) -> Violation:
         seen_in=seen_in,
         unit=-1 if fields.is_null("unit") else fields.whole("unit"),
         cause=fields.text("cause"),
+        others=fields.text_list("other_causes"),
     )

@@ -60,12 +60,13 @@ class FullOnAnyCoveredPixel:
 
 @mutant("U3", of=ALL, caught_by="wall_that_goes_away")
 class GridOfTheLastFrame:
-    """The grid is made once and kept."""
+    """A grid is made once per size of the image and kept: one of another size would have cells
+    beside the image, which the compiled scans would read."""
 
     kept = None
 
     def new_grid(self, width, height):
-        if self.kept is None:
+        if self.kept is None or (self.kept.width, self.kept.height) != (width, height):
             self.kept = super().new_grid(width, height)
         return self.kept
 
