@@ -274,6 +274,8 @@ IDS = [
         "ids-shifted: -1, in the view -> wall last",
         "ids-shifted: in order -> beyond",
         "ids-shifted: in order, the first lost -> front beyond",
+        # By number they are asked wall, front, hidden, beyond, last.
+        "ids-shifted: by number -> beyond",
         "ids-wrap: 256; 65536 -> says nothing",
         "same-names: -> says nothing",
     ),

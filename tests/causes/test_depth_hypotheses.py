@@ -309,13 +309,15 @@ def narrow_slit(n):
 
 def last_tile():
     """Tiles of 4 end at column 68 and row 64, those of 8, 16, 32 and 64 at 64. 'edge' shows in the
-    last two columns, 'foot' in the last row, 'across' from the middle to the last column."""
+    last two columns, 'foot' in the last row, 'head' in the first, 'across' from the middle to the
+    last column."""
     view = plain(70, 65)
     return Stage(
         case(
             [
                 ("edge", sheet(view, (68, 69), (3, 9), 10.0)),
                 ("foot", sheet(view, (3, 9), (64, 64), 10.0)),
+                ("head", sheet(view, (3, 9), (0, 0), 10.0)),
                 ("across", sheet(view, (40, 69), (20, 29), 10.0)),
             ],
             [view],
@@ -669,6 +671,10 @@ TILES = [
         last_tile,
         "odd-size-pyramid: tiles of 4; tiles of 8; tiles of 16 -> edge foot",
         "odd-size-pyramid: tiles of 32; tiles of 64 -> edge foot",
+        # From below the first row is left out in place of the last.
+        "odd-size-pyramid: tiles of 4, from below; tiles of 8, from below -> edge head",
+        "odd-size-pyramid: tiles of 16, from below; tiles of 32, from below -> edge head",
+        "odd-size-pyramid: tiles of 64, from below -> edge head",
     ),
     *claims(whole_tiles, "odd-size-pyramid: tiles of 4; tiles of 32; tiles of 64 -> says nothing"),
 ]

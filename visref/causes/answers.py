@@ -166,21 +166,22 @@ def left_out_before(at: At) -> Told:
     return None if then is None else then[at.ids] | ~before.boxes(at.ids).in_view
 
 
-def neighbour_in_order(first: bool) -> Tell:
-    """Front to back, the answer of the one before; `first`: what the first of them gets."""
-    return lambda at: _in_order(at, first)
+def neighbour_in_order(*, first: bool, by_id: bool = False) -> Tell:
+    """The answer of the one asked before it, front to back or by number; `first`: what the first
+    of them gets."""
+    return lambda at: _in_order(at, first, by_id)
 
 
-def _in_order(at: At, first: bool) -> Told:
+def _in_order(at: At, first: bool, by_id: bool) -> Told:
     every = np.arange(at.sights.units.count, dtype=np.int32)
     if len(every) > 4096:
         return None
     everyone = replace(at, ids=every)
     boxes = everyone.boxes
-    asked = np.flatnonzero(boxes.in_view)
-    order = asked[np.argsort(boxes.nearest[asked], kind="stable")]
+    asked = np.flatnonzero(boxes.in_view & ~boxes.crossing)
+    order = asked if by_id else asked[np.argsort(boxes.nearest[asked], kind="stable")]
     answers = kept_by_depth(everyone, boxes)
-    kept = np.zeros(len(every), np.bool_)
+    kept = boxes.crossing & boxes.in_view
     kept[order[1:]] = answers[order[:-1]]
     kept[order[:1]] = first
     return kept[at.ids] | ~at.boxes.in_view
@@ -215,7 +216,8 @@ ANSWERED: dict[str, dict[str, Tell]] = {
     "ids-shifted": {
         **neighbour(1),
         **neighbour(-1),
-        "in order": neighbour_in_order(True),
-        "in order, the first lost": neighbour_in_order(False),
+        "in order": neighbour_in_order(first=True),
+        "in order, the first lost": neighbour_in_order(first=False),
+        "by number": neighbour_in_order(first=True, by_id=True),
     },
 }

@@ -429,6 +429,9 @@ HIDDEN = {
     "odd-size-pyramid": {
         **either_way(_HIDDEN)["odd-size-pyramid"],
         **{f"tiles of {n}": at_the_edge(n) for n in (4, 8, 16, 32, 64)},
+        **{
+            f"tiles of {n}, from below": at_the_edge(n, from_below=True) for n in (4, 8, 16, 32, 64)
+        },
     },
 }
 # What says that all is lost, whatever is there.

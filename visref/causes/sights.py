@@ -103,6 +103,10 @@ class Moments:
         triangles = np.flatnonzero(samples).astype(np.int32)
         return Shown(triangles, samples[triangles])
 
+    def owners(self, scene: Scene, camera: Camera) -> Int32:
+        """(height, width) int32, the triangles that own the samples of a view, -1 for none."""
+        return self.engine(scene).frame(camera).buffer.triangle.copy()
+
     def close(self) -> None:
         if self._engine is not None:
             self._engine.close()
@@ -142,6 +146,7 @@ class Sight:
     camera: Camera
     place: Place
     shown: Callable[[], Shown]
+    owners: Callable[[], Int32]
     _layers: dict[object, Layers] = field(default_factory=dict)
 
     @cached_property
@@ -151,6 +156,18 @@ class Sight:
     @cached_property
     def samples(self) -> Int64:
         return self.place.samples(self.shown())
+
+    @cached_property
+    def _owners(self) -> Int32:
+        return self.owners()
+
+    def seen_in(self, rows: slice, columns: slice) -> Bool:
+        """(u,) bool, the units that own samples of a part of the image."""
+        triangles = np.unique(self._owners[rows, columns]).astype(np.int64)
+        unit, _ = self.place.members.units(triangles[triangles >= 0])
+        result = np.zeros(self.place.units.count, np.bool_)
+        result[unit] = True
+        return result
 
     def boxes(self, ids: Int32, camera: Camera | None = None) -> Boxes:
         return Boxes(camera or self.camera, self.place.bounds[ids])
@@ -251,12 +268,19 @@ class Sights:
                     if standing is None
                     else self.moments.cast(scene, camera)
                 ),
+                lambda: self.moments.owners(scene, camera),
             )
         return self._sights[key]
 
     def of(self, frame: int, scene: Scene, camera: Camera) -> Sight:
         """Any scene before any camera, in place of a frame's."""
-        return Sight(frame, camera, self.place(scene), lambda: self.moments.cast(scene, camera))
+        return Sight(
+            frame,
+            camera,
+            self.place(scene),
+            lambda: self.moments.cast(scene, camera),
+            lambda: self.moments.owners(scene, camera),
+        )
 
 
 @dataclass(eq=False)

@@ -160,20 +160,18 @@ def odd_size(at: At, texel: int) -> bool:
     return at.camera.width % texel != 0 or at.camera.height % texel != 0
 
 
-def at_the_edge(texel: int) -> Tell:
-    """What shows only beyond the last whole texel is left out, as of an image of whole tiles."""
+def at_the_edge(texel: int, *, from_below: bool = False) -> Tell:
+    """What shows only beyond the last whole texel is left out, as of an image of whole tiles,
+    counted from the upper row or from the lowest."""
 
     def tell(at: At) -> Told:
         if not odd_size(at, texel) or min(at.camera.width, at.camera.height) < texel:
             return None
-        owner = at.now.layers(masks=True, glass=True).owner
-        height, width = owner.shape
-        inner = owner[: height // texel * texel, : width // texel * texel]
-        shown = np.zeros(at.sights.units.count + 1, np.bool_)
-        shown[inner.reshape(-1)] = True
-        within = np.zeros_like(shown)
-        within[owner.reshape(-1)] = True
-        return shown[at.ids] | ~within[at.ids]
+        height, width = at.camera.height, at.camera.width
+        rows = height // texel * texel
+        whole = slice(height - rows, None) if from_below else slice(rows)
+        inner = at.now.seen_in(whole, slice(width // texel * texel))
+        return (inner | ~at.now.seen_in(slice(None), slice(None)))[at.ids]
 
     return tell
 
