@@ -633,8 +633,13 @@ OCCLUDERS = [
         "masks-solid: boxes; samples -> says nothing",
     ),
     # The lid lies outside the view, whatever hides what.
-    *claims(before_near, "wrong-occluder-clip: boxes; samples -> behind lid", seen=False),
-    *claims(before_the_clip_plane, "wrong-occluder-clip: boxes; samples -> behind"),
+    *claims(
+        before_near, "wrong-occluder-clip: near, boxes; near, samples -> behind lid", seen=False
+    ),
+    *claims(
+        before_the_clip_plane,
+        "wrong-occluder-clip: clip plane, boxes; clip plane, samples -> behind",
+    ),
     *claims(turned_round, "back-faces: hide, by boxes; hide, by samples -> behind"),
 ]
 

@@ -54,7 +54,7 @@ def town(moving=False) -> Case:
     return Case(built.scene, CameraPath(frames))
 
 
-DEPTHS: dict[tuple[int, bytes], np.ndarray] = {}
+DEPTHS: dict[tuple[bytes, bytes], np.ndarray] = {}
 
 
 class Right(Culler):
@@ -95,7 +95,7 @@ class Right(Culler):
         return bool((high >= -1).all() and low[0] <= view.width and low[1] <= view.height)
 
     def depths(self, view):
-        key = id(self.scene), view.world_from_camera.tobytes()
+        key = self.scene.vertices.tobytes(), view.world_from_camera.tobytes()
         if key not in DEPTHS:
             DEPTHS[key] = nearest_hits(self.scene, view)[0]
         return DEPTHS[key]
@@ -126,20 +126,24 @@ class CentreOnly(Right):
         return far > view.near and (np.abs(at - (29.5, 19.5)) <= (30.0, 20.0)).all()
 
 
-class FarthestDepth(Right):
-    """farthest-depth"""
+class NearestOfTheRectangle(Right):
+    """nearest-of-region"""
 
     def passes(self, view, pixels, depth):
-        return super().passes(view, pixels, depth.max(keepdims=True))
+        image = self.depths(view)
+        low = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, None)
+        high = np.ceil(pixels.max(axis=0)).astype(int) + 1
+        part = image[low[1] : high[1], low[0] : high[0]]
+        return part.min(initial=np.inf) >= depth.min() - 1e-9
 
 
-class HalfTheResolution(Right):
-    """coarse-depth-1/2"""
+class QuarterOfTheResolution(Right):
+    """coarse-depth-1/4"""
 
     def passes(self, view, pixels, depth):
-        image = self.depths(view)[::2, ::2]
-        low = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, None) // 2
-        high = np.ceil(pixels.max(axis=0)).astype(int) // 2 + 1
+        image = self.depths(view)[::4, ::4]
+        low = np.clip(np.floor(pixels.min(axis=0)).astype(int), 0, None) // 4
+        high = np.ceil(pixels.max(axis=0)).astype(int) // 4 + 1
         return image[low[1] : high[1], low[0] : high[0]].max(initial=-1.0) >= depth.min() - 1e-9
 
 
@@ -201,18 +205,18 @@ def test_right_culler_misses_nothing_and_gets_no_cause():
 
 @pytest.mark.parametrize(
     "culler",
-    [OneFrameLate, CentreOnly, FarthestDepth, HalfTheResolution, NextOne],
+    [OneFrameLate, CentreOnly, NearestOfTheRectangle, QuarterOfTheResolution, NextOne],
     ids=lambda c: c.__doc__,
 )
 def test_one_mistake_is_named_first(culler):
     told = first_named(judged(culler(), town()))
-    assert told.total() >= 5
+    assert told.total() >= 4
     assert told[culler.__doc__] >= 0.8 * told.total(), told
 
 
 def test_box_of_the_rest_pose_is_named_where_things_move():
     told = first_named(judged(RestPose(), town(moving=True)))
-    assert told.total() >= 5
+    assert told.total() >= 4
     assert told["rest-pose"] >= 0.8 * told.total(), told
 
 

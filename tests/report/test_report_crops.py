@@ -77,3 +77,12 @@ def test_witnesses_without_surroundings_have_no_pictures(run, tmp_path):
         del line["surroundings"]
     file.write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert images(copy) == []
+
+
+def test_the_page_tells_the_plain_facts_of_each_convicted_object(run):
+    page = Reader(page_html([read_run(run)], [], run))
+    told = [text for attrs, text in page.find("p") if attrs.get("class") == "known"]
+    assert len(told) == 2 + len(VISIBLE)
+    for text in told:
+        assert "image's edge" in text or "image’s edge" in text
+        assert "from the eye" in text

@@ -161,7 +161,7 @@ def test_facts_are_told_in_words():
     assert text == (
         "3 px from the image's edge; its box is 8.062 from the eye (near 0.5); the box that was "
         "tested does not hold it; 2 frames after it came into view; lost at depth 8; through a gap "
-        "3 px wide; beside fence, which is before it"
+        "3 px wide; bordered by fence, in front of it"
     )
 
 
@@ -169,6 +169,10 @@ def test_what_is_not_known_is_not_told():
     text = facts_text(facts(of=miss(13, 0, age=None)))
     assert text == "at the image's edge; its box is 8.062 from the eye (near 0.5)"
     assert facts_text({}) == ""
+
+
+def test_what_has_just_come_into_view_is_new():
+    assert "; new in view" in facts_text(facts(of=miss(age=0)))
 
 
 def test_name_with_control_characters_is_made_legible():

@@ -14,7 +14,7 @@ from visref.camera import Camera
 from visref.causes.boxes import Boxes, within
 from visref.causes.layers import Layers, draw
 from visref.causes.rectangles import asked
-from visref.causes.sights import OWN_TOO, At, Sight, Tell, Told
+from visref.causes.sights import CLIP_PLANE, OWN_TOO, At, Sight, Tell, Told
 from visref.causes.texels import (
     at_the_edge,
     coarse,
@@ -313,14 +313,17 @@ def background_hides(at: At) -> Told:
 
 
 def _is_cut(at: At) -> bool:
-    """Whether a plane cuts what might hide."""
-    return at.camera.clip_plane is not None or bool(
-        Boxes(at.camera, at.now.place.bounds).crossing.any()
-    )
+    """Whether the near plane cuts what might hide."""
+    return bool(Boxes(at.camera, at.now.place.bounds).crossing.any())
 
 
 def among(
-    *, masks: bool = False, glass: bool = False, back_faces: bool = False, uncut: bool = False
+    *,
+    masks: bool = False,
+    glass: bool = False,
+    back_faces: bool = False,
+    unclipped: bool = False,
+    before_near: bool = False,
 ) -> dict[str, Tell]:
     """Other occluders, asked about boxes and about samples."""
 
@@ -330,11 +333,18 @@ def among(
             (masks and scene.has_mask)
             or (glass and scene.has_blend)
             or (back_faces and scene.one_sided.any())
-            or (uncut and _is_cut(at))
+            or (unclipped and at.camera.clip_plane is not None)
+            or (before_near and _is_cut(at))
         )
         if not known:
             return None
-        return at.now.layers(masks=masks, glass=glass, back_faces=back_faces, uncut=uncut)
+        return at.now.layers(
+            masks=masks,
+            glass=glass,
+            back_faces=back_faces,
+            unclipped=unclipped,
+            before_near=before_near,
+        )
 
     def box(at: At) -> Told:
         found = layers(at)
@@ -446,6 +456,9 @@ SELDOM_HIDDEN: dict[str, dict[str, Tell]] = {
 MATERIALS: dict[str, dict[str, Tell]] = {
     "masks-solid": among(masks=True),
     "glass-solid": among(glass=True),
-    "wrong-occluder-clip": among(uncut=True),
+    "wrong-occluder-clip": {
+        **{f"{CLIP_PLANE}, {how}": tell for how, tell in among(unclipped=True).items()},
+        **{f"near, {how}": tell for how, tell in among(before_near=True).items()},
+    },
     "back-faces": {f"hide, by {how}": tell for how, tell in among(back_faces=True).items()},
 }

@@ -22,6 +22,27 @@ from visref.timeline import Timeline
 Bool = NDArray[np.bool_]
 T = TypeVar("T")
 
+# How the variants begin of what a clip plane does not cut.
+CLIP_PLANE = "clip plane"
+# Causes that need glass, masks, what moves, a lens shift, a roll, or several views.
+SPECIAL = frozenset(
+    {
+        "glass-solid",
+        "masks-solid",
+        "masked-left-out",
+        "glass-left-out",
+        "removed-still-hides",
+        "appeared-unknown",
+        "rest-pose",
+        "old-pose",
+        "old-occluders",
+        "no-lens-shift",
+        "lens-shift-reversed",
+        "roll-ignored",
+        "first-view-only",
+        "other-view",
+    }
+)
 # How the variants end in which the depth that is asked holds the unit itself.
 OWN_TOO = ", own depth too"
 # Of so many moments the depths are kept; a hypothesis looks at two or three.
@@ -179,11 +200,12 @@ class Sight:
         masks: bool = False,
         glass: bool = False,
         back_faces: bool = False,
-        uncut: bool = False,
+        unclipped: bool = False,
+        before_near: bool = False,
     ) -> Layers:
         """What hides, triangle by triangle: by default what is opaque and turned this way, between
         near, far and clip plane."""
-        key = (id(camera), masks, glass, back_faces, uncut)
+        key = (id(camera), masks, glass, back_faces, unclipped, before_near)
         if key not in self._layers:
             taken = camera or self.camera
             scene = self.place.scene
@@ -191,9 +213,11 @@ class Sight:
             solid = np.isin(scene.alpha, kinds)
             if not back_faces and scene.one_sided.any():
                 solid &= ~(scene.one_sided & ~facing(scene, taken))
-            if uncut:
+            if unclipped:
+                taken = replace(taken, clip_plane=None)
+            if before_near:
                 near = 1e-3 * taken.near if taken.is_perspective else taken.near - 1e6
-                taken = replace(taken, near=near, clip_plane=None)
+                taken = replace(taken, near=near)
             layers = Layers.empty(taken.height, taken.width)
             draw(
                 layers,
@@ -383,6 +407,11 @@ class Hypothesis:
     answer: bool = False
     depth: bool = False
     fitted: bool = False
+
+    @property
+    def special(self) -> bool:
+        """Whether it can be got wrong only where scene or camera have something of the kind."""
+        return self.cause in SPECIAL or self.variant.startswith(CLIP_PLANE)
 
     @property
     def own(self) -> bool:

@@ -44,27 +44,6 @@ WEIGHTS = {
     "special": 2.37,
 }
 _WEIGHTS = np.array(list(WEIGHTS.values()))
-# What can be got wrong only where scene or camera have something of the kind: glass, masks, a clip
-# plane or something before near, what moves, a lens shift, a roll, several views.
-SPECIAL = frozenset(
-    [
-        "glass-solid",
-        "masks-solid",
-        "masked-left-out",
-        "glass-left-out",
-        "wrong-occluder-clip",
-        "removed-still-hides",
-        "appeared-unknown",
-        "rest-pose",
-        "old-pose",
-        "old-occluders",
-        "no-lens-shift",
-        "lens-shift-reversed",
-        "roll-ignored",
-        "first-view-only",
-        "other-view",
-    ]
-)
 # Of a few units less is believed.
 FEW = 4
 # So many times as many as are explained is as wrong as can be.
@@ -116,7 +95,7 @@ def features(hypothesis: Hypothesis, culled: Bool, told: Told, open_: Bool) -> F
             _ORDER[hypothesis.cause],
             np.log1p(np.count_nonzero(wrong)) / 5.0,
             hypothesis.many,
-            hypothesis.cause in SPECIAL,
+            hypothesis.special,
         ],
         np.float64,
     )

@@ -72,7 +72,8 @@ def witnesses_about(
         return result
     for place, value in lines_inside(run, file, FIX):
         witness = Fields(value, f"{run / file}: {place}", FIX)
-        key = witness.whole("frame"), witness.text("view"), witness.whole("object")
+        view = witness.text("view") if manifest.version >= 2 else UNNAMED_VIEW
+        key = witness.whole("frame"), view, witness.whole("object")
         if key in wanted:
             result[key] = read_witness(witness, manifest.version)
             _check(witness, result[key], culler, manifest)

@@ -75,8 +75,8 @@ def facts_text(facts: Mapping[str, Any]) -> str:
         parts.append(f"{box} (near {facts['near']:.4g})")
     if facts["box_too_small"]:
         parts.append("the box that was tested does not hold it")
-    if facts["age"] is not None:
-        parts.append(f"{counted(facts['age'], 'frame')} after it came into view")
+    if (age := facts["age"]) is not None:
+        parts.append(f"{counted(age, 'frame')} after it came into view" if age else "new in view")
     low, high = facts["depth_min"], facts["depth_max"]
     if low is not None and high is not None:
         depths = f"{low:.6g}" if f"{low:.6g}" == f"{high:.6g}" else f"{low:.6g} to {high:.6g}"
@@ -84,7 +84,7 @@ def facts_text(facts: Mapping[str, Any]) -> str:
     if facts["gap_px"]:
         parts.append(f"through a gap {facts['gap_px']} px wide")
     if facts["in_front"] is not None:
-        parts.append(f"beside {legible(facts['in_front']['name'])}, which is before it")
+        parts.append(f"bordered by {legible(facts['in_front']['name'])}, in front of it")
     return "; ".join(parts)
 
 
