@@ -363,8 +363,9 @@ def test_causes_are_said_grouped_and_by_object(folder):
     judge()
     run = read_run(Path("run"))
     (name,) = run.cullers
-    cause = {"cause": "one-frame-late", "text": "answered one frame late", "misses": 41,
-             "examined": 57, "objects": 3, "score": 0.9}  # fmt: skip
+    other = {"cause": "last-view", "text": "the frustum of the frame before"}
+    cause = {"cause": "one-frame-late", "text": "answered one frame late", "alternatives": [other],
+             "misses": 41, "examined": 57, "objects": 3, "score": 0.9}  # fmt: skip
     verdict = replace(run.verdict.cullers[name], causes=(cause,))
     rows = run.objects.to_pylist()
     for row in rows:
@@ -372,7 +373,9 @@ def test_causes_are_said_grouped_and_by_object(folder):
             row["cause"] = "one-frame-late"
     objects = pa.Table.from_pylist(rows, schema=run.objects.schema)
     told = replace(run, objects=objects, verdict=replace(run.verdict, cullers={name: verdict}))
-    grouped = "41 of 57 misses: answered one frame late (3 objects)"
+    grouped = (
+        "41 of 57 misses: answered one frame late, or: the frustum of the frame before (3 objects)"
+    )
     markdown = markdown_summary([told], [], Path())
     assert f"- {grouped}" in markdown
     assert "depth 9): answered one frame late" in markdown
