@@ -14,12 +14,14 @@ import pytest
 from tests.merging.scenes import FRAMES, cullers, stereo, switched
 from tests.support.same_bytes import differing
 from visref.errors import InputError
+from visref.files import replacing_folder
 from visref.judging.policy import Policy, Span, Waiver
 from visref.merging import merge_into, merge_runs, merge_truths
 from visref.picking import Shard
 from visref.report import write_report
+from visref.run_folder.layout import RUN_FOLDER
 from visref.run_folder.read import read_run
-from visref.runs import judge_to_folder, truth_to_file
+from visref.runs import judge_to_folder, merge_naming, truth_to_file
 
 POLICIES = {
     "no policy": None,
@@ -42,7 +44,8 @@ def whole_and_merged(root, inputs, kind, count, **given):
     for number in range(count, 0, -1):
         parts.append(root / f"part-{number}")
         judge_to_folder(inputs(), cullers(kind), parts[-1], shard=Shard(number, count), **given)
-    merge_runs(parts, root / "merged")
+    with replacing_folder(root / "merged", kind=RUN_FOLDER) as folder:
+        merge_naming(folder, parts, inputs())
     return root / "whole", root / "merged"
 
 
@@ -64,6 +67,18 @@ def whole_and_merged(root, inputs, kind, count, **given):
 def test_merged_shards_are_the_run(kind, count, policy, tmp_path):
     given = {"policy": POLICIES[policy], "pictures": 2}
     assert differing(*whole_and_merged(tmp_path, switched, kind, count, **given)) == []
+
+
+def test_without_the_scene_merged_shards_are_the_run_but_for_its_causes(tmp_path):
+    whole, merged = whole_and_merged(tmp_path, switched, "objects", 2)
+    merge_runs([tmp_path / "part-1", tmp_path / "part-2"], tmp_path / "without")
+    apart = [one for one in differing(whole, tmp_path / "without") if "witnesses" not in one]
+    assert sorted(apart) == ["objects.parquet", "verdict.json"]
+    named = [read_run(one).verdict.cullers for one in (whole, merged, tmp_path / "without")]
+    causes = [{name: culler.causes for name, culler in one.items()} for one in named]
+    assert any(causes[0].values())
+    assert causes[1] == causes[0]
+    assert not any(causes[2].values())
 
 
 @pytest.mark.parametrize("count", [2, 5])

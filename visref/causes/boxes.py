@@ -125,8 +125,11 @@ class Boxes:
 
     @cached_property
     def spans(self) -> Float64:
-        """(k, 4) float64: x0, y0, x1, y1 in pixels, of boxes that cross no near plane."""
-        return span(self.pixels(self.seen_from))
+        """(k, 4) float64: x0, y0, x1, y1 in pixels, finite; they say something of boxes that cross
+        no near plane."""
+        # Far beyond the image is as good as infinity, and no arithmetic's trouble.
+        found = np.nan_to_num(span(self.pixels(self.seen_from)), nan=0.0)
+        return np.asarray(np.clip(found, -1e9, 1e9))
 
     @cached_property
     def rectangles(self) -> Int32:
