@@ -84,13 +84,6 @@ class Moments:
     def cameras(self, frame: int) -> tuple[Camera, ...]:
         return self.path.views(frame)
 
-    def before_cut(self, frame: int) -> int | None:
-        """The frame before the last cut at or before this one, None without a cut."""
-        for at in range(self._place[frame], 0, -1):
-            if self.cameras(self.frames[at])[0].cut:
-                return self.frames[at - 1]
-        return None
-
     def since_cut(self, frame: int) -> int:
         """The first frame after the last cut at or before this one, or of all."""
         for at in range(self._place[frame], 0, -1):

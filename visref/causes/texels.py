@@ -127,14 +127,12 @@ def mean_of_texel(at: At, texel: int) -> Layers:
 def window_mean_of_texel(at: At, texel: int) -> Layers:
     """The mean of window depths."""
     far = finite_far(at)
-    near = max(at.camera.near, 1e-9)
 
     def there(image: Float64) -> Float64:
         return np.asarray(1.0 / np.minimum(image, far))
 
     if not at.camera.is_perspective:
         return mean_of_texel(at, texel)
-    del near
     mean = blocks(at.now.layers().mapped(there), texel, np.mean)
     return mean.mapped(lambda image: np.asarray(1.0 / image))
 

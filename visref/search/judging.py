@@ -10,7 +10,6 @@ from enum import StrEnum
 import numpy as np
 
 from visref.causes.evidence import Evidence
-from visref.causes.search import find_causes
 from visref.culler import Promise
 from visref.errors import NothingToJudge
 from visref.findings import Code
@@ -24,6 +23,7 @@ from visref.registry import DEFAULT_ENGINE
 from visref.scene import Int32, Scene, Units
 from visref.search.case import Case
 from visref.search.suspects import Suspect
+from visref.shares import name_the_causes
 from visref.visibility import FrameTruth, ObjectVisibility
 
 
@@ -113,14 +113,7 @@ def verdict_of(
         outcome = referee.run(inputs.path, inputs.frames, [(suspect.name, culler)], heard)
     verdict = verdict_from(outcome, inputs.scene, drawn.units)
     if explained is not None and explained(verdict):
-        find_causes(
-            evidence,
-            outcome.cullers,
-            inputs.timeline,
-            inputs.path,
-            inputs.frames,
-            inputs.make_engine,
-        )
+        name_the_causes(inputs, evidence, outcome)
         verdict = verdict_from(outcome, inputs.scene, drawn.units)
     return verdict
 
