@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from visref.compiled import njit
 
 
-@njit()
+@njit(makes_arrays=False)
 def gather_objects(
     triangle: NDArray[Any],
-    depth: NDArray[Any],
-    decided: NDArray[Any],
+    undecided: NDArray[Any],
     tie_sample: NDArray[Any],
     tie_triangle: NDArray[Any],
     object_of_triangle: NDArray[Any],
@@ -22,46 +21,98 @@ def gather_objects(
     alone: NDArray[Any],
     alone_sample: NDArray[Any],
     tied_sample: NDArray[Any],
+) -> int:
+    """Per object, all changed in place: samples owned, those of them owned alone, the first of
+    either kind (alone, tied). Returns how many decided samples are owned. Ties are sorted by
+    sample, then triangle; since triangles are grouped by object, those of one object at a sample
+    stand together.
+
+    `triangle` int32: (samples,). `undecided` int64: flat samples, ascending, that are left out.
+    `tie_sample` int64 and `tie_triangle` int32: (k,), one per tie. `object_of_triangle`: (t,)
+    int32. The rest: (n,) int64, one per object; `alone_sample` and `tied_sample` come negative.
+    """
+    k, u, s, total = 0, 0, 0, 0
+    count = triangle.size
+    while s < count:
+        t = triangle[s]
+        # Up to the next sample at which there is more than an owner.
+        stop = count
+        if k < tie_sample.size:
+            stop = tie_sample[k]
+        if u < undecided.size:
+            stop = min(stop, undecided[u])
+        if s < stop:
+            first = s
+            s += 1
+            while s < stop and triangle[s] == t:
+                s += 1
+            if t >= 0:
+                owner = object_of_triangle[t]
+                total += s - first
+                pixels[owner] += s - first
+                alone[owner] += s - first
+                if alone_sample[owner] < 0:
+                    alone_sample[owner] = first
+            continue
+        start = k
+        while k < tie_sample.size and tie_sample[k] == s:
+            k += 1
+        open_ = u < undecided.size and undecided[u] == s
+        if open_:
+            u += 1
+        if t >= 0 and not open_:
+            owner = object_of_triangle[t]
+            others, last = 0, owner
+            for j in range(start, k):
+                o = object_of_triangle[tie_triangle[j]]
+                if o in (owner, last):
+                    continue
+                others, last = others + 1, o
+                pixels[o] += 1
+                if tied_sample[o] < 0:
+                    tied_sample[o] = s
+            total += 1
+            pixels[owner] += 1
+            if others == 0:
+                alone[owner] += 1
+                if alone_sample[owner] < 0:
+                    alone_sample[owner] = s
+            elif tied_sample[owner] < 0:
+                tied_sample[owner] = s
+        s += 1
+    return total
+
+
+@njit(makes_arrays=False)
+def nearest_of_objects(
+    triangle: NDArray[Any],
+    depth: NDArray[Any],
+    undecided: NDArray[Any],
+    tie_sample: NDArray[Any],
+    tie_triangle: NDArray[Any],
+    object_of_triangle: NDArray[Any],
     nearest: NDArray[Any],
 ) -> None:
-    """Per object, all changed in place: samples owned, those of them owned alone, the first of
-    either kind (alone, tied), the least depth. Ties are sorted by sample, then triangle; since
-    triangles are grouped by object, those of one object at a sample stand together.
-
-    `triangle` int32, `depth` float64 and `decided` bool: (samples,). `tie_sample` int64 and
-    `tie_triangle` int32: (k,), one per tie. `object_of_triangle`: (t,) int32. The rest: (n,), one
-    per object, int64 but for `nearest`, float64; `alone_sample` and `tied_sample` come negative.
-    """
-    k = 0
+    """The least depth at which each object owns or shares a decided sample, into `nearest`, (n,)
+    float64. `depth`: (samples,) float64; the rest as `gather_objects`."""
+    k, u = 0, 0
     for s in range(triangle.size):
         start = k
         while k < tie_sample.size and tie_sample[k] == s:
             k += 1
-        t = triangle[s]
-        if t < 0 or not decided[s]:
+        if u < undecided.size and undecided[u] == s:
+            u += 1
             continue
-        owner = object_of_triangle[t]
-        others, last = 0, owner
+        if triangle[s] < 0:
+            continue
+        owner = object_of_triangle[triangle[s]]
+        nearest[owner] = min(nearest[owner], depth[s])
         for j in range(start, k):
             o = object_of_triangle[tie_triangle[j]]
-            if o in (owner, last):
-                continue
-            others, last = others + 1, o
-            pixels[o] += 1
             nearest[o] = min(nearest[o], depth[s])
-            if tied_sample[o] < 0:
-                tied_sample[o] = s
-        pixels[owner] += 1
-        nearest[owner] = min(nearest[owner], depth[s])
-        if others == 0:
-            alone[owner] += 1
-            if alone_sample[owner] < 0:
-                alone_sample[owner] = s
-        elif tied_sample[owner] < 0:
-            tied_sample[owner] = s
 
 
-@njit()
+@njit(makes_arrays=False)
 def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]) -> None:
     """Mark in `owns`, (t,) bool, every triangle that owns a decided sample. `triangle`: (samples,)
     int32 owners, negative for none. `decided`: (samples,) bool."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +17,50 @@ BACKGROUND = -1
 NO_SAMPLE = -1
 
 
-@dataclass(frozen=True, eq=False)
+class DepthOf(Protocol):
+    """Says at what view depth owners are seen."""
+
+    def __call__(self, triangle: Int32, samples: Int64 | None) -> Float64:
+        """(k,) float64 view depths of the owners `triangle`, (k,) int32, at the flat `samples`,
+        (k,) int64, or at all of the image's where that is None; inf for `BACKGROUND`."""
+        ...
+
+
 class VisibilityBuffer:
     """Per sample the triangle that owns it, and its depth.
 
     `triangle`: (height, width) int32, `BACKGROUND` where nothing is hit.
-    `depth`: (height, width) float64, view depth, inf where nothing is hit.
+    `depth`: (height, width) float64, view depth, inf where nothing is hit. An engine that finds
+    owners without it gives a `DepthOf` instead, and depths are computed where somebody looks.
     """
 
-    triangle: Int32
-    depth: Float64
+    def __init__(self, triangle: Int32, depth: Float64 | DepthOf) -> None:
+        self.triangle = triangle
+        self._later = None if isinstance(depth, np.ndarray) else depth
+        if isinstance(depth, np.ndarray):
+            self.depth = depth
+
+    @cached_property
+    def depth(self) -> Float64:
+        assert self._later is not None
+        return self._later(self.triangle.reshape(-1), None).reshape(self.triangle.shape)
+
+    def depth_at(self, samples: Int64) -> Float64:
+        """(k,) float64, the view depth at some flat samples, (k,) int64."""
+        if self._later is None or "depth" in self.__dict__:
+            return self.depth.reshape(-1)[samples]
+        return self._later(self.triangle.reshape(-1)[samples], samples)
+
+    def copy(self) -> VisibilityBuffer:
+        """The same in arrays of its own."""
+        depth = self._later
+        if depth is None or "depth" in self.__dict__:
+            return VisibilityBuffer(self.triangle.copy(), self.depth.copy())
+        return VisibilityBuffer(self.triangle.copy(), depth)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A process that gets it has no scene to compute depths from.
+        return {"triangle": self.triangle, "depth": self.depth, "_later": None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +147,13 @@ class ObjectVisibility:
     alone: Int64
     sample: Int64
     depth: Float64
-    nearest: Float64
+    least: Float64 | Callable[[], Float64]
     owned: int
+
+    @cached_property
+    def nearest(self) -> Float64:
+        """(n,) float64: the least view depth of all its samples, inf if none."""
+        return self.least if isinstance(self.least, np.ndarray) else self.least()
 
     @property
     def pixels(self) -> Int64:
@@ -147,8 +188,7 @@ class FrameTruth:
 
     def copy(self) -> FrameTruth:
         """A truth that owns its arrays."""
-        buffer = VisibilityBuffer(self.buffer.triangle.copy(), self.buffer.depth.copy())
-        return replace(self, buffer=buffer)
+        return replace(self, buffer=self.buffer.copy())
 
     @property
     def undecided(self) -> Int64:
@@ -189,14 +229,11 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     from visref import kernels
 
     count = scene.object_count
-    depth = truth.buffer.depth.reshape(-1)
     samples, alone = np.zeros(count, np.int64), np.zeros(count, np.int64)
     sample, tied_sample = np.full((2, count), NO_SAMPLE, np.int64)
-    nearest = np.full(count, np.inf)
-    kernels.gather_objects(
+    owned = kernels.gather_objects(
         truth.buffer.triangle.reshape(-1),
-        depth,
-        truth.decided,
+        truth.undecided,
         truth.ties.sample,
         truth.ties.triangle,
         scene.object_of_triangle,
@@ -204,17 +241,30 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
         alone,
         sample,
         tied_sample,
-        nearest,
     )
     never_alone = sample < 0
     sample[never_alone] = tied_sample[never_alone]
     seen = sample >= 0
     at = np.full(count, np.inf)
-    at[seen] = depth[sample[seen]]
-    _add_blended(truth, scene, samples, alone, sample, at, nearest)
-    owner = truth.buffer.triangle.reshape(-1)
-    owned = np.count_nonzero(owner >= 0) - np.count_nonzero(owner[truth.undecided] >= 0)
-    return ObjectVisibility(samples, alone, sample, at, nearest, int(owned))
+    at[seen] = truth.buffer.depth_at(sample[seen])
+    beside = blended_beside(truth, scene)
+    _add_blended(beside, samples, alone, sample, at)
+
+    def least() -> Float64:
+        nearest = np.full(count, np.inf)
+        kernels.nearest_of_objects(
+            truth.buffer.triangle.reshape(-1),
+            truth.buffer.depth.reshape(-1),
+            truth.undecided,
+            truth.ties.sample,
+            truth.ties.triangle,
+            scene.object_of_triangle,
+            nearest,
+        )
+        np.minimum.at(nearest, beside.object, beside.depth)
+        return nearest
+
+    return ObjectVisibility(samples, alone, sample, at, least, int(owned))
 
 
 def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
@@ -230,15 +280,8 @@ def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
 
 
 def _add_blended(
-    truth: FrameTruth,
-    scene: Scene,
-    samples: Int64,
-    alone: Int64,
-    sample: Int64,
-    at: Float64,
-    nearest: Float64,
+    blend: BlendVisibility, samples: Int64, alone: Int64, sample: Int64, at: Float64
 ) -> None:
-    blend = blended_beside(truth, scene)
     if not len(blend.object):
         return
     # Hits are sorted by object and sample: each such pair counts once.
@@ -247,7 +290,6 @@ def _add_blended(
     seen = np.bincount(blend.object[first], minlength=len(samples))
     samples += seen
     alone += seen
-    np.minimum.at(nearest, blend.object, blend.depth)
     order = np.lexsort((blend.sample, blend.triangle, blend.depth, blend.object))
     objects, where = np.unique(blend.object[order], return_index=True)
     fresh = sample[objects] < 0

@@ -8,17 +8,24 @@ from typing import ClassVar
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
 
 from visref.engines.embree_packets import PacketScene, load_library
 from visref.engines.in_motion import Places, nearer
+from visref.engines.packet_loops import BACK, FRONT, Aim
+from visref.engines.ray_kernels import SampleGrid
 from visref.engines.rays import RayEngine
 from visref.options import Option
 from visref.scene import Float32, Int32, Scene
 
+# Rows of an image that a core takes at a time: a multiple of these, which hold whole blocks, in
+# some eight turns, so that none waits long for another.
+BAND_ROWS, BANDS = 16, 8
+
 
 class EmbreeEngine(RayEngine):
-    """Embree, a thread a core: packets of eight rays where embreex brings the library for it,
-    else single rays.
+    """Embree, one thread per core: packets of rays where embreex brings the library for it, else
+    single rays.
 
     `robust` is Embree's scene flag of that name. Without it the tests of triangles and boxes
     are rounded as comes, so that rays slip through shared edges and past thin boxes.
@@ -36,6 +43,7 @@ class EmbreeEngine(RayEngine):
 
     def _build(self, vertices: Float32, triangles: Int32) -> None:
         library = load_library()
+        self._sides: NDArray[np.uint8] | None = None
         self._casts = (
             SingleRays(vertices, triangles, robust=self._robust)
             if library is None
@@ -43,10 +51,35 @@ class EmbreeEngine(RayEngine):
         )
 
     def _build_moving(self, vertices: Float32, triangles: Int32, places: Places) -> None:
+        self._sides = None
         self._casts.pose(vertices, triangles, places)
 
     def _nearest(self, rays: Float32) -> Int32:
         return self._casts.nearest(rays)
+
+    def _plain_sides(self, casts: PacketScene) -> NDArray[np.uint8]:
+        """`Aim.plain`, of the pose at hand."""
+        if self._sides is None:
+            one_sided = self._mesh.one_sided[self._solid]
+            self._sides = np.where(one_sided, FRONT, FRONT | BACK).astype(np.uint8)
+            self._sides[~casts.well_shaped(len(self._solid))] = 0
+        return self._sides
+
+    def _cast_all(self, grid: SampleGrid, start_depth: float, slack: float, triangle: Int32) -> int:
+        casts = self._casts
+        if grid.scattered or grid.clips or not isinstance(casts, PacketScene):
+            return super()._cast_all(grid, start_depth, slack, triangle)
+        aim = Aim.of(
+            casts.lanes, grid, self.rebase, self.scale, start_depth, self._mesh, self._solid,
+            self._plain_sides(casts), slack,
+        )  # fmt: skip
+        height = len(grid.row_b)
+        rows = max(BAND_ROWS, height // (BANDS * self._casting_workers) // BAND_ROWS * BAND_ROWS)
+
+        def work(top: int) -> int:
+            return casts.cast((top, min(top + rows, height)), aim, triangle)
+
+        return sum(self._by_turns(work, range(0, height, rows)))
 
 
 class SingleRays:

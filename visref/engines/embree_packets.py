@@ -1,10 +1,10 @@
 """Embree's ray packets, through the library that embreex brings along.
 
 embreex casts single rays. Neighbouring samples share nearly all of their way through the
-hierarchy, and Embree's own interface casts eight such rays at once (`rtcIntersect8` with
-`RTC_RAY_QUERY_FLAG_COHERENT`), two to three times as fast. Bound here is that one call and
-what it takes to build a scene of triangles; numbers and layouts are those of Embree 4's
-rtcore headers, which stay the same throughout version 4.
+hierarchy, and Embree's own interface casts eight or sixteen such rays at once (`rtcIntersect8`,
+`rtcIntersect16`, with `RTC_RAY_QUERY_FLAG_COHERENT`), several times as fast. Bound here are these
+calls and what it takes to build a scene of triangles; numbers and layouts are those of Embree 4's
+rtcore headers, which stay the same throughout version 4. `packet_loops` calls them.
 
 What moves is an Embree scene of its own, built anew for each pose in Embree's low quality (Morton
 order), and cast after what stands still, each ray no further than what it met there. Building it
@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.compiled import njit
+from visref.engines.packet_loops import Aim, Scenes, loops, new_packet, new_scratch, well_shaped
 from visref.scene import Float32, Int32
 
-_DEVICE_VERSION, _DEVICE_NATIVE_RAY8 = 0, 33
+_DEVICE_VERSION, _DEVICE_NATIVE_RAY8, _DEVICE_NATIVE_RAY16 = 0, 33, 34
 _SCENE_ROBUST = 1 << 2
 _QUALITY_LOW, _QUALITY_MEDIUM = 0, 1
 _GEOMETRY_TRIANGLE = 0
@@ -37,18 +37,6 @@ _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
 _QUERY_COHERENT = 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
-
-LANES = 8
-
-# RTCRayHit8 in 32-bit words: eight lanes each of origin, tnear, direction, time, tfar, mask,
-# id, flags, then the normal, u, v, the primitive's, the geometry's and the instance's ids
-# (one or two words per level). 2 KiB hold it, the valid mask and the alignment to spare.
-_TNEAR, _DIRECTION, _TIME, _TFAR = 3 * LANES, 4 * LANES, 7 * LANES, 8 * LANES
-_MASK, _ID, _FLAGS = 9 * LANES, 10 * LANES, 11 * LANES
-_PRIMITIVE, _GEOMETRY = 17 * LANES, 18 * LANES
-_VALID = 32 * LANES
-_SCRATCH_WORDS = 34 * LANES
-_ALIGNMENT = 64
 
 _SIGNATURES: dict[str, tuple[Any, ...]] = {
     # name: result, arguments
@@ -71,6 +59,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "rtcAttachGeometry": (c_uint, c_void_p, c_void_p),
     "rtcReleaseGeometry": (None, c_void_p),
     "rtcIntersect8": (None, c_void_p, c_void_p, c_void_p, c_void_p),
+    "rtcIntersect16": (None, c_void_p, c_void_p, c_void_p, c_void_p),
 }
 
 
@@ -106,7 +95,8 @@ def _has_packets(library: ctypes.CDLL) -> bool:
 
 
 class PacketScene:
-    """Triangles in Embree, cast eight rays at a time.
+    """Triangles in Embree, cast sixteen rays at a time where the machine has vectors of sixteen,
+    else eight.
 
     `vertices` (v, 3) float32, `triangles` (t, 3) int32; both are copied. Raises MemoryError
     where Embree cannot build its hierarchy.
@@ -121,7 +111,12 @@ class PacketScene:
         weakref.finalize(self, library.rtcReleaseDevice, self._device)
         self._still = self._built(vertices, triangles, _QUALITY_MEDIUM)
         self._moving: _Built | None = None
+        self._still_shaped = well_shaped(vertices, triangles)
+        self._moving_shaped = np.zeros(0, np.bool_)
         self._places = np.zeros(0, np.int32), np.zeros(0, np.int32)
+        native16 = library.rtcGetDeviceProperty(self._device, _DEVICE_NATIVE_RAY16)
+        self.lanes = 16 if native16 else 8
+        self._loops = loops(self.lanes)
         # RTCIntersectArguments: flags, features, then pointers that stay null.
         self._arguments = np.zeros(16, np.uint32)
         self._arguments[:2] = _QUERY_COHERENT, _ALL_FEATURES
@@ -135,23 +130,47 @@ class PacketScene:
         self._moving = None  # freed before the next is made
         self._moving = self._built(vertices, triangles, _QUALITY_LOW)
         self._places = places
+        self._moving_shaped = well_shaped(vertices, triangles)
 
     def _built(self, vertices: Float32, triangles: Int32, quality: int) -> _Built:
         return _Built(self._library, self._device, vertices, triangles, quality, self._robust)
 
     def nearest(self, rays: Float32) -> Int32:
         """(n,) int32, the nearest triangle along each ray (n, 6), -1 for none."""
-        primitives = np.empty(len(rays), np.int32)
-        memory = np.empty(_SCRATCH_WORDS + _ALIGNMENT // 4, np.float32)
-        scratch = memory[-(memory.ctypes.data // 4) % (_ALIGNMENT // 4) :][:_SCRATCH_WORDS]
-        record = scratch, scratch.view(np.int32), scratch.ctypes.data
-        intersect8, arguments = self._library.rtcIntersect8, self._arguments.ctypes.data
+        places = np.empty(len(rays), np.int32)
+        self._loops.nearest(
+            new_scratch(self.lanes, 0), self._scenes, new_packet(self.lanes), rays, places
+        )
+        return places
+
+    def well_shaped(self, places: int) -> NDArray[np.bool_]:
+        """(places,) bool, of which triangles the normal is told in float32; as now posed."""
         if self._moving is None:
-            _cast(intersect8, self._still.scene, arguments, rays, *record, primitives)
-        else:
-            scenes = self._still.scene, self._moving.scene
-            _cast_both(intersect8, *scenes, arguments, rays, *record, *self._places, primitives)
-        return primitives
+            shaped: NDArray[np.bool_] = self._still_shaped
+            return shaped
+        result = np.zeros(places, np.bool_)
+        for where, shaped in zip(
+            self._places, (self._still_shaped, self._moving_shaped), strict=True
+        ):
+            result[where] = shaped
+        return result
+
+    def cast(self, rows: tuple[int, int], aim: Aim, triangle: Int32) -> int:
+        """Who owns the samples of some rows of an image: see `packet_loops.Loops.cast`."""
+        packet = new_packet(self.lanes)
+        pending: int = self._loops.cast(
+            new_scratch(self.lanes, aim.across.shape[1]), self._scenes, packet, aim, rows, triangle
+        )
+        return pending
+
+    @property
+    def _scenes(self) -> Scenes:
+        intersect = (
+            self._library.rtcIntersect16 if self.lanes == 16 else self._library.rtcIntersect8
+        )
+        moving = 0 if self._moving is None else self._moving.scene
+        arguments = self._arguments.ctypes.data
+        return Scenes(intersect, arguments, self._still.scene, moving, *self._places)
 
 
 class _Built:
@@ -191,75 +210,3 @@ class _Built:
         code = library.rtcGetDeviceError(device)
         if code:
             raise MemoryError(f"Embree cannot build the scene (error {code})")
-
-
-@njit(inline="always")
-def _load(rays, start, words, ids):  # type: ignore[no-untyped-def]
-    """Make a packet of the rays from `start` on; lanes beyond the last are not valid."""
-    for lane in range(LANES):
-        ray = start + lane
-        ids[_VALID + lane] = -1 if ray < len(rays) else 0
-        ray = min(ray, len(rays) - 1)
-        for axis in range(3):
-            words[axis * LANES + lane] = rays[ray, axis]
-            words[_DIRECTION + axis * LANES + lane] = rays[ray, 3 + axis]
-        words[_TNEAR + lane] = 0.0
-        words[_TIME + lane] = 0.0
-        words[_TFAR + lane] = np.inf
-        ids[_MASK + lane] = -1
-        ids[_ID + lane] = 0
-        ids[_FLAGS + lane] = 0
-        ids[_PRIMITIVE + lane] = -1
-        ids[_GEOMETRY + lane] = -1
-
-
-@njit()
-def _cast(
-    intersect8: Any,
-    scene: int,
-    arguments: int,
-    rays: NDArray[Any],
-    words: NDArray[Any],
-    ids: NDArray[Any],
-    address: int,
-    primitives: NDArray[Any],
-) -> None:
-    """`words` and `ids` are the same aligned memory at `address`, as float32 and as int32."""
-    for start in range(0, len(rays), LANES):
-        _load(rays, start, words, ids)
-        intersect8(address + 4 * _VALID, scene, address, arguments)
-        for lane in range(min(LANES, len(rays) - start)):
-            primitives[start + lane] = ids[_PRIMITIVE + lane]
-
-
-@njit()
-def _cast_both(
-    intersect8: Any,
-    still: int,
-    moving: int,
-    arguments: int,
-    rays: NDArray[Any],
-    words: NDArray[Any],
-    ids: NDArray[Any],
-    address: int,
-    still_place: NDArray[Any],
-    moving_place: NDArray[Any],
-    places: NDArray[Any],
-) -> None:
-    """`_cast` in two scenes, one after the other: the second finds what is no further than what
-    was found in the first. What a triangle is called is its place."""
-    first, met = np.empty(LANES, np.int32), np.empty(LANES, np.float32)
-    for start in range(0, len(rays), LANES):
-        _load(rays, start, words, ids)
-        intersect8(address + 4 * _VALID, still, address, arguments)
-        for lane in range(LANES):
-            first[lane], met[lane] = ids[_PRIMITIVE + lane], words[_TFAR + lane]
-            ids[_GEOMETRY + lane] = -1
-        intersect8(address + 4 * _VALID, moving, address, arguments)
-        for lane in range(min(LANES, len(rays) - start)):
-            place = still_place[first[lane]] if first[lane] >= 0 else -1
-            if ids[_GEOMETRY + lane] != -1:
-                other = moving_place[ids[_PRIMITIVE + lane]]
-                if place < 0 or words[_TFAR + lane] < met[lane] or other < place:
-                    place = other
-            places[start + lane] = place

@@ -96,13 +96,14 @@ def _magnitude(x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
+def point(vertices, v):  # type: ignore[no-untyped-def]
+    """Vertex v in float64."""
+    return np.float64(vertices[v, 0]), np.float64(vertices[v, 1]), np.float64(vertices[v, 2])
+
+
+@njit(inline="always")
 def corner(mesh, t, k):  # type: ignore[no-untyped-def]
-    v = mesh.triangles[t, k]
-    return (
-        np.float64(mesh.vertices[v, 0]),
-        np.float64(mesh.vertices[v, 1]),
-        np.float64(mesh.vertices[v, 2]),
-    )
+    return point(mesh.vertices, mesh.triangles[t, k])
 
 
 @njit(inline="always")
@@ -177,7 +178,7 @@ def depth_interval(facet, grid, a, b):  # type: ignore[no-untyped-def]
     return depth, PLANE_ROUNDING * (above + abs(depth) * below) / room
 
 
-@njit()
+@njit(makes_arrays=False)
 def fill_rays(
     rays: NDArray[Any],
     start: int,
@@ -213,7 +214,42 @@ def fill_rays(
             y += 1
 
 
-@njit(error_model="numpy")
+@njit(inline="always")
+def hit_of(mesh, grid, t, depth_slack):  # type: ignore[no-untyped-def]
+    """What a triangle has in common for all rays that the library says meet it: its facet, between
+    which depths its plane may be met, and whether it is one-sided."""
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    forward_dual = (m[4, 0], m[4, 1], m[4, 2])
+    facet = facet_of(mesh, grid, t)
+    z0 = dot(facet[2], forward_dual)
+    z1 = dot(minus(corner(mesh, t, 1), eye), forward_dual)
+    z2 = dot(minus(corner(mesh, t, 2), eye), forward_dual)
+    low = min(z0, z1, z2) - depth_slack
+    high = max(z0, z1, z2) + depth_slack
+    return facet, low, high, mesh.one_sided[t]
+
+
+@njit(inline="always")
+def owner_at(hit, grid, t, a, b, depth_slack):  # type: ignore[no-untyped-def]
+    """Who owns a sample whose nearest hit is triangle t, `hit` in short: t, nobody or `PENDING`.
+
+    A hit that does not count (before near, a one-sided triangle from behind, edge-on) may hide one
+    that does, and one whose plane is met off the triangle by more than the library's error
+    `depth_slack` is a false hit on a grazing triangle: they become `PENDING`. A hit beyond far
+    hides nothing, unless by less than `depth_slack`.
+    """
+    facet, low, high, one_sided = hit
+    numerator, denominator = plane(facet, grid, a, b)
+    z = numerator / denominator
+    covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
+    true_hit = covers and z >= low and z <= high
+    if true_hit and counts(grid, z, a, b):
+        return t
+    return BACKGROUND if true_hit and z > grid.far + depth_slack else PENDING
+
+
+@njit(error_model="numpy", makes_arrays=False)
 def resolve(
     primitives: NDArray[Any],
     start: int,
@@ -223,57 +259,65 @@ def resolve(
     triangle_of_primitive: NDArray[Any],
     depth_slack: float,
     triangle: NDArray[Any],
-    depth: NDArray[Any],
 ) -> int:
-    """Turn the library's nearest primitives (-1 for none) into owners and view depths.
+    """Turn the library's nearest primitives (-1 for none) into owners, as `owner_at` says.
 
     `primitives`: (count,) integers, one per sample from `start` on. `triangle_of_primitive`:
-    (p,) int32 triangle ids, one per primitive. `triangle`, (samples,) int32, and `depth`,
-    (samples,) float64, are the frame's flat buffers, changed in place.
-    A hit that does not count (before near, a one-sided triangle from behind, edge-on) may hide one
-    that does, and one whose plane is met off the triangle by more than the library's error
-    `depth_slack` is a false hit on a grazing triangle: they become `PENDING`. A hit beyond far
-    hides nothing, unless by less than `depth_slack`. Returns how many are pending.
+    (p,) int32 triangle ids, one per primitive. `triangle`, (samples,) int32, is the frame's flat
+    buffer, changed in place. Returns how many are pending.
     """
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    forward_dual = (m[4, 0], m[4, 1], m[4, 2])
     width = len(grid.column_a)
     y, x = start // width, start % width
     pending = 0
-    last, facet, low, high, one_sided = -1, facet_of(mesh, grid, 0), 0.0, 0.0, False
+    last, hit = 0, hit_of(mesh, grid, 0, depth_slack)
     for k in range(count):
-        s = start + k
-        triangle[s] = BACKGROUND
-        depth[s] = np.inf
+        owner = BACKGROUND
         if primitives[k] >= 0:
             t = triangle_of_primitive[primitives[k]]
             # Neighbouring samples mostly share their triangle.
             if t != last:
-                last = t
-                facet = facet_of(mesh, grid, t)
-                z0 = dot(facet[2], forward_dual)
-                z1 = dot(minus(corner(mesh, t, 1), eye), forward_dual)
-                z2 = dot(minus(corner(mesh, t, 2), eye), forward_dual)
-                low = min(z0, z1, z2) - depth_slack
-                high = max(z0, z1, z2) + depth_slack
-                one_sided = mesh.one_sided[t]
+                last, hit = t, hit_of(mesh, grid, t, depth_slack)
             b = grid.row_b[x if grid.scattered else y]
-            numerator, denominator = plane(facet, grid, grid.column_a[x], b)
-            z = numerator / denominator
-            covers = denominator < 0.0 or (denominator > 0.0 and not one_sided)
-            true_hit = covers and z >= low and z <= high
-            if true_hit and counts(grid, z, grid.column_a[x], b):
-                triangle[s] = t
-                depth[s] = z
-            elif not (true_hit and z > grid.far + depth_slack):
-                triangle[s] = PENDING
+            owner = owner_at(hit, grid, t, grid.column_a[x], b, depth_slack)
+            if owner == PENDING:
                 pending += 1
+        triangle[start + k] = owner
         x += 1
         if x == width:
             x = 0
             y += 1
     return pending
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def owner_depths(
+    triangle: NDArray[Any],
+    samples: NDArray[Any],
+    everywhere: bool,
+    mesh: Triangles,
+    grid: SampleGrid,
+    depth: NDArray[Any],
+) -> None:
+    """The view depths of the owners `triangle`, (k,) int32, at the flat samples `samples`, (k,)
+    int64, or `everywhere`, in the samples' order: into `depth`, (k,) float64, inf for none."""
+    width = len(grid.column_a)
+    last, facet = 0, facet_of(mesh, grid, 0)
+    x, y = 0, 0
+    for k in range(len(triangle)):
+        if not everywhere:
+            x, y = samples[k] % width, samples[k] // width
+        t = triangle[k]
+        z = np.inf
+        if t >= 0:
+            if t != last:
+                last, facet = t, facet_of(mesh, grid, t)
+            b = grid.row_b[x if grid.scattered else y]
+            numerator, denominator = plane(facet, grid, grid.column_a[x], b)
+            z = numerator / denominator
+        depth[k] = z
+        x += 1
+        if x == width:
+            x, y = 0, y + 1
 
 
 @njit(error_model="numpy")

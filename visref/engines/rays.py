@@ -2,7 +2,8 @@
 
 For each camera, tile by tile over all cores: rays are made in float64 and rounded once, the
 library names the nearest triangle, and `ray_kernels.resolve` computes its view depth in
-float64 and asks whether it counts. The few samples whose hit does not count but may hide one
+float64 and asks whether it counts. What is kept is the owner: its depth is computed again where
+somebody looks at it. The few samples whose hit does not count but may hide one
 that does, the masked triangles and the blended layers go to `splat_kernels.splat`, which tests
 triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
 
@@ -23,6 +24,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from typing import Any, TypeVar
@@ -55,7 +57,7 @@ from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
 from visref.placing import origin_of, somewhere
-from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Scene, same_moving
+from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
 from visref.threads import available_threads
 from visref.visibility import (
     BACKGROUND,
@@ -112,7 +114,6 @@ class RayEngine(TruthEngine):
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
         self._triangle: Int32 = np.empty(0, np.int32)
-        self._depth: Float64 = np.empty(0)
         self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
         self.rebase_exact = True
         self._parts: Parts | None = None
@@ -261,15 +262,15 @@ class RayEngine(TruthEngine):
         camera = camera.relative_to(self.scene.origin)
         samples = camera.samples
         if len(self._triangle) < samples:
-            self._triangle, self._depth = np.empty(samples, np.int32), np.empty(samples)
-        triangle, depth = self._triangle[:samples], self._depth[:samples]
+            self._triangle = np.empty(samples, np.int32)
+        triangle = self._triangle[:samples]
         grid = sample_grid(camera)
-        if self._cast(grid, triangle, depth):
-            self._settle(grid, triangle, depth)
-        doubt = self._mask(camera, grid, triangle, depth)
+        depths = OwnerDepths(self._mesh, grid)
+        if self._cast(grid, triangle):
+            self._settle(grid, triangle)
+        doubt = self._mask(camera, grid, triangle, depths)
         blend, veiled = self._blend(grid, triangle, doubt)
-        shape = (camera.height, camera.width)
-        buffer = VisibilityBuffer(triangle.reshape(shape), depth.reshape(shape))
+        buffer = VisibilityBuffer(triangle.reshape(camera.height, camera.width), depths)
         return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend, veiled=veiled)
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
@@ -286,10 +287,11 @@ class RayEngine(TruthEngine):
             row_b=np.ascontiguousarray(b, np.float64),
             scattered=True,
         )
-        triangle, depth = np.empty(len(a), np.int32), np.empty(len(a))
-        if len(a) and self._cast(grid, triangle, depth):
+        triangle = np.empty(len(a), np.int32)
+        if len(a) and self._cast(grid, triangle):
             pending = np.flatnonzero(triangle == PENDING)
             triangle[pending] = BACKGROUND
+            depth = np.full(len(a), np.inf)
             by_a = pending[np.argsort(grid.column_a[pending], kind="stable")]
             splat_kernels.settle_points(self._solid, self._mesh, grid, by_a, triangle, depth)
         return triangle
@@ -302,57 +304,56 @@ class RayEngine(TruthEngine):
         result = np.full(len(origins), BACKGROUND, np.int32)
         if not len(self._solid):
             return result
-        starts = range(0, len(origins), self.tile_samples)
-        turn = count()
 
-        def work(_: int) -> None:
-            while (index := next(turn)) < len(starts):
-                part = slice(starts[index], starts[index] + self.tile_samples)
-                starts_at = (origins[part] - self.rebase) * self.scale
-                rays = np.concatenate([starts_at, _about_one(directions[part])], axis=1)
-                met = self._nearest(rays.astype(np.float32))
-                result[part] = np.where(met >= 0, self._solid[met], BACKGROUND)
+        def work(start: int) -> None:
+            part = slice(start, start + self.tile_samples)
+            starts_at = (origins[part] - self.rebase) * self.scale
+            rays = np.concatenate([starts_at, _about_one(directions[part])], axis=1)
+            met = self._nearest(rays.astype(np.float32))
+            result[part] = np.where(met >= 0, self._solid[met], BACKGROUND)
 
-        self._on_all(work, min(self._casting_workers, len(starts)))
+        self._by_turns(work, range(0, len(origins), self.tile_samples))
         return result
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _cast(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> int:
-        """Fill the buffers tile by tile; returns how many samples are pending."""
+    def _cast(self, grid: SampleGrid, triangle: Int32) -> int:
+        """Fill in the owners; returns how many samples are pending."""
         if not len(self._solid):
             triangle.fill(BACKGROUND)
-            depth.fill(np.inf)
             return 0
-        start_depth, slack = self._start(grid)
-        samples, tile = len(triangle), self.tile_samples
-        starts = range(0, samples, tile)
-        turn = count()
+        return self._cast_all(grid, *self._start(grid), triangle)
 
-        def work(_: int) -> int:
-            rays = np.empty((min(tile, samples), 6), np.float32)
-            pending = 0
-            # Whichever worker is free takes the next tile; each tile's answer is its own.
-            while (index := next(turn)) < len(starts):
-                start = starts[index]
-                size = min(tile, samples - start)
-                ray_kernels.fill_rays(rays, start, size, grid, self.rebase, self.scale, start_depth)
-                pending += ray_kernels.resolve(
-                    self._nearest(rays[:size]),
-                    start,
-                    size,
-                    grid,
-                    self._mesh,
-                    self._solid,
-                    slack,
-                    triangle,
-                    depth,
-                )
+    def _cast_all(self, grid: SampleGrid, start_depth: float, slack: float, triangle: Int32) -> int:
+        """Fill in the owners; returns how many samples are pending. `start_depth`, `slack`: see
+        `_start`."""
+        samples, tile = len(triangle), self.tile_samples
+
+        def work(start: int) -> int:
+            size = min(tile, samples - start)
+            rays = np.empty((size, 6), np.float32)
+            ray_kernels.fill_rays(rays, start, size, grid, self.rebase, self.scale, start_depth)
+            met = self._nearest(rays)
+            pending: int = ray_kernels.resolve(
+                met, start, size, grid, self._mesh, self._solid, slack, triangle
+            )
             return pending
 
-        return sum(self._on_all(work, min(self._casting_workers, len(starts))))
+        return sum(self._by_turns(work, range(0, samples, tile)))
+
+    def _by_turns(self, work: Callable[[int], T], parts: range) -> list[T]:
+        """What `work` gives for each part, in order: whichever core is free takes the next."""
+        turn = count()
+        found: dict[int, T] = {}
+
+        def take(_: int) -> None:
+            while (index := next(turn)) < len(parts):
+                found[index] = work(parts[index])
+
+        self._on_all(take, min(self._casting_workers, len(parts)))
+        return [found[index] for index in range(len(parts))]
 
     @cached_property
     def _picked(self) -> Int32:
@@ -385,10 +386,12 @@ class RayEngine(TruthEngine):
         start = depth - slack
         return (max(start, 0.0) if grid.perspective else start), slack
 
-    def _settle(self, grid: SampleGrid, triangle: Int32, depth: Float64) -> None:
+    def _settle(self, grid: SampleGrid, triangle: Int32) -> None:
         """Decide the pending samples in float64, against all opaque triangles."""
         mark = triangle == PENDING
         triangle[mark] = BACKGROUND
+        depth = np.empty(len(triangle))
+        depth[mark] = np.inf
         rows, columns = np.divmod(np.flatnonzero(mark), len(grid.column_a))
         window = (int(columns.min()), int(columns.max()) + 1, int(rows[0]), int(rows[-1]) + 1)
 
@@ -398,7 +401,7 @@ class RayEngine(TruthEngine):
         self._in_bands(window, work)
 
     def _mask(
-        self, camera: Camera, grid: SampleGrid, triangle: Int32, depth: Float64
+        self, camera: Camera, grid: SampleGrid, triangle: Int32, depths: OwnerDepths
     ) -> tuple[Doubt, Float64]:
         """Let masked triangles own the samples where they are solid, in place, and return the
         samples that they leave open, with the least depth of what may be seen at each."""
@@ -416,9 +419,9 @@ class RayEngine(TruthEngine):
         solid = order[state[order] == SOLID]
         at, first = np.unique(sample[solid], return_index=True)
         nearest = solid[first]
-        nearer = z[nearest] < depth[at]
+        nearer = z[nearest] < depths(triangle[at], at)
         at, nearest = at[nearer], nearest[nearer]
-        triangle[at], depth[at] = which[nearest], z[nearest]
+        triangle[at] = which[nearest]
         behind = np.full(len(triangle), np.inf)
         behind[at] = z[nearest] + error[nearest]
         open_ = order[(state[order] == BETWEEN) & (z - error <= behind[sample])[order]]
@@ -462,6 +465,23 @@ class RayEngine(TruthEngine):
         if self._pool is None or workers == 1:
             return [work(index) for index in range(workers)]
         return list(self._pool.map(work, range(workers)))
+
+
+@dataclass(frozen=True)
+class OwnerDepths:
+    """How deep a frame's owners lie: in float64, as they stood when it was cast."""
+
+    mesh: Triangles
+    grid: SampleGrid
+
+    def __call__(self, triangle: Int32, samples: Int64 | None) -> Float64:
+        """As `visref.visibility.DepthOf`."""
+        depth = np.full(len(triangle), np.inf)
+        if len(self.mesh.triangles):
+            at = np.zeros(0, np.int64) if samples is None else samples
+            everywhere = samples is None
+            ray_kernels.owner_depths(triangle, at, everywhere, self.mesh, self.grid, depth)
+        return depth
 
 
 def _about_one(directions: Float64) -> Float64:
