@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.engines import ray_kernels, splat_kernels
+from visref.engines import mask_kernels, ray_kernels, splat_kernels
 from visref.engines.base import TruthEngine
 from visref.engines.grids import sample_grid
 from visref.engines.in_motion import (
@@ -56,6 +56,7 @@ from visref.engines.known_samples import (
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
+from visref.masks.store import Masks
 from visref.placing import origin_of, somewhere
 from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
 from visref.threads import available_threads
@@ -65,7 +66,6 @@ from visref.visibility import (
     Doubt,
     FrameTruth,
     VisibilityBuffer,
-    mask_states,
 )
 
 T = TypeVar("T")
@@ -408,10 +408,19 @@ class RayEngine(TruthEngine):
         if not len(self._masked):
             return Doubt(), np.zeros(0)
 
+        axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
+        masks = self.scene.masks or Masks.none(self.scene.triangle_count)
+
         def work(part: tuple[int, int, int, int]) -> Layers:
             found = splat_kernels.layers(self._masked, self._mesh, grid, part, triangle, True)
-            state = mask_states(self.scene, camera, found[0], found[1])
-            kept = state != HOLE
+            order, starts = mask_kernels.front_to_back(found, part, camera.width)
+            samples = np.arange(part[2] * camera.width, part[3] * camera.width, dtype=np.int64)
+            behind = depths(triangle[samples], samples)
+            state = np.empty(len(order), np.uint8)
+            mask_kernels.states(
+                masks.arrays, masks.row, axes, self._mesh, grid, found, order, starts, behind, state
+            )
+            kept = order[state[order] != HOLE]
             return (*(column[kept] for column in found), state[kept])
 
         sample, which, z, error, state = _joined(self._in_bands(_whole(grid), work))

@@ -4,7 +4,7 @@ samples under them (see `visref.engines.ray_kernels`).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
     return max(x0, window[0]), min(x1, window[1]), max(y0, window[2]), min(y1, window[3])
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def splat(
     which: NDArray[Any],
     mesh: Triangles,
@@ -141,42 +141,70 @@ def splat(
                     depth[s] = z
 
 
-@njit()
-def _doubled(values: NDArray[Any]) -> NDArray[Any]:
-    """With as much room again. (`np.concatenate` takes numba seconds to compile.)"""
-    grown = np.empty(2 * len(values), values.dtype)
-    for k in range(len(values)):
-        grown[k] = values[k]
-    return grown
+class Hits(NamedTuple):
+    """Sample, triangle, view depth and a bound of its error, (h,) each."""
+
+    sample: NDArray[np.int64]
+    triangle: NDArray[np.int32]
+    depth: NDArray[np.float64]
+    bound: NDArray[np.float64]
 
 
-@njit(error_model="numpy")
 def layers(
+    which: NDArray[np.int32],
+    mesh: Triangles,
+    grid: SampleGrid,
+    window: tuple[int, int, int, int],
+    owner: NDArray[np.int32],
+    doubtful: bool,
+) -> Hits:
+    """Every hit of the triangles `which` that lies before its sample's `owner`, (samples,), in
+    `window` as `splat`.
+
+    Depths whose error bounds overlap count with `doubtful`, and do not without.
+    """
+    parts: list[Hits] = []
+    begin, room = 0, 1 << 14
+    while True:
+        hits = Hits(
+            np.empty(room, np.int64), np.empty(room, np.int32), np.empty(room), np.empty(room)
+        )
+        begin, count = _layers(which, begin, mesh, grid, window, owner, doubtful, hits)
+        parts.append(Hits._make(column[:count] for column in hits))
+        if begin == len(which):
+            break
+        # A triangle may have a hit at each sample of the window.
+        room = max(2 * room, (window[1] - window[0]) * (window[3] - window[2]))
+    return Hits._make(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def _layers(
     which: NDArray[Any],
+    begin: int,
     mesh: Triangles,
     grid: SampleGrid,
     window: tuple[int, int, int, int],
     owner: NDArray[Any],
     doubtful: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-    """Every hit of the triangles `which` that lies before its sample's `owner`, (samples,), in
-    `window` as `splat`: sample, triangle, view depth and a bound of its error, (h,) each.
-
-    Depths whose error bounds overlap count with `doubtful`, and do not without.
-    """
+    hits: Hits,
+) -> tuple[int, int]:
+    """`layers` of the triangles from `begin` on, into `hits`, as far as there is room: the index
+    of the first triangle that is left, and how many hits there are."""
     m = grid.axes
     eye = (m[0, 0], m[0, 1], m[0, 2])
     width = len(grid.column_a)
-    sample, triangle = np.empty(1024, np.int64), np.empty(1024, np.int32)
-    depth, bound = np.empty(1024), np.empty(1024)
     count = 0
-    for t in which:
+    for index in range(begin, len(which)):
+        t = which[index]
         p0 = minus(corner(mesh, t, 0), eye)
         p1 = minus(corner(mesh, t, 1), eye)
         p2 = minus(corner(mesh, t, 2), eye)
         x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
+        if count + (x1 - x0) * (y1 - y0) > len(hits.sample):
+            return index, count
         edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
         facet = facet_of(mesh, grid, t)
         for y in range(y0, y1):
@@ -194,18 +222,10 @@ def layers(
                     sure = z + error < behind - slack
                     if not (sure or (doubtful and z - error <= behind + slack)):
                         continue
-                if count == len(sample):
-                    sample, triangle = _doubled(sample), _doubled(triangle)
-                    depth, bound = _doubled(depth), _doubled(bound)
-                sample[count], triangle[count] = s, t
-                depth[count], bound[count] = z, error
+                hits.sample[count], hits.triangle[count] = s, t
+                hits.depth[count], hits.bound[count] = z, error
                 count += 1
-    return (
-        sample[:count].copy(),
-        triangle[:count].copy(),
-        depth[:count].copy(),
-        bound[:count].copy(),
-    )
+    return len(which), count
 
 
 @njit(inline="always")

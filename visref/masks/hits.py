@@ -66,7 +66,7 @@ def _vector(rows, i):  # type: ignore[no-untyped-def]
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def _barycentrics(qi: Any, qj: Any, wi: Any, wj: Any, edges: Any) -> Any:
     """B1, B2 of a vector in the plane, given its components i and j and bounds of their error,
     and bounds of the errors of B1 and B2."""
@@ -80,7 +80,7 @@ def _barycentrics(qi: Any, qj: Any, wi: Any, wj: Any, edges: Any) -> Any:
     return b1, b2, w1 + spread * abs(b1), w2 + spread * abs(b2)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def _attribute(f0: Any, f1: Any, f2: Any, hit: Any, right: Any, up: Any, far: Any) -> Any:
     """An attribute at the hit, half its extent over the doubled footprint, and a bound of the
     first's rounding error. Outward: the extent is too large by its rounding."""
@@ -104,7 +104,7 @@ def _attribute(f0: Any, f1: Any, f2: Any, hit: Any, right: Any, up: Any, far: An
     return value, half * (1.0 + FEW), error
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def footprint(
     axes: NDArray[Any], a: float, b: float, perspective: bool, v0: Any, v1: Any, v2: Any
 ) -> Any:
@@ -226,7 +226,7 @@ def footprint(
     )
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def lookup_box(
     m: MaskArrays,
     row: int,
@@ -253,7 +253,7 @@ def lookup_box(
     return u, v, du, dv, eu, ev, low, high
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def state_at(
     m: MaskArrays,
     row: int,
@@ -272,7 +272,7 @@ def state_at(
     return mask_state(m, row, u, v, du, dv, eu, ev, low, high)
 
 
-@njit()
+@njit(makes_arrays=False)
 def _states_at(
     m: MaskArrays,
     row: Any,

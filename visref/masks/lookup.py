@@ -62,7 +62,7 @@ BOX_ROUNDING = 8.0 * 2.0**-53
 FAR_TEXEL = 2.0**52
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def texel_intervals(
     centre: float, half: float, error: float, size: int, wrap: int, reach: float
 ) -> Any:
@@ -101,7 +101,7 @@ def texel_intervals(
     return least, greatest, np.int64(0), np.int64(-1)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def touched(
     m: MaskArrays, material: int, u: float, v: float, du: float, dv: float, eu: float, ev: float
 ) -> Any:
@@ -130,7 +130,7 @@ def _blocks(spans, k):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit()
+@njit(makes_arrays=False)
 def level_for(columns: Any, rows: Any, entries: int) -> int:
     """The finest level in which the texels take at most so many entries."""
     k = 0
@@ -139,7 +139,7 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
     return k
 
 
-@njit()
+@njit(makes_arrays=False)
 def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> Any:
     """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
     image = m.textures[texture]
@@ -159,7 +159,7 @@ def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> An
     return least, greatest
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def _decide(
     least: float, greatest: float, factor: float, low: float, high: float, cutoff: float
 ) -> int:
@@ -172,7 +172,7 @@ def _decide(
     return BETWEEN
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", makes_arrays=False)
 def mask_state(
     m: MaskArrays,
     row: int,
@@ -217,7 +217,7 @@ def mask_state(
     return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
 
 
-@njit()
+@njit(makes_arrays=False)
 def _mask_states(
     m: MaskArrays, row: Any, box: Any, low: Any, high: Any, result: NDArray[Any]
 ) -> None:

@@ -119,6 +119,12 @@ class Masks(Shared):
             reasons=tuple(dict.fromkeys(m.unknown for m in materials if m.unknown)),
         )
 
+    @classmethod
+    def none(cls, triangles: int) -> Masks:
+        """Of so many triangles, no mask of which is known."""
+        nothing = np.zeros(0)
+        return cls.build(np.full(triangles, -1), nothing, np.zeros((0, 3, 2)), nothing, [], [])
+
     def take(self, triangles: NDArray[Any]) -> Masks:
         """Masks of the triangles with these indices, (k,) integers, in this order; or where this,
         (t,) bool, is True."""
