@@ -25,4 +25,5 @@ def test_hits_stand_front_to_back_by_sample(seed: int) -> None:
     order, starts = front_to_back(hits, (x0, x1, y0, y1), width)
     assert (order == np.lexsort((hits.triangle, hits.depth, hits.sample))).all()
     inside = (np.arange(y0, y1)[:, None] * width + np.arange(x0, x1)).ravel()
-    assert (starts[:-1] == np.searchsorted(sample[order], inside)).all() and starts[-1] == count
+    assert (starts[:-1] == np.searchsorted(sample[order], inside)).all()
+    assert starts[-1] == count

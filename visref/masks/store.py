@@ -122,8 +122,8 @@ class Masks(Shared):
     @classmethod
     def none(cls, triangles: int) -> Masks:
         """Of so many triangles, no mask of which is known."""
-        nothing = np.zeros(0)
-        return cls.build(np.full(triangles, -1), nothing, np.zeros((0, 3, 2)), nothing, [], [])
+        uv, alpha = np.zeros((0, 3, 2)), np.zeros((0, 3))
+        return cls.build(np.full(triangles, -1), np.zeros(0), uv, alpha, [], [])
 
     def take(self, triangles: NDArray[Any]) -> Masks:
         """Masks of the triangles with these indices, (k,) integers, in this order; or where this,
