@@ -373,8 +373,9 @@ class Units(Shared):
 
     def mask(self, unit_ids: Int32, triangle_count: int) -> NDArray[np.bool_]:
         """(triangle_count,) bool, True for every triangle of the given units."""
-        result = np.zeros(triangle_count, np.bool_)
-        result[self.gather(unit_ids)] = True
+        result, chosen = np.zeros(triangle_count, np.bool_), np.zeros(self.count, np.bool_)
+        chosen[unit_ids] = True
+        result[self.triangles[np.repeat(chosen, self.sizes)]] = True
         return result
 
     def gather(self, unit_ids: Int32) -> Int32:

@@ -143,7 +143,9 @@ def nothing_missed(
         superfluous=len(superfluous),
         superfluous_confirmed=len(confirmed),
     )
-    return FrameVerdict(counts, (), superfluous, owned=owned, confirmed_superfluous=confirmed)
+    return FrameVerdict(
+        counts, superfluous_units=superfluous, owned=owned, confirmed_superfluous=confirmed
+    )
 
 
 def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:

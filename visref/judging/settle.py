@@ -67,12 +67,15 @@ def _may_be_tied(exact: ExactScene, frame: SettledFrame) -> Int64:
     """The samples, ascending, that the drawn triangles of objects cover that are seen and yet show
     nowhere. A ray engine lists no ties, so whether such an object shows by one is to be asked
     there. None where units are objects, of which nothing is drawn then."""
-    silent = frame.seen.visible & ~frame.walk.shows
-    if not silent.any() or frame.draw_list.holders.are_objects:
+    silent = np.flatnonzero(frame.seen.visible & ~frame.walk.shows).astype(np.int32)
+    if not len(silent) or frame.draw_list.holders.are_objects:
         return _NONE
-    theirs = frame.drawn & silent[frame.scene.object_of_triangle]
-    if not theirs.any():
+    own = frame.scene.object_units().gather(silent)
+    own = own[frame.drawn[own]]
+    if not len(own):
         return _NONE
+    theirs = np.zeros(frame.scene.triangle_count, np.bool_)
+    theirs[own] = True
     return distinct(exact.hits(frame.truth.camera, theirs).sample)
 
 
