@@ -246,6 +246,11 @@ class Scene(Shared):
         return frozen(~self.absent[self.object_of_triangle])
 
     @cached_property
+    def most_moved(self) -> float:
+        """How far rounding to float32 moved any vertex at most, in world units."""
+        return 0.0 if self.moved is None else float(self.moved.max(initial=0.0))
+
+    @cached_property
     def has_blend(self) -> bool:
         return bool((self.alpha == Alpha.BLEND).any())
 
