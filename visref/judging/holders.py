@@ -21,7 +21,6 @@ Bool = NDArray[np.bool_]
 
 # In place of a unit's id: no unit holds the triangle. What is below stands for several units.
 _NONE = -1
-_NOWHERE: Int64 = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,8 @@ class Holders:
     def of_units(cls, units: Units, scene: Scene) -> Holders:
         """Looked up once for a scene and its units: this goes through all triangles."""
         if units.are_objects(scene):
-            return cls(units, scene.object_of_triangle, _NOWHERE, np.zeros(0, np.int32), True)
+            alone = np.zeros(1, np.int64), np.zeros(0, np.int32)
+            return cls(units, scene.object_of_triangle, *alone, True)
         times = np.bincount(units.triangles, minlength=scene.triangle_count)
         unit = np.repeat(np.arange(units.count, dtype=np.int32), units.sizes)
         of = np.full(scene.triangle_count, _NONE, np.int32)
@@ -54,8 +54,6 @@ class Holders:
         order = np.argsort(units.triangles[entries], kind="stable")
         of[shared] = -2 - np.arange(len(shared), dtype=np.int32)
         first = np.append(0, np.cumsum(times[shared])).astype(np.int64)
-        # As an object's is, so that the kernel is compiled once for both.
-        of.flags.writeable = False
         return cls(units, of, first, unit[entries[order]], False)
 
     @property
@@ -67,13 +65,16 @@ class Holders:
         """Whether no triangle is in the units more than once."""
         return not len(self.several)
 
-    def mark(self, triangles: Int32, drawn: Bool, marked: Bool, left_out: Int64 = _NOWHERE) -> bool:
+    def mark(self, triangles: Int32, drawn: Bool, marked: Bool) -> bool:
         """Mark, in `marked`, (u,) bool, the units that hold any of these triangles, int32, of which
-        a negative one is none; whether each of these is in a unit that is `drawn`, (u,) bool.
-        `left_out`: (k,) int64, ascending places that are passed over."""
+        a negative one is none; whether each of these is in a unit that is `drawn`, (u,) bool."""
         if not len(triangles):
             return True
-        return bool(_mark(triangles, left_out, self.of, self.first, self.several, drawn, marked))
+        if self.are_objects:
+            units = self.of[triangles[triangles >= 0]]
+            marked[units] = True
+            return bool(drawn[units].all())
+        return bool(_mark(triangles, self.of, self.first, self.several, drawn, marked))
 
     def sizes_there(self, scene: Scene) -> Int64:
         """(u,) int64, how many of each unit's triangles are there in a scene, which is one of the
@@ -150,7 +151,8 @@ class UnitsSeen:
             whole = not (own & ~by_unit).any()
         else:
             own = np.zeros(len(by_unit), np.bool_)
-            whole = holders.mark(owner, by_unit, own, truth.undecided)
+            decided = owner[truth.decided] if len(truth.doubt) else owner
+            whole = holders.mark(decided, by_unit, own)
         whole &= holders.mark(truth.ties.triangle, by_unit, own)
         whole &= holders.mark(truth.blend.triangle, by_unit, own)
         may = own.copy()
@@ -169,7 +171,6 @@ class UnitsSeen:
 @njit()
 def _mark(
     triangles: NDArray[Any],
-    left_out: NDArray[Any],
     of: NDArray[Any],
     first: NDArray[Any],
     several: NDArray[Any],
@@ -178,14 +179,8 @@ def _mark(
 ) -> bool:
     """`Holders.mark`."""
     all_drawn = True
-    last, k = -1, 0
-    passed = left_out[0] if left_out.size else triangles.size
-    for s in range(triangles.size):
-        if s == passed:
-            k += 1
-            passed = left_out[k] if k < left_out.size else triangles.size
-            continue
-        t = triangles[s]
+    last = -1
+    for t in triangles:
         # Neighbours are often of one triangle.
         if t < 0 or t == last:
             continue
