@@ -246,6 +246,11 @@ class Scene(Shared):
         return frozen(~self.absent[self.object_of_triangle])
 
     @cached_property
+    def most_moved(self) -> float:
+        """How far rounding to float32 moved any vertex at most, in world units."""
+        return 0.0 if self.moved is None else float(self.moved.max(initial=0.0))
+
+    @cached_property
     def has_blend(self) -> bool:
         return bool((self.alpha == Alpha.BLEND).any())
 
@@ -373,8 +378,9 @@ class Units(Shared):
 
     def mask(self, unit_ids: Int32, triangle_count: int) -> NDArray[np.bool_]:
         """(triangle_count,) bool, True for every triangle of the given units."""
-        result = np.zeros(triangle_count, np.bool_)
-        result[self.gather(unit_ids)] = True
+        result, chosen = np.zeros(triangle_count, np.bool_), np.zeros(self.count, np.bool_)
+        chosen[unit_ids] = True
+        result[self.triangles[np.repeat(chosen, self.sizes)]] = True
         return result
 
     def gather(self, unit_ids: Int32) -> Int32:

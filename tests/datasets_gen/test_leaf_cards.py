@@ -16,6 +16,7 @@ from visref.engines import make_engine
 from visref.errors import InputError
 from visref.exact import ExactScene
 from visref.formats.loading import load_scene
+from visref.judging.holders import DrawList
 from visref.judging.settle import settle
 from visref.masks.hits import states_at
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
@@ -216,7 +217,7 @@ def test_verdict_equals_the_brute_force_at_decided_samples(
     )
     drawn = np.flatnonzero(np.arange(scene.triangle_count) % 3 > 0).astype(np.int32)
     exact = ExactScene(scene)
-    settled = settle(scene, truth, units, drawn, exact=lambda: exact)
+    settled = settle(scene, truth, DrawList.of_units(scene, units, drawn), exact=lambda: exact)
     lost, shown = set(settled.walk.lost_samples.tolist()), set(drawn.tolist())
     owner, open_ = truth.buffer.triangle.reshape(-1), set(truth.undecided.tolist())
     flat = np.arange(camera.samples).reshape(camera.height, camera.width)

@@ -17,6 +17,7 @@ from visref.engines.exact import ExactEngine
 from visref.formats.gltf.deform import Part
 from visref.formats.gltf.motion import GltfMotion
 from visref.judging import asking, referee
+from visref.judging.holders import UnitsSeen
 from visref.rig import Moment
 from visref.timeline import Timeline
 
@@ -122,21 +123,20 @@ def mirrored_poses_keep_their_winding(patch: Patch) -> None:
 @fault(0)
 def views_are_joined_by_the_first(patch: Patch) -> None:
     """A set for all views is judged by the first view's samples."""
+    clean = referee.judge_all_drawn
     patch.setattr(referee, "joined", lambda settled: settled[0])
+    patch.setattr(referee, "judge_all_drawn", lambda settled, said: clean(settled[:1], said))
 
 
 @fault(0)
 def what_hides_in_one_view_is_superfluous(patch: Patch) -> None:
     """A unit that is hidden in a view is superfluous, whatever the other views show."""
-    joined = referee.joined
+    joined = UnitsSeen.joined
 
-    def hasty(settled: Any) -> Any:
-        found = joined(settled)
-        hidden = np.unique(np.concatenate([one.superfluous for one in settled]))
-        found.__dict__["superfluous"] = hidden.astype(np.int32)
-        return found
+    def hasty(self: UnitsSeen, other: UnitsSeen) -> UnitsSeen:
+        return replace(joined(self, other), may=self.may & other.may)
 
-    patch.setattr(referee, "joined", hasty)
+    patch.setattr(UnitsSeen, "joined", hasty)
 
 
 @fault(0)

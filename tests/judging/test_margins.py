@@ -13,6 +13,7 @@ from visref.camera import Camera, look_at
 from visref.culler import Promise, Raster, RasterTolerance
 from visref.engines import make_engine
 from visref.exact import ExactScene
+from visref.judging.holders import DrawList
 from visref.judging.judge import FrameVerdict, Miss, MissKind, judge
 from visref.judging.settle import settle
 from visref.scene import Alpha, Scene, Units
@@ -62,9 +63,8 @@ def verdict(
 ) -> FrameVerdict:
     truth = make_engine(engine, scene).frame(VIEW)
     exact = ExactScene(scene)
-    frame = settle(
-        scene, truth, units, np.array(drawn, np.int32), exact=lambda: exact, raster=raster
-    )
+    draws = DrawList.of_units(scene, units, np.array(drawn, np.int32))
+    frame = settle(scene, truth, draws, exact=lambda: exact, raster=raster)
     return judge(frame, Promise.CONSERVATIVE)
 
 

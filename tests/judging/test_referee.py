@@ -18,6 +18,7 @@ from visref.engines import make_engine
 from visref.errors import InputError, NothingToJudge
 from visref.exact import ExactScene
 from visref.judging.disputes import find_disputes
+from visref.judging.holders import DrawList
 from visref.judging.judge import judge
 from visref.judging.outcome import verdict_json
 from visref.judging.referee import Referee
@@ -733,8 +734,8 @@ def test_masked_triangle_that_the_ray_engine_overlooked_convicts_nobody():
     assert len(true.undecided) == camera().samples
     # As a float32 engine would have it whose rays slipped through the leaf.
     slipped = replace(true, ties_complete=False, doubt=Doubt())
-    drawn = np.array([0], np.int32)
-    settled = settle(scene, slipped, scene.object_units(), drawn, exact=lambda: exact)
+    drawn = DrawList.of_units(scene, scene.object_units(), np.array([0], np.int32))
+    settled = settle(scene, slipped, drawn, exact=lambda: exact)
     found = judge(settled, Promise.CONSERVATIVE)
     assert (found.counts.missed, found.counts.undecided) == (0, 1)
     assert found.counts.undecided_samples == found.counts.owned_samples == camera().samples

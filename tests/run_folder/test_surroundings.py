@@ -14,6 +14,7 @@ from visref.culler import Promise
 from visref.engines import make_engine
 from visref.errors import InputError
 from visref.exact import REACH_PX, ExactScene
+from visref.judging.holders import DrawList
 from visref.judging.judge import Miss, MissKind, judge
 from visref.judging.settle import settle
 from visref.run_folder.balls import balls_about
@@ -41,10 +42,8 @@ def view(width: int, height: int, **lens: float) -> Camera:
 def frame_of(scene, camera, drawn, units=None):
     frame_truth = make_engine("exact", scene).frame(camera)
     exact = ExactScene(scene)
-    return settle(
-        scene, frame_truth, units or scene.object_units(), np.array(drawn, np.int32),
-        exact=lambda: exact,
-    )  # fmt: skip
+    draws = DrawList.of_units(scene, units or scene.object_units(), np.array(drawn, np.int32))
+    return settle(scene, frame_truth, draws, exact=lambda: exact)
 
 
 def record_of(scene: Scene, frame, miss: Miss) -> tuple[Cut, dict]:

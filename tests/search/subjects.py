@@ -18,7 +18,6 @@ from visref.conformance.building import Case as Laid
 from visref.conformance.suite import NotForThis, exact_truths, judged_on
 from visref.culler import Culler, check_drawn
 from visref.errors import NothingToJudge
-from visref.judging.superfluous import visible_triangles
 from visref.scene import Scene
 from visref.search.case import Case
 from visref.timeline import Timeline
@@ -110,7 +109,7 @@ class Trial:
         of them loses no sample."""
         truths = iter(self.truths)
         return [
-            [visible_triangles(scene, next(truths)) for _ in frame.cameras]
+            [_may_be_visible(scene, next(truths)) for _ in frame.cameras]
             for scene, frame in zip(self.scenes, self.path.frames, strict=True)
         ]
 
@@ -155,6 +154,18 @@ class Trial:
             return True
         finally:
             culler.close()
+
+
+def _may_be_visible(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
+    """(t,) bool, the triangles that are visible, or may be."""
+    owner = truth.buffer.triangle
+    visible = np.zeros(scene.triangle_count, np.bool_)
+    for found in (
+        *(owner[owner >= 0], truth.ties.triangle, truth.doubt.triangle, truth.blend.triangle),
+        truth.veiled,
+    ):
+        visible[found] = True
+    return visible
 
 
 def by_fault(found: Mapping[str, Any], every: list[Subject]) -> dict[str, list[Any]]:

@@ -8,6 +8,7 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.culler import Promise
 from visref.judging.disputes import Rulings
+from visref.judging.holders import DrawList
 from visref.judging.judge import judge
 from visref.judging.settle import with_rulings
 from visref.scene import Scene, Units
@@ -93,4 +94,5 @@ def judged(scene, frame, units, drawn, promise=Promise.CONSERVATIVE, rulings=Non
 
 def settled(scene, frame, units, drawn, rulings=None):
     """Units drawn, the truth taken at its word but for `rulings`."""
-    return with_rulings(scene, frame, units, np.array(drawn, np.int32), rulings or Rulings())
+    draws = DrawList.of_units(scene, units, np.array(drawn, np.int32))
+    return with_rulings(scene, frame, draws, rulings or Rulings())

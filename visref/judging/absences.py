@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from visref.culler import DrawnSet
-from visref.scene import Int32, Scene, Units
+from visref.judging.holders import Holders
+from visref.scene import Int32, Scene
 
 
-def without_absent(scene: Scene, units: Units, drawn: DrawnSet) -> tuple[DrawnSet, Int32]:
+def without_absent(scene: Scene, holders: Holders, drawn: DrawnSet) -> tuple[DrawnSet, Int32]:
     """The drawn set less those units whose every triangle is of absent objects, and these, (k,)
     int32 ids. A unit without triangles stays, and so does one of which a part is there."""
     ids = drawn.unit_ids
     none: Int32 = np.zeros(0, np.int32)
     if scene.absent is None or not scene.absent.any() or not len(ids):
         return drawn, none
-    there = np.concatenate([[0], np.cumsum(scene.present[units.triangles], dtype=np.int64)])
-    low, high = units.offsets[ids], units.offsets[ids + 1]
-    gone = (high > low) & (there[high] == there[low])
+    gone = (holders.units.sizes[ids] > 0) & (holders.sizes_there(scene)[ids] == 0)
     if not gone.any():
         return drawn, none
     asked_at = drawn.asked_at

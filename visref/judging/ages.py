@@ -14,11 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from visref import kernels
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict, Miss
-from visref.scene import OBJECT, Int64, Scene, Units
-from visref.visibility import FrameTruth
+from visref.scene import OBJECT, Int64, Units
 
 Bool = NDArray[np.bool_]
 
@@ -106,8 +104,7 @@ class Followed:
         """Of one drawn set and the verdict on it; None where objects are followed."""
         if units.kind == OBJECT or not settled:
             return None
-        truths = [one.truth for one in settled]
-        seen = units_seen(settled[0].scene, truths, units)
+        seen = np.logical_or.reduce([one.units_seen.own for one in settled])
         return cls(seen, lost_units(settled) if verdict.misses else {})
 
 
@@ -124,17 +121,6 @@ def _oldest(miss: Miss, lost: Mapping[int, Int64], ages: Ages) -> int | None:
     return None if not found or None in found else max(age for age in found if age is not None)
 
 
-def units_seen(scene: Scene, truths: Sequence[FrameTruth], units: Units) -> Bool:
-    """(u,) bool, one per unit: whether it owns a decided sample, is tied there or seen as glass, in
-    some view."""
-    owns = np.zeros(scene.triangle_count, np.bool_)
-    for truth in truths:
-        kernels.owned_triangles(truth.buffer.triangle.reshape(-1), truth.decided, owns)
-        owns[truth.ties.triangle] = True
-        owns[truth.blend.triangle] = True
-    return _holds(units, owns)
-
-
 def lost_units(settled: Sequence[SettledFrame]) -> dict[int, Int64]:
     """By object, the units (ids) that were not drawn and hold a triangle of it that is lost."""
     scene, units = settled[0].scene, settled[0].units
@@ -144,10 +130,3 @@ def lost_units(settled: Sequence[SettledFrame]) -> dict[int, Int64]:
     entry, unit = (one[~np.isin(unit, settled[0].drawn_units)] for one in (entry, unit))
     objects = scene.object_of_triangle[units.triangles[entry]]
     return {int(index): np.unique(unit[objects == index]) for index in np.unique(objects)}
-
-
-def _holds(units: Units, marked: Bool) -> Bool:
-    """(u,) bool, one per unit: whether it has one of the marked triangles, (t,) bool."""
-    total = np.concatenate([[0], np.cumsum(marked[units.triangles], dtype=np.int64)])
-    result: Bool = total[units.offsets[1:]] > total[units.offsets[:-1]]
-    return result

@@ -29,6 +29,7 @@ from visref.errors import InputError, NothingToJudge
 from visref.findings import Code, Finding
 from visref.judging.absences import without_absent
 from visref.judging.bounds import BoundsAudit
+from visref.judging.holders import Holders
 from visref.judging.outcome import CullerRecord
 from visref.judging.policy import Policy
 from visref.judging.rasters import raster_of
@@ -47,6 +48,7 @@ class Job:
     culler: Culler
     record: CullerRecord
     units: Units
+    holders: Holders
     audit: BoundsAudit = field(default_factory=BoundsAudit)
 
 
@@ -120,7 +122,7 @@ class Panel:
         # `prepare` may have settled what the options promise.
         record.promise = _promise(culler)
         record.unit_kind, record.unit_count = units.kind, units.count
-        return Job(record.spec, culler, record, units)
+        return Job(record.spec, culler, record, units, Holders.of_units(units, self.scene))
 
     def pose(self, frame: int) -> bool:
         """Go on to a frame; whether its scene is another than that of the frame before."""
@@ -154,7 +156,7 @@ class Panel:
                 yield cell, answer
 
     def _answer(self, job: Job, cameras: Sequence[Camera]) -> Answer:
-        drawn_set, ignored = without_absent(self.scene, job.units, _cull(job, cameras))
+        drawn_set, ignored = without_absent(self.scene, job.holders, _cull(job, cameras))
         # A rasteriser may declare more for each camera that it sees: once a frame.
         return Answer(drawn_set, ignored, raster_of(job.culler))
 

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.culler import Promise
 from visref.judging.disputes import Rulings
 from visref.judging.frame import SettledFrame
-from visref.judging.judge import FrameVerdict, Miss
-from visref.judging.superfluous import Superfluous
+from visref.judging.holders import UnitsSeen
+from visref.judging.judge import FrameVerdict, Miss, nothing_missed
+from visref.judging.superfluous import Superfluous, superfluous_units
 from visref.judging.walk import SampleWalk
 from visref.scene import Int64
 from visref.visibility import (
@@ -29,6 +31,31 @@ from visref.visibility import (
     Ties,
     VisibilityBuffer,
 )
+
+
+def all_drawn(frames: Sequence[SettledFrame]) -> bool:
+    """Whether all that is seen in some view, or may be, was drawn, so that nothing is missed."""
+    return all(frame.walked is None for frame in frames)
+
+
+def judge_all_drawn(frames: Sequence[SettledFrame], promise: Promise) -> FrameVerdict:
+    """What `judge` says of such frames, joined: by what is seen in them, not by their samples."""
+    first = frames[0]
+    seen = reduce(UnitsSeen.joined, (frame.units_seen for frame in frames))
+    confirmed = first.confirmed
+    if len(frames) > 1:
+        starts = _starts([frame.truth.camera for frame in frames])
+        confirmed = _confirmed([frame.confirmed for frame in frames], starts)
+    owned = sum(frame.seen.owned for frame in frames)
+    return nothing_missed(
+        promise,
+        visible=int(np.count_nonzero(np.logical_or.reduce([one.seen.visible for one in frames]))),
+        owned_samples=owned + sum(len(frame.truth.doubt) for frame in frames),
+        drawn=len(first.drawn_units),
+        superfluous=superfluous_units(first.scene, seen, first.draw_list),
+        confirmed=confirmed,
+        owned=owned,
+    )
 
 
 def joined(frames: Sequence[SettledFrame]) -> SettledFrame:
@@ -43,7 +70,8 @@ def joined(frames: Sequence[SettledFrame]) -> SettledFrame:
         frames[0],
         truth=truth,
         seen=_seen([frame.seen for frame in frames], starts),
-        walk=_walk(frames, starts),
+        units_seen=reduce(UnitsSeen.joined, (frame.units_seen for frame in frames)),
+        walked=_walk(frames, starts),
         rulings=_rulings(frames, starts),
         confirmed=_confirmed([frame.confirmed for frame in frames], starts),
     )

@@ -123,6 +123,31 @@ class FrameVerdict:
     confirmed_superfluous: tuple[Superfluous, ...] = ()
 
 
+def nothing_missed(
+    promise: Promise,
+    *,
+    visible: int,
+    owned_samples: int,
+    drawn: int,
+    superfluous: Int32,
+    confirmed: tuple[Superfluous, ...] = (),
+    owned: int | None,
+) -> FrameVerdict:
+    """The verdict on a drawn set that has all that is seen, or may be. `visible` objects,
+    `owned_samples` and `drawn` units as in `Counts`, the others as in the verdict."""
+    counts = Counts(
+        visible=visible,
+        violations=violations(promise, 0, len(confirmed)),
+        owned_samples=owned_samples,
+        drawn=drawn,
+        superfluous=len(superfluous),
+        superfluous_confirmed=len(confirmed),
+    )
+    return FrameVerdict(
+        counts, superfluous_units=superfluous, owned=owned, confirmed_superfluous=confirmed
+    )
+
+
 def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
     """Judge one drawn set, settled against its truth."""
     walk, seen = frame.walk, frame.seen
@@ -210,13 +235,10 @@ def _own_triangle(scene: Scene, truth: FrameTruth, sample: int, object_id: int) 
 
 def _missed_units(frame: SettledFrame) -> int:
     """How many undrawn units hold a triangle that owns a lost sample, or is lost glass."""
-    units = frame.units
-    lost = frame.walk.lost_triangle
-    if not lost.any():
-        return 0
-    total = np.concatenate([[0], np.cumsum(lost[units.triangles], dtype=np.int64)])
-    missed = total[units.offsets[1:]] > total[units.offsets[:-1]]
-    missed[frame.drawn_units] = False
+    lost = np.flatnonzero(frame.walk.lost_triangle).astype(np.int32)
+    missed = np.zeros(frame.units.count, np.bool_)
+    frame.draw_list.holders.mark(lost, frame.draw_list.by_unit, missed)
+    missed &= ~frame.draw_list.by_unit
     return int(np.count_nonzero(missed))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from visref.judging.asking import Job
-from visref.judging.judge import Counts, FrameVerdict
+from visref.judging.judge import FrameVerdict, nothing_missed
 from visref.recordings.truth_file import FrameRows
 from visref.scene import OBJECT, Int32, Scene
 
@@ -30,11 +30,12 @@ def clean_verdict(
     if len(superfluous) and not job.record.promise.may_draw_hidden:
         return None
     owned = [view.owned for view in rows]
-    counts = Counts(
+    known = sum(count or 0 for count in owned)
+    return nothing_missed(
+        job.record.promise,
         visible=len(visible),
-        owned_samples=sum(count or 0 for count in owned),
+        owned_samples=known,
         drawn=len(drawn_units),
-        superfluous=len(superfluous),
+        superfluous=superfluous,
+        owned=None if None in owned else known,
     )
-    known = None if None in owned else counts.owned_samples
-    return FrameVerdict(counts, (), superfluous, owned=known)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler, CullerError, DrawnSet
+from visref.culler import Culler, CullerError, DrawnSet, Promise, Raster
 from visref.engines.base import TruthEngine
 from visref.engines.exact import ExactEngine
 from visref.errors import InputError
@@ -26,8 +26,9 @@ from visref.findings import Finding
 from visref.judging.ages import Followed
 from visref.judging.asking import Answer, Job, Panel
 from visref.judging.frame import SettledFrame
-from visref.judging.joint import joined, located
-from visref.judging.judge import judge
+from visref.judging.holders import DrawList
+from visref.judging.joint import all_drawn, joined, judge_all_drawn, located
+from visref.judging.judge import FrameVerdict, judge
 from visref.judging.on_file import clean_verdict
 from visref.judging.outcome import ALL_VIEWS, FrameRecord, RunOutcome
 from visref.judging.policy import Policy
@@ -86,15 +87,20 @@ class Parting(Protocol):
 @dataclass(frozen=True, eq=False)
 class JudgedFrame:
     """What a listener may want to keep of one culler's answer. `settled`: what the verdict rests
-    on, one per view of the drawn set, none where a recorded truth was enough. `drawn`: (t,) bool.
-    `followed`: where units are finer than objects, what their ages hang on.
+    on, one per view of the drawn set, none where a recorded truth was enough. `followed`: where
+    units are finer than objects, what their ages hang on.
     """
 
     record: FrameRecord
     settled: tuple[SettledFrame, ...]
     drawn_set: DrawnSet
-    drawn: NDArray[np.bool_]
+    draw_list: DrawList
     followed: Followed | None = None
+
+    @property
+    def drawn(self) -> NDArray[np.bool_]:
+        """(t,) bool, the triangles drawn."""
+        return self.draw_list.triangles
 
     @property
     def drawn_units(self) -> Int32:
@@ -105,6 +111,10 @@ class JudgedFrame:
 # What becomes of a verdict as it was found: the job, its frame's record, and what it rests on.
 OnVerdict = Callable[[Job, JudgedFrame], None]
 OnTruth = Callable[[int, FrameTruth, ObjectVisibility, float], None]
+
+
+def _judge_joined(settled: Sequence[SettledFrame], promise: Promise) -> FrameVerdict:
+    return judge(joined(settled), promise)
 
 
 @dataclass(eq=False)
@@ -211,33 +221,35 @@ class Sitting:
             job.record.raster = looser(job.record.raster, answer.raster.tolerance)
         for unit in answer.ignored.tolist():
             job.record.ignored.setdefault(unit, frame)
-        drawn_units = drawn_set.unit_ids
-        drawn = job.units.mask(drawn_units, scene.triangle_count)
+        drawn = DrawList(job.holders, drawn_set.unit_ids)
         verdict = None
         if self.recorded is not None:
             rows = [self.recorded.views[frame, camera.view] for camera in cameras]
-            verdict = clean_verdict(scene, rows, job, drawn_units)
+            verdict = clean_verdict(scene, rows, job, drawn.unit_ids)
         settled: tuple[SettledFrame, ...] = ()
         if verdict is None:
             try:
                 settled = tuple(
-                    self._settled(camera, frame, job, answer, drawn, casts) for camera in cameras
+                    self._settled(camera, frame, job, answer.raster, drawn, casts)
+                    for camera in cameras
                 )
             except CullerError as error:  # its rasteriser's picture is the plug-in's too
                 self.panel.fail_in_frame(job.record, frame, error)
                 return
-            verdict = located(judge(joined(settled), job.record.promise), cameras)
+            judges = judge_all_drawn if all_drawn(settled) else _judge_joined
+            verdict = located(judges(settled, job.record.promise), cameras)
         view = cameras[0].view if len(cameras) == 1 else ALL_VIEWS
         differ = None
         if self.image_check is not None:
-            differ = sum(self.image_check.pixels_differ(camera, drawn) for camera in cameras)
+            check = self.image_check
+            differ = sum(check.pixels_differ(camera, drawn.triangles) for camera in cameras)
         record = FrameRecord(
             frame,
             view,
             cameras[0].width,
             verdict,
             drawn_set.stats,
-            int(np.count_nonzero(drawn)),
+            drawn.triangle_count,
             sum(one.rulings.corrections for one in settled),
             differ,
         )
@@ -248,8 +260,8 @@ class Sitting:
         camera: Camera,
         frame: int,
         job: Job,
-        answer: Answer,
-        drawn: NDArray[np.bool_],
+        raster: Raster | None,
+        drawn: DrawList,
         casts: dict[str, Cast],
     ) -> SettledFrame:
         if camera.view not in casts:
@@ -260,11 +272,9 @@ class Sitting:
         return settle(
             self.panel.scene,
             truth,
-            job.units,
-            answer.drawn_set.unit_ids,
+            drawn,
             exact=self._arithmetic,
-            raster=answer.raster,
-            drawn=drawn,
+            raster=raster,
             seen=seen,
             only_visible=not job.record.promise.may_draw_hidden,
         )

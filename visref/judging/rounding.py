@@ -50,7 +50,7 @@ def may_matter(scene: Scene, camera: Camera) -> bool:
         return False
     pixel = 2.0 * float(np.linalg.norm(camera.right_step))
     least = camera.near if camera.is_perspective else 1.0
-    return float(scene.moved.max()) > FORGIVEN_PX * pixel * least
+    return scene.most_moved > FORGIVEN_PX * pixel * least
 
 
 def greatest_move(scene: Scene, truth: FrameTruth) -> tuple[float, int]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from visref import kernels
 from visref.exact import ExactScene
+from visref.judging.holders import DrawList, UnitsSeen
 from visref.picking import distinct
 from visref.scene import Int32, Int64, Scene, Units
 from visref.visibility import FrameTruth, hit_depths
@@ -34,34 +34,12 @@ class Superfluous:
     width: int = 0
 
 
-def visible_triangles(scene: Scene, truth: FrameTruth) -> NDArray[np.bool_]:
-    """(t,) bool, True where a triangle is, or may be, visible.
-
-    Besides owners and their ties: what a mask leaves open, and glass that is, or may be, seen.
-    Doubt never makes a unit superfluous.
-    """
-    visible = np.zeros(scene.triangle_count, np.bool_)
-    owner = truth.buffer.triangle.reshape(-1)
-    kernels.owned_triangles(owner, np.ones(len(owner), np.bool_), visible)
-    visible[truth.ties.triangle] = True
-    visible[truth.doubt.triangle] = True
-    visible[truth.blend.triangle] = True
-    visible[truth.veiled] = True
-    return visible
-
-
-def superfluous_units(scene: Scene, truth: FrameTruth, units: Units, drawn_units: Int32) -> Int32:
-    """Those of the drawn units, (k,) int32 ids, none of whose triangles is visible: (h,) int32,
-    ascending. One of which no triangle is there draws nothing, and is not among them."""
-    visible = visible_triangles(scene, truth)[units.triangles]
-    total = np.concatenate([[0], np.cumsum(visible, dtype=np.int64)])
-    drawn = np.sort(drawn_units)
-    low, high = units.offsets[drawn], units.offsets[drawn + 1]
-    there = high - low
-    if scene.absent is not None:
-        present = np.concatenate([[0], np.cumsum(scene.present[units.triangles], dtype=np.int64)])
-        there = present[high] - present[low]
-    hidden: Int32 = drawn[(total[high] == total[low]) & (there > 0)]
+def superfluous_units(scene: Scene, seen: UnitsSeen, drawn: DrawList) -> Int32:
+    """Those of the drawn units none of whose triangles is, or may be, visible: (h,) int32,
+    ascending. Doubt never makes a unit superfluous. One of which no triangle is there draws
+    nothing, and is not among them."""
+    there = drawn.holders.sizes_there(scene) > 0
+    hidden: Int32 = np.flatnonzero(drawn.by_unit & ~seen.may & there).astype(np.int32)
     return hidden
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from visref import kernels
 from visref.picking import distinct
 from visref.scene import Int64, Scene
-from visref.visibility import BlendVisibility, FrameTruth, blended_beside
+from visref.visibility import BlendVisibility, FrameTruth, ObjectVisibility, blended_beside
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +76,23 @@ def walk_samples(truth: FrameTruth, scene: Scene, drawn: NDArray[np.bool_]) -> S
         np.flatnonzero(lost_at == kernels.LOST),
         through,
         np.flatnonzero(lost_at == kernels.UNDECIDED),
+    )
+
+
+def nothing_lost(seen: ObjectVisibility, scene: Scene) -> SampleWalk:
+    """`walk_samples` where all that is seen, or may be, was drawn."""
+    count, nowhere = scene.object_count, np.zeros(0, np.int64)
+    return SampleWalk(
+        seen.visible,
+        np.zeros(count, np.int64),
+        np.full(count, -1, np.int64),
+        np.zeros(count, np.int64),
+        np.full(count, -1, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(scene.triangle_count, np.bool_),
+        nowhere,
+        nowhere,
+        nowhere,
     )
 
 
