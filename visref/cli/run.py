@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
 
 from visref.cli.arguments import (
     add_judging_arguments,
@@ -13,7 +15,7 @@ from visref.cli.arguments import (
     memory_of,
     policy_of,
 )
-from visref.cli.command_facts import facts_of
+from visref.cli.command_facts import facts_of, packages_of
 from visref.cli.commands import (
     add_command_arguments,
     add_time_limit,
@@ -32,6 +34,7 @@ from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
 from visref.plug_ins import Making, check_cullers, check_time_limit, making_cullers
+from visref.runs import MakingAnew
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,9 +75,7 @@ def run(given: argparse.Namespace) -> Exit:
         raise InputError("there is nothing to judge", fix="give --culler or --command")
     given_limit = memory_of(given)
     limit = default_budget() if given_limit is None else given_limit
-    making = Making(
-        given.in_process, given.time_limit, limit, say=lambda spec, line: saying(spec)(line)
-    )
+    making = Making(given.in_process, given.time_limit, limit, say=_say)
     policy = policy_of(given)
     names = command_names(specs, commands)
 
@@ -94,10 +95,15 @@ def run(given: argparse.Namespace) -> Exit:
     check_time_limit(given.time_limit)
     inputs = with_commands(inputs_of(given), commands, names)
 
-    @contextmanager
-    def anew() -> Iterator[list[tuple[str, Culler]]]:
-        with making_cullers(specs, making) as cullers, programs_on(inputs) as programs:
-            yield [*cullers, *programs]
+    anew: MakingAnew = MakingSpecs(tuple(specs), making)
+    if commands:
+
+        @contextmanager
+        def with_programs() -> Iterator[list[tuple[str, Culler]]]:
+            with making_cullers(specs, making) as cullers, programs_on(inputs) as programs:
+                yield [*cullers, *programs]
+
+        anew = with_programs
 
     return judge(
         given,
@@ -121,4 +127,21 @@ def run(given: argparse.Namespace) -> Exit:
                 "in process": given.in_process,
             },
         ),
+        opening=partial(inputs_of, given),
+        packages=packages_of(specs),
     ).exit
+
+
+@dataclass(frozen=True)
+class MakingSpecs:
+    """Makes cullers by their specs, here or in another process."""
+
+    specs: tuple[str, ...]
+    making: Making
+
+    def __call__(self) -> AbstractContextManager[list[tuple[str, Culler]]]:
+        return making_cullers(self.specs, self.making)
+
+
+def _say(spec: str, line: str) -> None:
+    saying(spec)(line)
