@@ -37,7 +37,7 @@ class Copies:
         parent = os.getpid()
         child = os.fork()
         if child == 0:
-            _end_with(parent)
+            end_with(parent)
             os.close(reading)
             for other in self._pids:
                 os.close(other)
@@ -102,7 +102,7 @@ def _understood(said: dict[str, Any], on_told: Callable[[Any], None]) -> bool:
     return "ended" in said
 
 
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """End this process when its parent ends, however that does, where the system can."""
     if sys.platform == "linux":
         PR_SET_PDEATHSIG = 1

@@ -84,14 +84,14 @@ def test_a_part_that_ends_each_worker_is_named_with_its_culler_and_the_rest_is_k
 ):
     marks = mark(tmp_path / "marks", times=99)
     out = tmp_path / "dask"
-    named = r"frames 2 to 3: each worker.*'ends' is asked in frame 3"
+    named = r"frames 3 to 4: each worker.*'ends' is asked in frame 3"
     with pytest.raises(Unfinished, match=named):
         by_dask(client, out, MakingEnds(marks), command=COMMAND)
     assert not out.exists()
     for one in marks.iterdir():
         one.unlink()
     told, before = by_dask(client, out, MakingEnds(marks), command=COMMAND)
-    assert (sorted(told), before) == ([2, 3], FRAMES - 2)
+    assert (sorted(told), before) == ([3, 4], FRAMES - 2)
     judge_to_folder(switched(), [("forgets", Forgets()), ("ends", Forgets())], tmp_path / "one")
     assert differing(tmp_path / "one", out) == []
 

@@ -22,6 +22,7 @@ COMMANDS = {
     "truth": "cast who owns which samples, to a Parquet file",
     "run": "judge cullers on a scene and a camera path",
     "check": "judge an engine's recorded visible sets",
+    "batch": "judge many scenes, paths and cullers, from one file",
     "merge": "put the parts of a run together that --shard left",
     "bench": "speed against error: where to stop paying",
     "report": "make a page from run folders",

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 from visref.cli.arguments import (
     add_judging_arguments,
@@ -27,13 +28,17 @@ from visref.cli.commands import (
 )
 from visref.cli.judged import judge
 from visref.cli.reports import add_report_arguments
+from visref.cli.stamp import stands, write_stamp
+from visref.cli.terminal import OUT
 from visref.culler import Culler
 from visref.errors import InputError
 from visref.inputs import Inputs
+from visref.judging.policy import Policy
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
 from visref.plug_ins import Making, check_cullers, check_time_limit, making_cullers
+from visref.run_folder.read import read_run
 from visref.runs import MakingAnew
 
 
@@ -66,6 +71,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="ask each culler N times about all frames, each time made anew: one that answers "
         "otherwise is inconclusive (default 1)",
+    )
+    parser.add_argument(
+        "--stamp",
+        type=Path,
+        metavar="FILE",
+        help="says by which command the run folder was left: where that is this one, nothing is "
+        "judged again",
     )
 
 
@@ -105,7 +117,28 @@ def run(given: argparse.Namespace) -> Exit:
 
         anew = with_programs
 
-    return judge(
+    command = facts_of(
+        given,
+        inputs,
+        policy,
+        cullers=specs,
+        programs=given.programs or (),
+        files={"truth": given.truth},
+        options={
+            "pictures": given.pictures,
+            "image check": given.image_check,
+            "repeat": given.repeat,
+            "in process": given.in_process,
+        },
+    )
+    stamp: Path | None = given.stamp
+    if stamp is not None:
+        if given.shard is not None:
+            raise InputError("--stamp and --shard", fix="stamp the whole run")
+        if stands(stamp, given.out, {**command, "day": _day(policy)}):
+            OUT.line(f"{given.out} stands as this command left it; nothing was judged again")
+            return read_run(given.out, objects=False).exit
+    outcome = judge(
         given,
         inputs,
         anew,
@@ -113,23 +146,19 @@ def run(given: argparse.Namespace) -> Exit:
         image_check=given.image_check,
         repeat=given.repeat,
         alone=alone,
-        command=facts_of(
-            given,
-            inputs,
-            policy,
-            cullers=specs,
-            programs=given.programs or (),
-            files={"truth": given.truth},
-            options={
-                "pictures": given.pictures,
-                "image check": given.image_check,
-                "repeat": given.repeat,
-                "in process": given.in_process,
-            },
-        ),
+        command=command,
         opening=partial(inputs_of, given),
         packages=packages_of(specs),
-    ).exit
+    )
+    if stamp is not None:
+        write_stamp(stamp, given.out, {**command, "day": _day(policy)})
+    return outcome.exit
+
+
+def _day(policy: Policy | None) -> str:
+    """On which a policy's waivers are asked whether they expired: with another one a run that goes
+    on may end otherwise."""
+    return "" if policy is None or policy.today is None else policy.today.isoformat()
 
 
 @dataclass(frozen=True)
