@@ -10,19 +10,21 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
 from visref.files import open_file
-from visref.run_folder.layout import slug
 from visref.wording import did_you_mean
 
 FIX = "see docs/cluster.md"
 _MOST_BYTES = 1 << 24
 # Of job names, which are folder names.
 _NAME = re.compile("[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_LONGEST = 80
+# Of a file's name, what says its format.
+_ENDING = re.compile(r"(\.path)?\.[A-Za-z][A-Za-z0-9]{1,5}$")
 
 # Options of `visref run`, by the name of the field, and what its value is.
 OPTIONS: Mapping[str, type] = {
@@ -146,20 +148,31 @@ def _named(found: Sequence[tuple[str, Job]]) -> list[Job]:
             raise InputError(
                 f"two jobs are named '{job.name}'", place=f"{place}.name", fix="name them apart"
             )
+    short = Counter(_likeness(job, whole=False) for _, job in found if not job.name)
     names = {*taken}
     jobs = []
     for _, job in found:
         name = job.name
         if not name:
-            base = slug("-".join(Path(one).stem for one in (job.scene, job.path) if one))
-            number = 1
-            name = base
+            base = _likeness(job, whole=False)
+            if short[base] > 1:
+                base = _likeness(job, whole=True)
+            name, number = base, 1
             while name in names:
                 number += 1
                 name = f"{base}-{number}"
             names.add(name)
-        jobs.append(Job(name, job.scene, job.path, job.cullers, job.options))
+        jobs.append(replace(job, name=name))
     return jobs
+
+
+def _likeness(job: Job, *, whole: bool) -> str:
+    """A name like scene and path: like their files', or with the folders that they are in."""
+    texts = [_ENDING.sub("", text) for text in (job.scene, job.path) if text]
+    if not whole:
+        texts = [text.rpartition("/")[2] for text in texts]
+    plain = re.sub("[^A-Za-z0-9._-]+", "-", "-".join(texts)).strip("-.")
+    return plain[:_LONGEST] or "job"
 
 
 def _options(shared: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, ...]:

@@ -103,10 +103,11 @@ def _job_json(ended: Ended, run: Run) -> dict[str, Any]:
     }
     if ended.error:
         return told
-    verdict = read_run(run.folder(job), objects=False).verdict
+    read = read_run(run.folder(job), objects=False)
     told["run"] = f"{RUNS}/{job.name}"
     told["page"] = f"{PAGES}/{job.name}/report.html"
-    for name, culler in verdict.cullers.items():
+    for name in read.cullers:
+        culler = read.verdict.cullers[name]
         counts = {count: getattr(culler, count) for count in COUNTS}
         told["cullers"][name] = {"status": culler.status, **counts}
     return told
