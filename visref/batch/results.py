@@ -121,7 +121,7 @@ def _headline(results: BatchResults) -> tuple[str, str]:
     statuses = [told["status"] for job in jobs for told in job["cullers"].values()]
     if without:
         status = Status.INCONCLUSIVE
-        said = f"{without:,} of {counted} came to no verdict"
+        said = f"{counted}, of which {without:,} came to no verdict"
         if Status.VIOLATION in statuses:
             status = Status.VIOLATION
         return status.value, said
