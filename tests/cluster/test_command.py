@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 
 import pytest
 
@@ -112,7 +113,7 @@ def test_a_part_that_ends_each_worker_is_told_in_a_line_with_a_status_of_no_verd
 
 
 def test_without_dask_its_extra_is_named(place, monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     assert main([*CHECK, "--out", "out", "--dask", "local"]) == 2
     assert "pip install 'visref[dask]'" in capsys.readouterr().err
 

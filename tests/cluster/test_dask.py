@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+import threading
 
 import pytest
 
@@ -121,7 +123,8 @@ def test_a_worker_with_other_code_is_named(client, tmp_path, monkeypatch):
 
 
 def test_what_cannot_be_sent_is_refused(client, tmp_path):
-    with open(os.devnull) as held, pytest.raises(InputError, match="cannot be sent"):
+    held = threading.Lock()
+    with pytest.raises(InputError, match="cannot be sent"):
         by_dask(client, tmp_path / "dask", lambda: held)
 
 
@@ -136,7 +139,7 @@ def test_an_address_without_a_scheduler_is_refused_in_a_line(address, problem):
 
 
 def test_without_dask_the_way_to_install_it_is_said(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'visref\[dask\]'"), connected("local"):
         pass
 
