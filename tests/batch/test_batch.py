@@ -16,6 +16,8 @@ from tests.cli.test_cli import write_scene
 from tests.support.same_bytes import differing
 from visref.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 CULLERS = ("none", "my_cullers:Leaves")
 PLUG_IN = """
 import os

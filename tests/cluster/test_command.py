@@ -12,6 +12,8 @@ from tests.support.same_bytes import differing
 from visref.cli.main import main
 from visref.cluster import connected
 
+pytestmark = pytest.mark.slow
+
 PLUG_IN = """
 import numpy as np
 from visref.culler import Culler, DrawnSet

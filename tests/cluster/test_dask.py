@@ -20,6 +20,8 @@ from visref.picking import Stretch
 from visref.runs import judge_to_folder, truth_to_file
 from visref.workers import judging_at_once
 
+pytestmark = pytest.mark.slow
+
 COMMAND = {"scene": "squares", "cullers": "some"}
 
 
