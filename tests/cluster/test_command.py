@@ -127,7 +127,7 @@ def test_a_cluster_without_workers_is_refused_after_a_while(place, capsys, monke
     monkeypatch.setattr(running, "_FIRST_WORKER_S", 0.5)
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=0, dashboard_address=None) as empty:
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty:
         address = empty.scheduler_address
         assert main([*CHECK, "--out", "out", "--dask", address]) == 2
     assert "has had no worker for 0.5 s; start some" in capsys.readouterr().err

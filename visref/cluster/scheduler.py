@@ -69,7 +69,8 @@ def _local(distributed: Any, workers: int) -> Iterator[Any]:
             processes=True,
             # What a run may take, visref says itself (--max-memory).
             memory_limit=None,
-            dashboard_address=None,
+            # Its pages and metrics are for this machine, on any free port.
+            dashboard_address="127.0.0.1:0",
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
