@@ -94,6 +94,15 @@ def test_the_runs_of_a_batch_are_those_of_single_commands_and_stand_the_next_tim
     assert (out / "batch.json").read_bytes() == record
 
 
+def test_a_batch_on_a_cluster_leaves_the_same(place, tmp_path):
+    pytest.importorskip("distributed")
+    out = tmp_path / "out"
+    given = ["--dask", "local", "--workers", "2", "--dask-frames", "1"]
+    assert batch(place, out, *given) == 1
+    for name in ("a", "b"):
+        assert differing(place / f"single-{name}", out / "runs" / f"{name}-scene-a-path") == []
+
+
 def test_a_run_that_was_changed_since_is_judged_again(place, tmp_path):
     out = tmp_path / "out"
     assert batch(place, out, "--workers", "1") == 1
