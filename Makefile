@@ -26,7 +26,7 @@ $(READY): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --constraint constraints.txt --editable '.[dev,open3d,collada,usd,ifc]'
+	  --constraint constraints.txt --editable '.[dev,open3d,collada,usd,ifc,dask]'
 	@touch $@
 
 $(SYSTEM_READY): $(READY) tools/apt-install

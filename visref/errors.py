@@ -1,6 +1,11 @@
-"""The two ways a run can stop: bad input that its author can fix, and nothing to judge."""
+"""The ways a run can stop: bad input that its author can fix, nothing to judge, and what it runs on
+breaking down."""
 
 from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from typing import Any
 
 
 class InputError(ValueError):
@@ -30,3 +35,28 @@ class InputError(ValueError):
 
 class NothingToJudge(RuntimeError):
     """The run cannot reach a verdict (no GL context for a GL method, say): exit status 3."""
+
+
+class Unfinished(RuntimeError):
+    """What the run goes on, a cluster say, broke down, or what it judges ends each process that
+    judges it: exit status 70. Its text is one line."""
+
+
+def error_json(error: BaseException) -> dict[str, Any]:
+    """An error for another process, which raises it by `raise_told`."""
+    if isinstance(error, InputError):
+        fields = ("problem", "fix", "place", "source")
+        return {"input": {name: getattr(error, name) for name in fields}}
+    if isinstance(error, NothingToJudge):
+        return {"nothing": str(error)}
+    return {"fault": "".join(traceback.format_exception(error))}
+
+
+def raise_told(said: Mapping[str, Any]) -> None:
+    """Raise what `error_json` says, if that is what this is: RuntimeError for a fault."""
+    if "input" in said:
+        raise InputError(**said["input"])
+    if "nothing" in said:
+        raise NothingToJudge(said["nothing"])
+    if "fault" in said:
+        raise RuntimeError(f"in a worker:\n{said['fault']}")

@@ -11,12 +11,11 @@ import os
 import selectors
 import signal
 import sys
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from visref.errors import InputError, NothingToJudge
+from visref.errors import error_json, raise_told
 
 Tell = Callable[[Any], None]
 Work = Callable[[Tell], None]
@@ -38,7 +37,7 @@ class Copies:
         parent = os.getpid()
         child = os.fork()
         if child == 0:
-            _end_with(parent)
+            end_with(parent)
             os.close(reading)
             for other in self._pids:
                 os.close(other)
@@ -99,16 +98,11 @@ def _understood(said: dict[str, Any], on_told: Callable[[Any], None]) -> bool:
     """Take in what a copy said; whether it has ended well."""
     if "told" in said:
         on_told(said["told"])
-    elif "input" in said:
-        raise InputError(**said["input"])
-    elif "nothing" in said:
-        raise NothingToJudge(said["nothing"])
-    elif "fault" in said:
-        raise RuntimeError(f"in a worker:\n{said['fault']}")
+    raise_told(said)
     return "ended" in said
 
 
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """End this process when its parent ends, however that does, where the system can."""
     if sys.platform == "linux":
         PR_SET_PDEATHSIG = 1
@@ -130,15 +124,10 @@ def _run(work: Work, writing: int) -> None:
                 work(lambda told: say({"told": told}))
                 say({"ended": True})
                 status = 0
-            except InputError as error:
-                fields = ("problem", "fix", "place", "source")
-                say({"input": {name: getattr(error, name) for name in fields}})
-            except NothingToJudge as error:
-                say({"nothing": str(error)})
             except KeyboardInterrupt:
                 pass  # whoever started it is told too
-            except BaseException:  # the parent's to tell
-                say({"fault": traceback.format_exc()})
+            except BaseException as error:  # the parent's to tell
+                say(error_json(error))
         sys.stdout.flush()
         sys.stderr.flush()
     except BaseException:  # the parent is gone, say

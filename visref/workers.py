@@ -44,9 +44,10 @@ WORKER_BYTES = 256 << 20
 WORKER_TRIANGLE_BYTES = 2 * TRIANGLE_BYTES
 
 
-def default_workers(inputs: Inputs) -> int:
-    """How many workers a run is worth: a core each, where memory allows."""
-    if not hasattr(os, "fork"):
+def default_workers(inputs: Inputs, *, sharing: bool = True) -> int:
+    """How many workers a run is worth: a core each, where memory allows. `sharing`: they share the
+    scene with this process, as its copies do."""
+    if sharing and not hasattr(os, "fork"):
         return 1
     samples = max(
         (camera.samples for frame in inputs.frames for camera in inputs.path.views(frame)),
@@ -55,6 +56,8 @@ def default_workers(inputs: Inputs) -> int:
     each = (
         WORKER_BYTES + inputs.scene.triangle_count * WORKER_TRIANGLE_BYTES + samples * SAMPLE_BYTES
     )
+    if not sharing:
+        each += inputs.scene.triangle_count * TRIANGLE_BYTES
     by_memory = default_budget() // each
     return max(1, min(available_threads(), len(inputs.frames) // LEAST_FRAMES, by_memory))
 
@@ -109,9 +112,52 @@ def judging_at_once(
         )
     if workers > 1 and not hasattr(os, "fork"):
         raise InputError("--workers: this system cannot copy a process", fix="leave it out")
+    asked = Asked(truth=None if truth is None else Path(truth), policy=policy, anew=anew, **given)
+    with (
+        begun(inputs, out, truth=asked.truth, policy=policy, command=command) as run,
+        _at_work(run, anew, asked, workers) as going,
+    ):
+        yield going
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A run folder that is to be: `folder` is there and empty. `done`: at how many of its frames
+    the parts that are `kept` stand, `left`: the places of the others. `alone`: its truth file can
+    only be read by one who judges all, and nothing can be kept."""
+
+    inputs: Inputs
+    folder: Path
+    truth: Path | None
+    kept: Kept
+    done: int
+    left: Sequence[int]
+    alone: bool
+
+    def merged(self) -> RunOutcome:
+        """The run folder of what is kept by now."""
+        self.folder.mkdir(exist_ok=True)
+        parts = [path for _, path in self.kept.finished()]
+        return merge_naming(self.folder, parts, self.inputs, self.truth)
+
+    def going(self, finish: Callable[[Callable[[int], None]], RunOutcome]) -> Going:
+        """It is under way; who `finish`es it, as `Going` has it, judges what is left."""
+        frames = len(self.inputs.frames)
+        return Going(frames, self.done, self.kept.spoilt, finish, self.kept)
+
+
+@contextmanager
+def begun(
+    inputs: Inputs,
+    out: Path | str,
+    *,
+    truth: Path | None,
+    policy: Policy | None,
+    command: Mapping[str, str] | None,
+) -> Iterator[Begun]:
+    """A run whose parts are judged by whoever; it stands at `out` when the block ends well.
+    Arguments and errors as of `judging_at_once`."""
     refuse_inputs(out, [*inputs.files, truth, policy.source if policy is not None else None])
-    source = None if truth is None else Path(truth)
-    asked = Asked(truth=source, policy=policy, anew=anew, **given)
     with ExitStack() as closing:
         lasting = None
         if command is not None:
@@ -121,36 +167,25 @@ def judging_at_once(
             if kept is None:
                 # Beside it, and gone with it.
                 kept = Kept(folder.parent, "", math.inf)
-            with _at_work(inputs, anew, asked, folder, kept, workers) as going:
-                yield going
+            rows = None
+            alone = truth is not None and not can_be_merged(truth)
+            if alone:
+                kept.seconds = math.inf
+            elif truth is not None and kept.finished():
+                rows = read_rows(truth)
+            finished = kept.sound(inputs.frames, rows)
+            done = {place for stretch in finished for place in range(stretch.start, stretch.stop)}
+            left = [place for place in range(len(inputs.frames)) if place not in done]
+            yield Begun(inputs, folder, truth, kept, len(done), left, alone)
         if lasting is not None:
             lasting.remove()
 
 
 @contextmanager
-def _at_work(
-    inputs: Inputs, anew: MakingAnew, asked: Asked, folder: Path, kept: Kept, workers: int
-) -> Iterator[Going]:
-    frames = inputs.frames
-    rows = None
-    if asked.truth is not None and not can_be_merged(asked.truth):
-        # It is read as far as one worker reads it, and parts by it could not be merged.
-        workers, kept.seconds = 1, math.inf
-    elif asked.truth is not None and kept.finished():
-        rows = read_rows(asked.truth)
-    finished = kept.sound(frames, rows)
-    done = {place for stretch in finished for place in range(stretch.start, stretch.stop)}
-    left = [place for place in range(len(frames)) if place not in done]
-    workers = min(workers, len(left))
+def _at_work(run: Begun, anew: MakingAnew, asked: Asked, workers: int) -> Iterator[Going]:
+    inputs, left = run.inputs, run.left
+    workers = 1 if run.alone else min(workers, len(left))
     pieces = [stretches(Shard(number, workers).of(left)) for number in range(1, workers + 1)]
-
-    def merged() -> RunOutcome:
-        folder.mkdir(exist_ok=True)
-        return merge_naming(folder, [path for _, path in kept.finished()], inputs, asked.truth)
-
-    def going(finish: Callable[[Callable[[int], None]], RunOutcome]) -> Going:
-        return Going(len(frames), len(done), kept.spoilt, finish, kept)
-
     if workers <= 1:
         with ExitStack() as closing:
             ready = [closing.enter_context(anew())] if left else []
@@ -159,14 +194,14 @@ def _at_work(
                 for stretch in pieces[0] if pieces else []:
                     cullers = ready.pop() if ready else closing.enter_context(anew())
                     whole = judge_share(
-                        inputs, cullers, None if done else folder, asked, share=stretch,
-                        parts=kept, listeners=[_Telling(on_frame)],
+                        inputs, cullers, None if run.done else run.folder, asked, share=stretch,
+                        parts=run.kept, listeners=[_Telling(on_frame)],
                     )  # fmt: skip
                     if whole is not None:
                         return whole
-                return merged()
+                return run.merged()
 
-            yield going(alone)
+            yield run.going(alone)
         return
     threads = max(1, (inputs.threads or available_threads()) // workers)
 
@@ -178,7 +213,7 @@ def _at_work(
                 with anew() as cullers:
                     judge_share(
                         replace(inputs, threads=threads), cullers, None, asked, share=stretch,
-                        parts=kept, listeners=[_Telling(tell)],
+                        parts=run.kept, listeners=[_Telling(tell)],
                     )  # fmt: skip
 
         return work
@@ -187,9 +222,9 @@ def _at_work(
 
         def wait(on_frame: Callable[[int], None]) -> RunOutcome:
             copies.wait(on_frame)
-            return merged()
+            return run.merged()
 
-        yield going(wait)
+        yield run.going(wait)
 
 
 class _Telling(Listener):

@@ -22,7 +22,7 @@ FOLDERS = (
     "examples",
     "recorders",
 )
-SCRIPTS = ("tools/records", "tools/tables-to-docs")
+SCRIPTS = ("tools/cluster-costs", "tools/records", "tools/tables-to-docs")
 
 
 def unnamed(text: str) -> list[int]:

@@ -53,6 +53,9 @@ PLANTS = [
     (LAYERS, "visref.between.search", "visref.effects.images"),  # side by side
     (LAYERS, "visref.inputs", "visref.paths.looking"),
     (LAYERS, "visref.camera_forms", "visref.camera_path"),
+    (LAYERS, "visref.workers", "visref.cluster.running"),
+    (LAYERS, "visref.cluster.task", "visref.report.words"),
+    (LAYERS, "visref.batch.running", "visref.cli.main"),
     (ACYCLIC, "visref_culling.queries.occlusion_query", "visref_culling.n_buffer.depth_map"),
     (ACYCLIC, "visref_culling.gl.geometry", "visref_culling.boxes.rectangles"),
     (ACYCLIC, "visref_culling.method", "visref_culling.plp.octree"),

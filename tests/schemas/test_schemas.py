@@ -22,6 +22,7 @@ import pytest
 from tests.search.test_shrinking import once, suspect_of
 from tests.support import report_runs
 from tests.support.hand_made import still_path
+from visref.batch.plan import jobs_of
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
 from visref.conformance.contest import Row, results_json, run_rows
@@ -130,7 +131,16 @@ POLICY = {
 }  # fmt: skip
 
 
+BATCH = {
+    "options": {"engine": "embree", "pictures": 2, "lenient": True, "time_limit": 2.5},
+    "job": [{"name": "one", "scene": "s.glb", "cullers": ["none"], "truth": "t.parquet"}],
+    "matrix": [{"scenes": ["a.glb"], "paths": ["p.json"], "cullers": ["none"], "frames": "0:9"}],
+}
+
+
 def valid(run, name: str) -> Any:
+    if name == "batch":
+        return BATCH
     if name == "policy":
         return POLICY
     if name == "manifest":
@@ -183,6 +193,8 @@ def read(name: str, value: Any, folder) -> None:
         read_witness(Fields(value, "witness", ""))
     elif name == "policy":
         policy_of(value)
+    elif name == "batch":
+        jobs_of(value)
     elif name == "fuzz":
         read_summary(value)
     elif name == "path":
@@ -275,6 +287,7 @@ def test_counts_and_counters_are_those_of_the_code():
 @pytest.mark.parametrize(
     ("name", "least", "alone"),
     [
+        ("batch", 150, False),
         ("fuzz", 200, False),
         ("manifest", 300, False),
         ("path", 300, True),

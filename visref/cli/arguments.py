@@ -23,6 +23,9 @@ from visref.picking import Shard
 from visref.recordings.visible_sets import VisibleSets
 from visref.registry import DEFAULT_ENGINE, ENGINES, available
 
+# How the workers of a cluster come by the scene.
+SCENE_TO_WORKERS = ("path", "send")
+
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     """The scene, the path and who casts the truth; `inputs_of` reads them."""
@@ -100,6 +103,28 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes that judge a part of the frames each (default: a core each, where frames "
         "and memory are enough; 1 to measure times)",
+    )
+    add_dask_arguments(parser)
+
+
+def add_dask_arguments(parser: argparse.ArgumentParser) -> None:
+    """A cluster in place of workers; `visref.cli.judged` reads them."""
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="judge on the workers of a Dask scheduler (tcp://HOST:PORT), or `local`: on --workers "
+        "processes that Dask starts here",
+    )
+    parser.add_argument(
+        "--dask-scene",
+        choices=SCENE_TO_WORKERS,
+        help="workers read the scene by its path (default), or it is sent to them",
+    )
+    parser.add_argument(
+        "--dask-frames",
+        type=whole_number,
+        metavar="N",
+        help="frames of a task (default: by the number of workers, at most 100)",
     )
 
 

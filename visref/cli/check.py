@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from visref.camera_path import CameraPath
 from visref.cli.arguments import (
     add_judging_arguments,
     add_scene_arguments,
@@ -15,17 +18,18 @@ from visref.cli.arguments import (
     policy_of,
     recorded_inputs_of,
 )
-from visref.cli.command_facts import facts_of
+from visref.cli.command_facts import facts_of, packages_of
 from visref.cli.judged import judge
 from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
-from visref.culler import Culler, Promise
+from visref.culler import Culler, Promise, RasterTolerance
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_file
+from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy_file import ADOPTED, adopted, to_toml
 from visref.judging.status import Exit
-from visref.recordings.visible_sets import Replay, read_visible_sets
+from visref.recordings.visible_sets import Replay, VisibleSets, read_visible_sets
 from visref.runs import Misaligned
 from visref.scene import Scene
 from visref.wording import counted
@@ -92,11 +96,7 @@ def run(given: argparse.Namespace) -> Exit:
             file, inputs.scene, inputs.frames, inputs.path, max_memory=inputs.max_memory
         )
 
-    @contextmanager
-    def anew() -> Iterator[list[tuple[str, Culler]]]:
-        replay = Replay(recorded, inputs.path, Promise(given.promise), tolerance)
-        yield [(file.name, replay)]
-
+    anew = Replaying(file.name, recorded, inputs.path, Promise(given.promise), tolerance)
     outcome = judge(
         given,
         inputs,
@@ -116,10 +116,31 @@ def run(given: argparse.Namespace) -> Exit:
                 "misaligned": given.if_misaligned,
             },
         ),
+        opening=partial(_inputs_again, given),
+        packages=packages_of([]),
     )
     if given.write_waivers is not None:
         _write_waivers(given.write_waivers, outcome, inputs.scene)
     return outcome.exit
+
+
+@dataclass(frozen=True, eq=False)
+class Replaying:
+    """Makes a recording's culler, here or in another process."""
+
+    name: str
+    recorded: VisibleSets
+    path: CameraPath
+    promise: Promise
+    raster: RasterTolerance | None
+
+    @contextmanager
+    def __call__(self) -> Iterator[list[tuple[str, Culler]]]:
+        yield [(self.name, Replay(self.recorded, self.path, self.promise, self.raster))]
+
+
+def _inputs_again(given: argparse.Namespace) -> Inputs:
+    return inputs_of(given) if given.recording is None else recorded_inputs_of(given)[0]
 
 
 def _write_waivers(file: Path, outcome: RunOutcome, scene: Scene) -> None:

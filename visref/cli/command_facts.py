@@ -5,22 +5,18 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import importlib.util
 import json
 import shlex
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from visref.inputs import Inputs
 from visref.judging.policy import Policy
-from visref.provenance import versions
+from visref.provenance import code_of, file_digest, versions
 from visref.recordings.truth_file import path_digest
 from visref.registry import CULLERS, available
 
-# What is imported of a package; its data files are its own affair.
-_CODE = (".py", ".so", ".pyd")
 _OURS = ("visref", "visref_culling")
 
 
@@ -45,18 +41,23 @@ def facts_of(
         "policy": "" if policy is None else _policy(policy),
         "versions": _text_digest(versions()),
         "cullers": json.dumps([*cullers, *programs]),
-        **{f"{name} file": _file_digest(file) for name, file in files.items() if file is not None},
+        **{f"{name} file": file_digest(file) for name, file in files.items() if file is not None},
         **{name: str(value) for name, value in options.items()},
     }
-    for name in dict.fromkeys([*_OURS, *filter(None, map(_package, cullers))]):
-        facts[f"code of {name}"] = _code(name)
+    for name in packages_of(cullers):
+        facts[f"code of {name}"] = code_of(name)
     for program in programs:
         for file in _files_of(program):
-            facts[f"file {file}"] = _file_digest(file)
+            facts[f"file {file}"] = file_digest(file)
     # Limits that were not given are those of the moment.
     for limit in ("time_limit", "max_memory"):
         facts[limit.replace("_", " ")] = str(getattr(given, limit, None))
     return facts
+
+
+def packages_of(cullers: Iterable[str]) -> list[str]:
+    """Whose code a run with these cullers, by spec, hangs on."""
+    return list(dict.fromkeys([*_OURS, *filter(None, map(_package, cullers))]))
 
 
 def _policy(policy: Policy) -> str:
@@ -73,30 +74,6 @@ def _package(spec: str) -> str:
     return module.partition(".")[0]
 
 
-def _code(package: str) -> str:
-    """A digest of a package's code, or of a module's, without importing it; empty where there is
-    none."""
-    here = str(Path.cwd())
-    sys.path.insert(0, here)
-    try:
-        spec = importlib.util.find_spec(package)
-    except (ImportError, ValueError, AttributeError):
-        return ""
-    finally:
-        sys.path.remove(here)
-    if spec is None:
-        return ""
-    roots = list(spec.submodule_search_locations or ())
-    if not roots:
-        return "" if spec.origin is None else _file_digest(Path(spec.origin))
-    digest = hashlib.sha256()
-    for root in roots:
-        files = (file for file in Path(root).rglob("*") if file.suffix in _CODE)
-        for name, file in sorted((file.relative_to(root).as_posix(), file) for file in files):
-            digest.update(f"{name}\0{_file_digest(file)}\n".encode())
-    return digest.hexdigest()
-
-
 def _files_of(program: str) -> Iterable[Path]:
     """The files that a command line names, its program's among them."""
     words: list[str] = []
@@ -105,15 +82,6 @@ def _files_of(program: str) -> Iterable[Path]:
     for word in words:
         if (file := Path(word)).is_file():
             yield file
-
-
-def _file_digest(file: Path) -> str:
-    """Empty where it cannot be read: whoever reads it says so."""
-    try:
-        with file.open("rb") as opened:
-            return hashlib.file_digest(opened, "sha256").hexdigest()
-    except OSError:
-        return ""
 
 
 def _text_digest(value: object) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from visref.beside import steady
 from visref.cli.arguments import shard_of
@@ -26,8 +27,12 @@ from visref.report.misses import why_lines
 from visref.report.tables import HEADINGS, VERDICTS, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
+from visref.threads import available_threads
 from visref.wording import counted
 from visref.workers import Going, default_workers, judging_at_once
+
+if TYPE_CHECKING:
+    from visref.cluster.order import Opening
 
 FINDINGS_SHOWN = 10
 
@@ -43,12 +48,17 @@ def judge(
     if_misaligned: Misaligned = Misaligned.KEEP,
     alone: str = "",
     command: Mapping[str, str],
+    opening: Opening,
+    packages: Sequence[str] = (),
 ) -> RunOutcome:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours. `anew`
     makes the cullers; `alone`: why one worker must judge them, empty where it need not. `command`:
-    what determines the result, by name."""
+    what determines the result, by name. `opening` reads the inputs again, in a worker of a cluster,
+    which must have the same code of `packages`."""
     shard = shard_of(given)
-    workers = _workers(given, inputs, alone or ("--shard" if shard is not None else ""))
+    alone = alone or ("--shard" if shard is not None else "")
+    _check_dask(given, alone)
+    workers = _workers(given, inputs, alone)
     judged = inputs.frames if shard is None else shard.of(inputs.frames)
     options: dict[str, Any] = {
         "truth": given.truth,
@@ -61,11 +71,18 @@ def judge(
     with ExitStack() as closing:
         # Before the display, which has a thread: workers are copies of this process.
         if shard is None:
-            going = closing.enter_context(
-                judging_at_once(
+            work: AbstractContextManager[Going]
+            if given.dask is None:
+                work = judging_at_once(
                     inputs, anew, given.out, workers=workers, command=command, **options
                 )
-            )
+            else:
+                work = _on_dask(
+                    given, inputs, anew, workers, closing, command=command,
+                    opening=None if given.dask_scene == "send" else opening,
+                    packages=packages, **options,
+                )  # fmt: skip
+            going = closing.enter_context(work)
             _say_before(going)
             bar = closing.enter_context(frame_bar(going.frames - going.before))
             try:
@@ -81,6 +98,41 @@ def judge(
             )
     print_run(given.out, outcome)
     return outcome
+
+
+def _check_dask(given: argparse.Namespace, alone: str) -> None:
+    if given.dask is None:
+        for option in ("--dask-scene", "--dask-frames"):
+            if getattr(given, option[2:].replace("-", "_")) is not None:
+                raise InputError(f"{option} is given, and no --dask", fix="give both, or neither")
+    elif alone:
+        raise InputError(f"--dask, with {alone}", fix="leave one of them out")
+
+
+def _on_dask(
+    given: argparse.Namespace,
+    inputs: Inputs,
+    anew: MakingAnew,
+    workers: int,
+    closing: ExitStack,
+    **options: Any,
+) -> AbstractContextManager[Going]:
+    """A run on a cluster, which is met now and left with `closing`."""
+    # Dask is imported only where it is asked for.
+    from visref.cluster import LOCAL, connected, judging_on_dask
+
+    if given.dask != LOCAL:
+        client = closing.enter_context(connected(given.dask, given.workers))
+    else:
+        if given.workers is None:
+            workers = default_workers(inputs, sharing=False)
+        # They share the cores of this machine.
+        threads = max(1, (inputs.threads or available_threads()) // workers)
+        inputs = replace(inputs, threads=threads)
+        client = closing.enter_context(connected(LOCAL, workers))
+    return judging_on_dask(
+        inputs, anew, given.out, client, frames_each=given.dask_frames, **options
+    )
 
 
 def _say_before(going: Going) -> None:

@@ -12,9 +12,9 @@ import importlib
 import sys
 from collections.abc import Callable, Sequence
 
-from visref.cli.breakdown import INTERRUPTED, broke_down
+from visref.cli.breakdown import BROKE_DOWN, INTERRUPTED, broke_down
 from visref.cli.terminal import ERRORS, Parser, WrongArguments, prepare
-from visref.errors import InputError, NothingToJudge
+from visref.errors import InputError, NothingToJudge, Unfinished
 from visref.judging.status import Exit
 
 COMMANDS = {
@@ -22,6 +22,7 @@ COMMANDS = {
     "truth": "cast who owns which samples, to a Parquet file",
     "run": "judge cullers on a scene and a camera path",
     "check": "judge an engine's recorded visible sets",
+    "batch": "judge many scenes, paths and cullers, from one file",
     "merge": "put the parts of a run together that --shard left",
     "bench": "speed against error: where to stop paying",
     "report": "make a page from run folders",
@@ -87,6 +88,8 @@ def _run(given: argparse.Namespace) -> int:
         return _ended(given, f"error: {error}", Exit.BAD_INPUT)
     except NothingToJudge as error:
         return _ended(given, f"nothing could be judged: {error}", Exit.NOTHING_JUDGED)
+    except Unfinished as error:
+        return _ended(given, f"error: {error}", BROKE_DOWN)
     except KeyboardInterrupt:
         return _ended(given, f"interrupted; {given.interrupted}", INTERRUPTED)
     except OSError as error:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 from visref.cli.arguments import (
     add_judging_arguments,
@@ -13,7 +16,7 @@ from visref.cli.arguments import (
     memory_of,
     policy_of,
 )
-from visref.cli.command_facts import facts_of
+from visref.cli.command_facts import facts_of, packages_of
 from visref.cli.commands import (
     add_command_arguments,
     add_time_limit,
@@ -25,13 +28,18 @@ from visref.cli.commands import (
 )
 from visref.cli.judged import judge
 from visref.cli.reports import add_report_arguments
+from visref.cli.stamp import stands, write_stamp
+from visref.cli.terminal import OUT
 from visref.culler import Culler
 from visref.errors import InputError
 from visref.inputs import Inputs
+from visref.judging.policy import Policy
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
 from visref.plug_ins import Making, check_cullers, check_time_limit, making_cullers
+from visref.run_folder.read import read_run
+from visref.runs import MakingAnew
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,6 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ask each culler N times about all frames, each time made anew: one that answers "
         "otherwise is inconclusive (default 1)",
     )
+    parser.add_argument(
+        "--stamp",
+        type=Path,
+        metavar="FILE",
+        help="says by which command the run folder was left: where that is this one, nothing is "
+        "judged again",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -72,9 +87,7 @@ def run(given: argparse.Namespace) -> Exit:
         raise InputError("there is nothing to judge", fix="give --culler or --command")
     given_limit = memory_of(given)
     limit = default_budget() if given_limit is None else given_limit
-    making = Making(
-        given.in_process, given.time_limit, limit, say=lambda spec, line: saying(spec)(line)
-    )
+    making = Making(given.in_process, given.time_limit, limit, say=_say)
     policy = policy_of(given)
     names = command_names(specs, commands)
 
@@ -94,12 +107,38 @@ def run(given: argparse.Namespace) -> Exit:
     check_time_limit(given.time_limit)
     inputs = with_commands(inputs_of(given), commands, names)
 
-    @contextmanager
-    def anew() -> Iterator[list[tuple[str, Culler]]]:
-        with making_cullers(specs, making) as cullers, programs_on(inputs) as programs:
-            yield [*cullers, *programs]
+    anew: MakingAnew = MakingSpecs(tuple(specs), making)
+    if commands:
 
-    return judge(
+        @contextmanager
+        def with_programs() -> Iterator[list[tuple[str, Culler]]]:
+            with making_cullers(specs, making) as cullers, programs_on(inputs) as programs:
+                yield [*cullers, *programs]
+
+        anew = with_programs
+
+    command = facts_of(
+        given,
+        inputs,
+        policy,
+        cullers=specs,
+        programs=given.programs or (),
+        files={"truth": given.truth},
+        options={
+            "pictures": given.pictures,
+            "image check": given.image_check,
+            "repeat": given.repeat,
+            "in process": given.in_process,
+        },
+    )
+    stamp: Path | None = given.stamp
+    if stamp is not None:
+        if given.shard is not None:
+            raise InputError("--stamp and --shard", fix="stamp the whole run")
+        if stands(stamp, given.out, {**command, "day": _day(policy)}):
+            OUT.line(f"{given.out} stands as this command left it; nothing was judged again")
+            return read_run(given.out, objects=False).exit
+    outcome = judge(
         given,
         inputs,
         anew,
@@ -107,18 +146,31 @@ def run(given: argparse.Namespace) -> Exit:
         image_check=given.image_check,
         repeat=given.repeat,
         alone=alone,
-        command=facts_of(
-            given,
-            inputs,
-            policy,
-            cullers=specs,
-            programs=given.programs or (),
-            files={"truth": given.truth},
-            options={
-                "pictures": given.pictures,
-                "image check": given.image_check,
-                "repeat": given.repeat,
-                "in process": given.in_process,
-            },
-        ),
-    ).exit
+        command=command,
+        opening=partial(inputs_of, given),
+        packages=packages_of(specs),
+    )
+    if stamp is not None:
+        write_stamp(stamp, given.out, {**command, "day": _day(policy)})
+    return outcome.exit
+
+
+def _day(policy: Policy | None) -> str:
+    """On which a policy's waivers are asked whether they expired: with another one a run that goes
+    on may end otherwise."""
+    return "" if policy is None or policy.today is None else policy.today.isoformat()
+
+
+@dataclass(frozen=True)
+class MakingSpecs:
+    """Makes cullers by their specs, here or in another process."""
+
+    specs: tuple[str, ...]
+    making: Making
+
+    def __call__(self) -> AbstractContextManager[list[tuple[str, Culler]]]:
+        return making_cullers(self.specs, self.making)
+
+
+def _say(spec: str, line: str) -> None:
+    saying(spec)(line)

@@ -97,6 +97,10 @@ class Policy:
     sha256: str = ""
     remarks: tuple[Finding, ...] = ()
 
+    def __getstate__(self) -> dict[str, Any]:
+        # A proxy cannot be pickled.
+        return {**vars(self), "severities": dict(self.severities)}
+
     def severity_of(self, code: Code) -> Severity:
         return self.severities.get(code, code.rule.severity)
 

@@ -6,6 +6,7 @@ witness             a line of a file in its `witnesses/`
 path                a camera path, version 1
 visible_sets        a line of recorded visible sets, version 1
 recording           a line of a recording, header or frame, version 1
+batch               many runs from one file (TOML, as its value in JSON)
 policy              what a user accepts (TOML, as its value in JSON)
 conformance         the manifest of a conformance suite, version 1
 conformance_results what `visref conformance --json` writes, version 1
@@ -20,7 +21,7 @@ from importlib.resources import files
 from typing import Any
 
 NAMES = (
-    "conformance", "conformance_results", "fault", "fuzz", "manifest", "path", "policy",
+    "batch", "conformance", "conformance_results", "fault", "fuzz", "manifest", "path", "policy",
     "recording", "verdict", "visible_sets", "witness",
 )  # fmt: skip
 
