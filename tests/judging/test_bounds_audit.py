@@ -11,7 +11,7 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
-from visref.judging.bounds import BoundsAudit
+from visref.judging.bounds import BoundsAudit, RealBounds
 from visref.judging.referee import Referee
 from visref.judging.status import Exit
 from visref.scene import Scene, Units
@@ -169,3 +169,34 @@ def test_what_is_seen_of_units_that_overlap_is_counted_sample_by_sample(perspect
     found = {unit: one.samples for unit, one in audit.found.items() if one.samples}
     assert found == {unit: 2 * count for unit, count in expected.items() if count}
     assert len(found) > 3
+
+
+def test_bounds_from_moment_to_moment_are_those_of_each_moment():
+    """Of units that overlap, some of them empty, while objects move, come and go."""
+    rng = np.random.default_rng(4)
+    objects = [
+        (f"o{i}", rng.normal(size=(6, 3)), rng.integers(0, 6, (int(rng.integers(1, 5)), 3)))
+        for i in range(6)
+    ]
+    rest = replace(Scene.from_objects(objects), origin=np.array((1.0, 2.0, 3.0)))
+    pose = np.eye(4)
+
+    def frame(number: int) -> Frame:
+        pose[:3, 3] = rng.normal(size=3)
+        world = (
+            {"o1": pose.copy(), "o4": pose @ np.diag((2.0, 3.0, 1.0, 1.0))} if number % 3 else {}
+        )
+        return Frame((camera(),), world_from_object=world, absent=("o2",) if number % 2 else ())
+
+    path = CameraPath([frame(number) for number in range(9)])
+    timeline = Timeline(rest, path)
+    count = rest.triangle_count
+    parts = [rng.integers(0, count, int(rng.integers(0, 4))) for _ in range(8)]
+    units = Units(np.cumsum([0, *map(len, parts)]), np.concatenate(parts).astype(np.int32), "part")
+    for made in (units, rest.object_units()):
+        real = RealBounds(made)
+        moments = [timeline.at(number) for number in (0, 1, 2, 3, 3, 7, 0)]
+        found = [real.of(moment).copy() for moment in moments]
+        assert len({one.tobytes() for one in found}) > 3
+        for moment, bounds in zip(moments, found, strict=True):
+            assert bounds.tolist() == (moment.bounds_of(made) + moment.origin).tolist()

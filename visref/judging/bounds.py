@@ -14,7 +14,7 @@ import numpy as np
 
 from visref.culler import CullerError
 from visref.picking import distinct
-from visref.scene import Float64, Int64, Scene, Units
+from visref.scene import Float64, Int32, Int64, Scene, Units, same_moving
 from visref.visibility import FrameTruth
 
 # A culler's box and the vertices that it is made of are float32 as a rule: placed by a matrix, four
@@ -41,7 +41,7 @@ class BoundsAudit:
 
     def __init__(self) -> None:
         self.found: dict[int, BoundsTooSmall] = {}
-        self._of: tuple[Scene, Units, Float64] | None = None
+        self._real: RealBounds | None = None
 
     def look(
         self,
@@ -57,9 +57,9 @@ class BoundsAudit:
         Raises CullerError where `boxes` is no such array.
         """
         given = checked(boxes, units)
-        if self._of is None or self._of[0] is not scene or self._of[1] is not units:
-            self._of = scene, units, scene.bounds_of(units) + scene.origin
-        real = self._of[2]
+        if self._real is None or self._real.units is not units:
+            self._real = RealBounds(units)
+        real = self._real.of(scene)
         known = np.isfinite(given).all(axis=(1, 2)) & np.isfinite(real).all(axis=(1, 2))
         with np.errstate(invalid="ignore"):
             outside = np.maximum(given[:, 0] - real[:, 0], real[:, 1] - given[:, 1]).max(axis=1)
@@ -79,6 +79,41 @@ class BoundsAudit:
             one.samples += seen
             if distance > one.outside:
                 one.outside, one.frame = distance, frame
+
+
+class RealBounds:
+    """The bounds of units, in world space, from moment to moment of a scene."""
+
+    def __init__(self, units: Units) -> None:
+        self.units = units
+        self._scene: Scene | None = None
+        self._bounds: Float64 = np.zeros((0, 2, 3))
+        self._moving: tuple[Int32, Units] | None = None
+
+    def of(self, scene: Scene) -> Float64:
+        """(u, 2, 3) float64, to be read only. Of one moment after another, those alone are looked
+        at in which something moves."""
+        if scene is self._scene:
+            return self._bounds
+        if self._scene is not None and same_moving(scene, self._scene):
+            if self._moving is None:
+                ids = self._that_move(scene)
+                self._moving = ids, self.units.take(ids)
+            ids, moving = self._moving
+            self._bounds[ids] = scene.bounds_of(moving) + scene.origin
+        else:
+            self._bounds = scene.bounds_of(self.units) + scene.origin
+            self._moving = None
+        self._scene = scene
+        return self._bounds
+
+    def _that_move(self, scene: Scene) -> Int32:
+        """(k,) int32, ascending, the units that have a triangle of what is posed anew."""
+        assert scene.moving is not None
+        moves = scene.moving[scene.object_of_triangle[self.units.triangles]]
+        entries = np.flatnonzero(moves)
+        units = np.searchsorted(self.units.offsets, entries, side="right") - 1
+        return distinct(units).astype(np.int32)
 
 
 def checked(boxes: object, units: Units) -> Float64:

@@ -42,13 +42,15 @@ class Holders:
     @classmethod
     def of_units(cls, units: Units, scene: Scene) -> Holders:
         """Looked up once for a scene and its units: this goes through all triangles."""
+        alone = np.zeros(1, np.int64), np.zeros(0, np.int32)
         if units.are_objects(scene):
-            alone = np.zeros(1, np.int64), np.zeros(0, np.int32)
             return cls(units, scene.object_of_triangle, *alone, True)
         times = np.bincount(units.triangles, minlength=scene.triangle_count)
         unit = np.repeat(np.arange(units.count, dtype=np.int32), units.sizes)
         of = np.full(scene.triangle_count, _NONE, np.int32)
         of[units.triangles] = unit
+        if times.max(initial=0) < 2:
+            return cls(units, of, *alone, False)
         shared = np.flatnonzero(times > 1)
         entries = np.flatnonzero(times[units.triangles] > 1)
         order = np.argsort(units.triangles[entries], kind="stable")
