@@ -14,7 +14,7 @@ from visref.camera import Camera, look_at
 from visref.engines.embree import EmbreeEngine
 from visref.engines.embree_packets import PacketScene
 from visref.engines.grids import sample_grid
-from visref.engines.packet_loops import loops, well_shaped
+from visref.engines.packet_loops import well_shaped
 from visref.engines.ray_kernels import PENDING
 from visref.engines.rays import RayEngine
 from visref.scene import Int32, Scene
@@ -75,9 +75,9 @@ def test_eight_lanes_say_what_sixteen_say(seed: int) -> None:
             assert isinstance(casts, PacketScene)
             if lanes > casts.lanes:
                 pytest.skip("this machine has vectors of eight")
-            casts.lanes, casts._loops = lanes, loops(lanes)
+            casts.lanes = lanes
             found.append(owners(engine, camera))
-            casts.lanes, casts._loops = 16, loops(16)
+            casts.lanes = 16
         assert (found[0] == found[1]).all()
     engine.close()
 

@@ -26,7 +26,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.engines.packet_loops import Aim, Scenes, loops, new_packet, new_scratch, well_shaped
+from visref.engines.packet_loops import (
+    Aim,
+    Scenes,
+    cast,
+    nearest,
+    new_packet,
+    new_scratch,
+    well_shaped,
+)
 from visref.scene import Float32, Int32
 
 _DEVICE_VERSION, _DEVICE_NATIVE_RAY8, _DEVICE_NATIVE_RAY16 = 0, 33, 34
@@ -116,7 +124,6 @@ class PacketScene:
         self._places = np.zeros(0, np.int32), np.zeros(0, np.int32)
         native16 = library.rtcGetDeviceProperty(self._device, _DEVICE_NATIVE_RAY16)
         self.lanes = 16 if native16 else 8
-        self._loops = loops(self.lanes)
         # RTCIntersectArguments: flags, features, then pointers that stay null.
         self._arguments = np.zeros(16, np.uint32)
         self._arguments[:2] = _QUERY_COHERENT, _ALL_FEATURES
@@ -138,9 +145,7 @@ class PacketScene:
     def nearest(self, rays: Float32) -> Int32:
         """(n,) int32, the nearest triangle along each ray (n, 6), -1 for none."""
         places = np.empty(len(rays), np.int32)
-        self._loops.nearest(
-            new_scratch(self.lanes, 0), self._scenes, new_packet(self.lanes), rays, places
-        )
+        nearest(new_scratch(self.lanes, 0), self._scenes, new_packet(self.lanes), rays, places)
         return places
 
     def well_shaped(self, places: int) -> NDArray[np.bool_]:
@@ -156,9 +161,9 @@ class PacketScene:
         return result
 
     def cast(self, rows: tuple[int, int], aim: Aim, triangle: Int32) -> int:
-        """Who owns the samples of some rows of an image: see `packet_loops.Loops.cast`."""
+        """Who owns the samples of some rows of an image: see `packet_loops.cast`."""
         packet = new_packet(self.lanes)
-        pending: int = self._loops.cast(
+        pending: int = cast(
             new_scratch(self.lanes, aim.across.shape[1]), self._scenes, packet, aim, rows, triangle
         )
         return pending

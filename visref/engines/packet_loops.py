@@ -7,7 +7,6 @@ image go by blocks: 4 x 4 where there are sixteen lanes, 4 x 2 where there are e
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,12 +55,14 @@ FRONT, BACK = 1, 2
 
 class Packet(NamedTuple):
     """The same memory as float32, as int32, (ROWS, lanes) each, and four at a time as what has as
-    many bytes, (ROWS, lanes / 4) complex128; and its address."""
+    many bytes, (ROWS, lanes / 4) complex128; and its address. `lanes` has one entry per lane: how
+    many there are is then known where a loop is compiled."""
 
     words: NDArray[np.float32]
     ids: NDArray[np.int32]
     fours: NDArray[np.complex128]
     address: int
+    lanes: tuple[int, ...]
 
 
 def new_packet(lanes: int) -> Packet:
@@ -71,7 +72,7 @@ def new_packet(lanes: int) -> Packet:
     words = memory[start : start + ROWS * lanes].reshape(ROWS, lanes)
     ids = words.view(np.int32)
     ids[MASK] = ids[VALID] = -1
-    return Packet(words, ids, words.view(np.complex128), words.ctypes.data)
+    return Packet(words, ids, words.view(np.complex128), words.ctypes.data, (0,) * lanes)
 
 
 class Scratch(NamedTuple):
@@ -148,237 +149,229 @@ def _padded(values: Float64, size: int) -> Float64:
     return np.pad(values, (0, -len(values) % size), mode="edge")
 
 
-class Loops(NamedTuple):
-    """The compiled loops for packets of so many lanes."""
-
-    nearest: Any
-    cast: Any
-
-
-@cache
-def loops(lanes: int) -> Loops:
-    """The loops for packets of `lanes`, 8 or 16."""
-    block_rows = lanes // BLOCK_WIDTH
-
-    @njit(inline="always")
-    def meet(scenes, packet, first, places):  # type: ignore[no-untyped-def]
-        """Cast a packet whose origins and directions are there; its triangles go to `places`,
-        (lanes,) int32, -1 for none. What moves is cast second, each ray no further than what it met
-        first; of both at one distance, the lesser is given."""
-        intersect, arguments, still, moving, still_place, moving_place = scenes
-        words, ids, _, address = packet
-        for lane in range(lanes):
-            words[TFAR, lane] = np.inf
-            ids[GEOMETRY, lane] = -1
-        valid = address + 4 * VALID * lanes
-        intersect(valid, still, address, arguments)
-        if moving == 0:
-            for lane in range(lanes):
-                met = ids[GEOMETRY, lane] != -1
-                places[lane] = ids[PRIMITIVE, lane] if met else -1
-            return
-        for lane in range(lanes):
-            first[lane] = words[TFAR, lane]
+@njit(inline="always")
+def meet(scenes, packet, first, places):  # type: ignore[no-untyped-def]
+    """Cast a packet whose origins and directions are there; its triangles go to `places`,
+    (lanes,) int32, -1 for none. What moves is cast second, each ray no further than what it met
+    first; of both at one distance, the lesser is given."""
+    intersect, arguments, still, moving, still_place, moving_place = scenes
+    words, ids, _, address, lanes = packet
+    for lane in range(len(lanes)):
+        words[TFAR, lane] = np.inf
+        ids[GEOMETRY, lane] = -1
+    valid = address + 4 * VALID * len(lanes)
+    intersect(valid, still, address, arguments)
+    if moving == 0:
+        for lane in range(len(lanes)):
             met = ids[GEOMETRY, lane] != -1
-            places[lane] = still_place[ids[PRIMITIVE, lane]] if met else -1
-            ids[GEOMETRY, lane] = -1
-        intersect(valid, moving, address, arguments)
-        for lane in range(lanes):
-            if ids[GEOMETRY, lane] != -1:
-                other = moving_place[ids[PRIMITIVE, lane]]
-                place = places[lane]
-                if place < 0 or words[TFAR, lane] < first[lane] or other < place:
-                    places[lane] = other
-                else:
-                    # The normal is the other's.
-                    words[TFAR, lane] = np.nan
-
-    @njit(makes_arrays=False)
-    def fill(rays, across, up, top, lens):  # type: ignore[no-untyped-def]
-        """The rays of a row of blocks."""
-        perspective, scale, start, eye, forward = lens
-        for i in range(3):
-            e, f = eye[i], forward[i]
-            for row in range(block_rows):
-                upward = up[i, top + row]
-                if perspective:
-                    for x in range(across.shape[1]):
-                        d = f + (across[i, x] + upward)
-                        rays[i, row, x] = np.float32(scale * (e + start * d))
-                        rays[3 + i, row, x] = np.float32(d)
-                else:
-                    for x in range(across.shape[1]):
-                        side = across[i, x] + upward
-                        rays[i, row, x] = np.float32(scale * (e + (side + start * f)))
-                        rays[3 + i, row, x] = np.float32(f)
-
-    @njit(makes_arrays=False)
-    def sift(words, sure, owners, sure_from, sure_to):  # type: ignore[no-untyped-def]
-        """Which rays met something steeply, within the range whatever was rounded? To `sure`, the
-        side that they met, 0 for the others. Nobody owns anything yet."""
-        for lane in range(lanes):
-            # In float64, so that no product underflows.
-            nx = np.float64(words[NORMAL, lane])
-            ny = np.float64(words[NORMAL + 1, lane])
-            nz = np.float64(words[NORMAL + 2, lane])
-            dx = np.float64(words[DIRECTION, lane])
-            dy = np.float64(words[DIRECTION + 1, lane])
-            dz = np.float64(words[DIRECTION + 2, lane])
-            t = np.float64(words[TFAR, lane])
-            along = nx * dx + ny * dy + nz * dz
-            least = STEEP * STEEP * (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
-            steep = (along * along >= least) & (t >= sure_from) & (t <= sure_to)
-            side = FRONT if along < 0.0 else BACK
-            sure[lane] = side if steep else 0
-            owners[lane] = BACKGROUND
-
-    @njit(inline="always")
-    def decide(corners, two_sided, view, t, place, sides, places, owners):  # type: ignore[no-untyped-def]
-        """Whose are the samples of a block whose nearest triangle is t, at `place`? Then these are
-        done with, and nothing is left there in `places`."""
-        perspective, eye, ahead, dual, near, far, slack = view
-        v0, v1, v2 = corners
-        n, p = cross(minus(v1, v0), minus(v2, v0)), minus(v0, eye)
-        z0, z1, z2 = dot(p, dual), dot(minus(v1, eye), dual), dot(minus(v2, eye), dual)
-        low, high = min(z0, z1, z2) - slack, max(z0, z1, z2) + slack
-        above, below = dot(n, p), dot(n, ahead)
-        for lane in range(lanes):
-            side = sides[0, lane], sides[1, lane], sides[2, lane]
-            if perspective:
-                toward = ahead[0] + side[0], ahead[1] + side[1], ahead[2] + side[2]
-                numerator, denominator = above, dot(n, toward)
+            places[lane] = ids[PRIMITIVE, lane] if met else -1
+        return
+    for lane in range(len(lanes)):
+        first[lane] = words[TFAR, lane]
+        met = ids[GEOMETRY, lane] != -1
+        places[lane] = still_place[ids[PRIMITIVE, lane]] if met else -1
+        ids[GEOMETRY, lane] = -1
+    intersect(valid, moving, address, arguments)
+    for lane in range(len(lanes)):
+        if ids[GEOMETRY, lane] != -1:
+            other = moving_place[ids[PRIMITIVE, lane]]
+            place = places[lane]
+            if place < 0 or words[TFAR, lane] < first[lane] or other < place:
+                places[lane] = other
             else:
-                numerator, denominator = dot(n, minus(p, side)), below
-            z = numerator / denominator
-            covers = (denominator < 0.0) | ((denominator > 0.0) & two_sided)
-            true_hit = covers & (z >= low) & (z <= high)
-            owner = BACKGROUND if true_hit & (z > far + slack) else PENDING
-            owner = t if true_hit & (z >= near) & (z <= far) else owner
-            own = places[lane] == place
-            owners[lane] = owner if own else owners[lane]
-            places[lane] = -1 if own else places[lane]
+                # The normal is the other's.
+                words[TFAR, lane] = np.nan
 
-    @njit(makes_arrays=False)
-    def nearest(
-        scratch: Scratch,
-        scenes: Scenes,
-        packet: Packet,
-        rays: NDArray[Any],
-        places: NDArray[Any],
-    ) -> None:
-        """The nearest triangle along each ray, (n, 6) float32, into `places`, (n,) int32, -1 for
-        none."""
-        words, ids = packet.words, packet.ids
-        first, found = scratch.first, scratch.places
-        for start in range(0, len(rays), lanes):
-            for lane in range(lanes):
-                ray = min(start + lane, len(rays) - 1)
-                ids[VALID, lane] = -1 if start + lane < len(rays) else 0
-                for axis in range(3):
-                    words[ORIGIN + axis, lane] = rays[ray, axis]
-                    words[DIRECTION + axis, lane] = rays[ray, 3 + axis]
-            meet(scenes, packet, first, found)
-            for lane in range(min(lanes, len(rays) - start)):
-                places[start + lane] = found[lane]
 
-    @njit(error_model="numpy", makes_arrays=False)
-    def cast(
-        scratch: Scratch,
-        scenes: Scenes,
-        packet: Packet,
-        aim: Aim,
-        rows: tuple[int, int],
-        triangle: NDArray[Any],
-    ) -> int:
-        """Who owns the samples of some rows of an image, from rows[0] to before rows[1]: into
-        `triangle`, the frame's flat buffer, (samples,) int32; returns how many are `PENDING`.
+@njit(makes_arrays=False)
+def fill(rays, across, up, top, lens):  # type: ignore[no-untyped-def]
+    """The rays of a row of blocks."""
+    perspective, scale, start, eye, forward = lens
+    for i in range(3):
+        e, f = eye[i], forward[i]
+        for row in range(rays.shape[1]):
+            upward = up[i, top + row]
+            if perspective:
+                for x in range(across.shape[1]):
+                    d = f + (across[i, x] + upward)
+                    rays[i, row, x] = np.float32(scale * (e + start * d))
+                    rays[3 + i, row, x] = np.float32(d)
+            else:
+                for x in range(across.shape[1]):
+                    side = across[i, x] + upward
+                    rays[i, row, x] = np.float32(scale * (e + (side + start * f)))
+                    rays[3 + i, row, x] = np.float32(f)
 
-        Rays are those of `ray_kernels.fill_rays`, and hits mean what `ray_kernels.resolve` says.
-        What is plainly a hit is not asked in float64 (see `STEEP`). The others of a block mostly
-        share a triangle or two, so that each triangle is asked about all of the block's samples at
-        once, in the machine's vectors.
-        """
-        words, ids, fours, _ = packet
-        first, places, owners, sure, rays, ray_fours, sides = scratch
-        grid, across, up, origin, scale, start, mesh, triangle_of_place, plain, slack = aim
-        vertices, triangles, one_sided = mesh.vertices, mesh.triangles, mesh.one_sided
-        perspective, width, m = grid.perspective, len(grid.column_a), grid.axes
-        view = (
-            perspective,
-            (m[0, 0], m[0, 1], m[0, 2]),
-            (m[1, 0], m[1, 1], m[1, 2]),
-            (m[4, 0], m[4, 1], m[4, 2]),
-            grid.near,
-            grid.far,
-            slack,
-        )
-        # Parameters between which a hit's depth is within the range, whatever was rounded.
-        sure_from = scale * (grid.near + 2.0 * slack - start)
-        sure_to = scale * (grid.far - 2.0 * slack - start)
-        lens = (
-            perspective, scale, start,
-            (m[0, 0] - origin[0], m[0, 1] - origin[1], m[0, 2] - origin[2]), view[2],
-        )  # fmt: skip
-        pending = 0
-        for top in range(rows[0], rows[1], block_rows):
-            height = min(block_rows, rows[1] - top)
-            fill(rays, across, up, top, lens)
-            for block in range(rays.shape[2] // BLOCK_WIDTH):
-                left = block * BLOCK_WIDTH
-                columns = min(BLOCK_WIDTH, width - left)
-                full = height == block_rows and columns == BLOCK_WIDTH
-                if not full:
-                    for lane in range(lanes):
-                        inside = lane % BLOCK_WIDTH < columns and lane // BLOCK_WIDTH < height
-                        ids[VALID, lane] = -1 if inside else 0
+
+@njit(makes_arrays=False)
+def sift(lanes, words, sure, owners, sure_from, sure_to):  # type: ignore[no-untyped-def]
+    """Which rays met something steeply, within the range whatever was rounded? To `sure`, the
+    side that they met, 0 for the others. Nobody owns anything yet."""
+    for lane in range(len(lanes)):
+        # In float64, so that no product underflows.
+        nx = np.float64(words[NORMAL, lane])
+        ny = np.float64(words[NORMAL + 1, lane])
+        nz = np.float64(words[NORMAL + 2, lane])
+        dx = np.float64(words[DIRECTION, lane])
+        dy = np.float64(words[DIRECTION + 1, lane])
+        dz = np.float64(words[DIRECTION + 2, lane])
+        t = np.float64(words[TFAR, lane])
+        along = nx * dx + ny * dy + nz * dz
+        least = STEEP * STEEP * (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
+        steep = (along * along >= least) & (t >= sure_from) & (t <= sure_to)
+        side = FRONT if along < 0.0 else BACK
+        sure[lane] = side if steep else 0
+        owners[lane] = BACKGROUND
+
+
+@njit(inline="always")
+def decide(lanes, corners, two_sided, view, t, place, sides, places, owners):  # type: ignore[no-untyped-def]
+    """Whose are the samples of a block whose nearest triangle is t, at `place`? Then these are
+    done with, and nothing is left there in `places`."""
+    perspective, eye, ahead, dual, near, far, slack = view
+    v0, v1, v2 = corners
+    n, p = cross(minus(v1, v0), minus(v2, v0)), minus(v0, eye)
+    z0, z1, z2 = dot(p, dual), dot(minus(v1, eye), dual), dot(minus(v2, eye), dual)
+    low, high = min(z0, z1, z2) - slack, max(z0, z1, z2) + slack
+    above, below = dot(n, p), dot(n, ahead)
+    for lane in range(len(lanes)):
+        side = sides[0, lane], sides[1, lane], sides[2, lane]
+        if perspective:
+            toward = ahead[0] + side[0], ahead[1] + side[1], ahead[2] + side[2]
+            numerator, denominator = above, dot(n, toward)
+        else:
+            numerator, denominator = dot(n, minus(p, side)), below
+        z = numerator / denominator
+        covers = (denominator < 0.0) | ((denominator > 0.0) & two_sided)
+        true_hit = covers & (z >= low) & (z <= high)
+        owner = BACKGROUND if true_hit & (z > far + slack) else PENDING
+        owner = t if true_hit & (z >= near) & (z <= far) else owner
+        own = places[lane] == place
+        owners[lane] = owner if own else owners[lane]
+        places[lane] = -1 if own else places[lane]
+
+
+@njit(makes_arrays=False)
+def nearest(
+    scratch: Scratch,
+    scenes: Scenes,
+    packet: Packet,
+    rays: NDArray[Any],
+    places: NDArray[Any],
+) -> None:
+    """The nearest triangle along each ray, (n, 6) float32, into `places`, (n,) int32, -1 for
+    none."""
+    words, ids, lanes = packet.words, packet.ids, packet.lanes
+    first, found = scratch.first, scratch.places
+    for start in range(0, len(rays), len(lanes)):
+        for lane in range(len(lanes)):
+            ray = min(start + lane, len(rays) - 1)
+            ids[VALID, lane] = -1 if start + lane < len(rays) else 0
+            for axis in range(3):
+                words[ORIGIN + axis, lane] = rays[ray, axis]
+                words[DIRECTION + axis, lane] = rays[ray, 3 + axis]
+        meet(scenes, packet, first, found)
+        for lane in range(min(len(lanes), len(rays) - start)):
+            places[start + lane] = found[lane]
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def cast(
+    scratch: Scratch,
+    scenes: Scenes,
+    packet: Packet,
+    aim: Aim,
+    rows: tuple[int, int],
+    triangle: NDArray[Any],
+) -> int:
+    """Who owns the samples of some rows of an image, from rows[0] to before rows[1]: into
+    `triangle`, the frame's flat buffer, (samples,) int32; returns how many are `PENDING`.
+
+    Rays are those of `ray_kernels.fill_rays`, and hits mean what `ray_kernels.resolve` says.
+    What is plainly a hit is not asked in float64 (see `STEEP`). The others of a block mostly
+    share a triangle or two, so that each triangle is asked about all of the block's samples at
+    once, in the machine's vectors.
+    """
+    words, ids, fours, _, lanes = packet
+    block_rows = len(lanes) // BLOCK_WIDTH
+    first, places, owners, sure, rays, ray_fours, sides = scratch
+    grid, across, up, origin, scale, start, mesh, triangle_of_place, plain, slack = aim
+    vertices, triangles, one_sided = mesh.vertices, mesh.triangles, mesh.one_sided
+    perspective, width, m = grid.perspective, len(grid.column_a), grid.axes
+    view = (
+        perspective,
+        (m[0, 0], m[0, 1], m[0, 2]),
+        (m[1, 0], m[1, 1], m[1, 2]),
+        (m[4, 0], m[4, 1], m[4, 2]),
+        grid.near,
+        grid.far,
+        slack,
+    )
+    # Parameters between which a hit's depth is within the range, whatever was rounded.
+    sure_from = scale * (grid.near + 2.0 * slack - start)
+    sure_to = scale * (grid.far - 2.0 * slack - start)
+    lens = (
+        perspective, scale, start,
+        (m[0, 0] - origin[0], m[0, 1] - origin[1], m[0, 2] - origin[2]), view[2],
+    )  # fmt: skip
+    pending = 0
+    for top in range(rows[0], rows[1], block_rows):
+        height = min(block_rows, rows[1] - top)
+        fill(rays, across, up, top, lens)
+        for block in range(rays.shape[2] // BLOCK_WIDTH):
+            left = block * BLOCK_WIDTH
+            columns = min(BLOCK_WIDTH, width - left)
+            full = height == block_rows and columns == BLOCK_WIDTH
+            if not full:
+                for lane in range(len(lanes)):
+                    inside = lane % BLOCK_WIDTH < columns and lane // BLOCK_WIDTH < height
+                    ids[VALID, lane] = -1 if inside else 0
+            for i in range(3):
+                for row in range(block_rows):
+                    fours[ORIGIN + i, row] = ray_fours[i, row, block]
+                    fours[DIRECTION + i, row] = ray_fours[3 + i, row, block]
+            meet(scenes, packet, first, places)
+            sift(lanes, words, sure, owners, sure_from, sure_to)
+            doubts = 0
+            for lane in range(len(lanes)):
+                place = places[lane]
+                if place >= 0:
+                    if sure[lane] & plain[place]:
+                        owners[lane] = triangle_of_place[place]
+                    else:
+                        doubts += 1
+            if doubts > 0:
                 for i in range(3):
-                    for row in range(block_rows):
-                        fours[ORIGIN + i, row] = ray_fours[i, row, block]
-                        fours[DIRECTION + i, row] = ray_fours[3 + i, row, block]
-                meet(scenes, packet, first, places)
-                sift(words, sure, owners, sure_from, sure_to)
-                doubts = 0
-                for lane in range(lanes):
+                    for lane in range(len(lanes)):
+                        upward = up[i, top + lane // BLOCK_WIDTH]
+                        sides[i, lane] = across[i, left + lane % BLOCK_WIDTH] + upward
+                for lane in range(len(lanes)):
                     place = places[lane]
-                    if place >= 0:
-                        if sure[lane] & plain[place]:
-                            owners[lane] = triangle_of_place[place]
-                        else:
-                            doubts += 1
-                if doubts > 0:
-                    for i in range(3):
-                        for lane in range(lanes):
-                            upward = up[i, top + lane // BLOCK_WIDTH]
-                            sides[i, lane] = across[i, left + lane % BLOCK_WIDTH] + upward
-                    for lane in range(lanes):
-                        place = places[lane]
-                        if place < 0 or sure[lane] & plain[place]:
-                            continue
-                        t = triangle_of_place[place]
-                        corners = (
-                            point(vertices, triangles[t, 0]),
-                            point(vertices, triangles[t, 1]),
-                            point(vertices, triangles[t, 2]),
-                        )
-                        two_sided = not one_sided[t]
-                        decide(corners, two_sided, view, t, place, sides, places, owners)
-                    for lane in range(lanes):
-                        pending += owners[lane] == PENDING and ids[VALID, lane] != 0
-                if full:
-                    for row in range(block_rows):
-                        start_at = (top + row) * width + left
-                        for column in range(BLOCK_WIDTH):
-                            triangle[start_at + column] = owners[row * BLOCK_WIDTH + column]
-                else:
-                    for row in range(height):
-                        for column in range(columns):
-                            owner = owners[row * BLOCK_WIDTH + column]
-                            triangle[(top + row) * width + left + column] = owner
-                    for lane in range(lanes):
-                        ids[VALID, lane] = -1
-        return pending
-
-    return Loops(nearest, cast)
+                    if place < 0 or sure[lane] & plain[place]:
+                        continue
+                    t = triangle_of_place[place]
+                    corners = (
+                        point(vertices, triangles[t, 0]),
+                        point(vertices, triangles[t, 1]),
+                        point(vertices, triangles[t, 2]),
+                    )
+                    two_sided = not one_sided[t]
+                    decide(lanes, corners, two_sided, view, t, place, sides, places, owners)
+                for lane in range(len(lanes)):
+                    pending += owners[lane] == PENDING and ids[VALID, lane] != 0
+            if full:
+                for row in range(block_rows):
+                    start_at = (top + row) * width + left
+                    for column in range(BLOCK_WIDTH):
+                        triangle[start_at + column] = owners[row * BLOCK_WIDTH + column]
+            else:
+                for row in range(height):
+                    for column in range(columns):
+                        owner = owners[row * BLOCK_WIDTH + column]
+                        triangle[(top + row) * width + left + column] = owner
+                for lane in range(len(lanes)):
+                    ids[VALID, lane] = -1
+    return pending
 
 
 @njit()
