@@ -15,6 +15,7 @@ from visref.engines import make_engine
 from visref.errors import InputError
 from visref.exact import REACH_PX, ExactScene
 from visref.judging.judge import Miss, MissKind, judge
+from visref.judging.misses import Misses
 from visref.judging.settle import settle
 from visref.run_folder.balls import balls_about
 from visref.run_folder.claims import _check_surroundings, _read_surroundings
@@ -236,7 +237,7 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
             Miss(int(o), kind, int(rng.integers(1, 9)), 9, 0, 2 * int(o), 9.0, width=4)
             for o, kind in zip(rng.choice(12, 4, replace=False), kinds, strict=True)
         )
-        keeper.add(number, misses, (frame,))
+        keeper.add(number, Misses.of(misses), (frame,))
         every += [(number, miss) for miss in misses]
     every.sort(key=lambda one: (-one[1].samples, one[0], one[1].object))
     wanted = {(number, miss.object) for number, miss in every[:5]}

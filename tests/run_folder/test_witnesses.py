@@ -14,6 +14,7 @@ from visref.camera_path import CameraPath
 from visref.culler import Promise, QueryStats
 from visref.exact import ExactScene
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.misses import Misses
 from visref.judging.outcome import CullerRecord, FrameRecord
 from visref.run_folder.witnesses import triangles_along, write_witnesses
 from visref.scene import Scene
@@ -96,7 +97,12 @@ def written(tmp_path, scene, *frames: list[Miss]) -> list[tuple[int, int]]:
     path = CameraPath((camera(),) * len(frames))
     rows = [
         FrameRecord(
-            i, "", 4, FrameVerdict(Counts(), tuple(found), np.zeros(0, np.int32)), QueryStats(), 0
+            i,
+            "",
+            4,
+            FrameVerdict(Counts(), Misses.of(found), np.zeros(0, np.int32)),
+            QueryStats(),
+            0,
         )
         for i, found in enumerate(frames)
     ]

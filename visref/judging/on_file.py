@@ -37,4 +37,4 @@ def clean_verdict(
         superfluous=len(superfluous),
     )
     known = None if None in owned else counts.owned_samples
-    return FrameVerdict(counts, (), superfluous, owned=known)
+    return FrameVerdict(counts, superfluous_units=superfluous, owned=known)

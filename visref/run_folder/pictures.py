@@ -17,7 +17,8 @@ from PIL import Image
 from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
-from visref.judging.judge import FrameVerdict, MissKind
+from visref.judging.judge import FrameVerdict
+from visref.judging.misses import MissKind
 from visref.run_folder.colours import (
     MISSED_RGB,
     MOVED_RGB,
@@ -255,23 +256,36 @@ def _rings(
     """Rings around the missed objects whose lost samples span only a small patch."""
     camera = truth.camera
     scale = shape[1] / camera.width
+    columns = verdict.misses.columns
+    # In the misses' order: those that lose most come first, and of these there may be thousands.
+    listed = np.flatnonzero(~verdict.misses.are(MissKind.TIE))
     owner = _owner_objects(scene, truth.buffer.triangle.reshape(-1)[missed])
-    rings = []
-    for miss in verdict.misses:
-        if miss.kind is MissKind.TIE:
-            continue
-        samples = missed[owner == miss.object]
-        if not len(samples):
-            if miss.view != camera.view:
-                continue
-            samples = np.array([miss.sample])
-        y, x = np.divmod(samples, camera.width)
-        span = max(np.ptp(x), np.ptp(y)) + 1
-        if span * scale < RING_BELOW_PX:
-            centre_x = (x.min() + x.max() + 1) / 2 * scale
-            centre_y = (y.min() + y.max() + 1) / 2 * scale
-            rings.append(_Ring(float(centre_x), float(centre_y), float(span * scale / 2 + 9.0)))
-    return rings[:MAX_RINGS]
+    y, x = np.divmod(missed, camera.width)
+    extent = np.stack([-x, x, -y, y])
+    most = np.full((4, scene.object_count + 1), np.iinfo(np.int64).min)
+    for side, values in zip(most, extent, strict=True):
+        # The last place is the background's.
+        np.maximum.at(side, owner, values)
+    most = most[:, columns.object[listed]]
+    # What owns none of the lost samples, as glass, is marked where its witness is.
+    mine = np.array([view == camera.view for view in verdict.misses.views])
+    alone = most[1] < 0
+    here = mine[columns.view[listed]]
+    y, x = np.divmod(columns.sample[listed], camera.width)
+    low_x, high_x, low_y, high_y = np.where(alone, np.stack([-x, x, -y, y]), most) * (
+        np.array([[-1], [1], [-1], [1]])
+    )
+    span = np.maximum(high_x - low_x, high_y - low_y) + 1
+    marked = (~alone | here) & (span * scale < RING_BELOW_PX)
+    first = np.flatnonzero(marked)[:MAX_RINGS]
+    return [
+        _Ring(
+            float((low_x[at] + high_x[at] + 1) / 2 * scale),
+            float((low_y[at] + high_y[at] + 1) / 2 * scale),
+            float(span[at] * scale / 2 + 9.0),
+        )
+        for at in first
+    ]
 
 
 def _overlay(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.compiled import njit
-from visref.judging.judge import Miss, MissKind
+from visref.judging.losses import Judged, Losses, Place, worst_places
+from visref.judging.misses import Miss, MissKind
 from visref.judging.outcome import CullerRecord, witness_json
 from visref.run_folder.balls import BALL_ERROR, BLOCK, balls_about
 from visref.run_folder.cuts import CutKeeper
@@ -216,21 +217,49 @@ Chosen = tuple[dict[tuple[int, str], list[Miss]], set[tuple[int, str, int]]]
 def choose(record: CullerRecord, part: Part | None = None) -> Chosen:
     """The misses that get a witness, by frame and view; and by frame, view and object, those of
     them that get their surroundings. Of a `part`, all that may be among them in the whole run."""
-    most_lost = {miss.object for _, _, miss in record.losses()[:SURROUNDED_OBJECTS]}
-    surrounded: set[tuple[int, str, int]] = set()
-    misses = [(row.frame, miss.view, miss) for row in record.frames for miss in row.verdict.misses]
-    misses.sort(key=lambda found: (-found[2].samples, found[0], found[2].object))
+    rows = record.frames
+    open_ = part.open if part is not None else frozenset()
+    most_lost = set(Losses.of(rows).object[:SURROUNDED_OBJECTS].tolist())
+    top = worst_places(rows, WITNESSES_PER_CULLER)
+    first = _first_of_each(rows, open_)
+    places: dict[int, set[int]] = defaultdict(set)
+    for row, place in (*top, *first):
+        places[row].add(place)
+    worst = set(top)
     by_view: dict[tuple[int, str], list[Miss]] = defaultdict(list)
-    convicted: set[int] = set()
-    for place, (frame, view, miss) in enumerate(misses):
-        first = miss.kind is MissKind.CONFIRMED and miss.object not in convicted
-        if place < WITNESSES_PER_CULLER or first:
-            by_view[frame, view].append(miss)
-        if place < WITNESSES_PER_CULLER or (first and (part or miss.object in most_lost)):
-            surrounded.add((frame, view, miss.object))
-        if first and not (part and frame in part.open):
-            convicted.add(miss.object)
+    surrounded: set[tuple[int, str, int]] = set()
+    for row, mine in sorted(places.items()):
+        frame, some = rows[row].frame, sorted(mine)
+        for place, miss in zip(some, rows[row].verdict.misses.picked(np.array(some)), strict=True):
+            by_view[frame, miss.view].append(miss)
+            if (row, place) in worst or part is not None or miss.object in most_lost:
+                surrounded.add((frame, miss.view, miss.object))
     return by_view, surrounded
+
+
+def _first_of_each(rows: Sequence[Judged], open_: Set[int]) -> list[Place]:
+    """The worst confirmed miss of each object; and of `open_` frames, in which some that are
+    confirmed may yet be accepted, besides all that are worse than that."""
+    known = Losses.of(rows, open_)
+    found = list(zip(known.row.tolist(), known.place.tolist(), strict=True))
+    best = {
+        obj: (-samples, row)
+        for obj, samples, row in zip(
+            known.object.tolist(), known.most.tolist(), known.row.tolist(), strict=True
+        )
+    }
+    for number, row in enumerate(rows):
+        if row.frame not in open_:
+            continue
+        misses = row.verdict.misses
+        at = np.flatnonzero(misses.are(MissKind.CONFIRMED))
+        columns = misses.columns
+        for place, obj, samples in zip(
+            at.tolist(), columns.object[at].tolist(), columns.samples[at].tolist(), strict=True
+        ):
+            if obj not in best or (-samples, number) < best[obj]:
+                found.append((number, place))
+    return found
 
 
 def _triangle_json(scene: Scene, triangle: int, *, drawn: bool, state: int) -> dict[str, Any]:
