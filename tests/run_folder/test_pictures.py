@@ -15,7 +15,7 @@ from visref.culler import Promise
 from visref.judging.judge import judge
 from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
-from visref.run_folder.pictures import draw_pictures
+from visref.run_folder.pictures import Painter
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
@@ -24,7 +24,7 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
     frame = settled(scene, frame_truth, units or scene.object_units(), drawn)
     verdict = judge(frame, promise)
-    return draw_pictures(folder / "pictures", "mine", frame, verdict, culler="mine", frame=7)
+    return Painter(folder / "pictures").draw("mine", frame, verdict, culler="mine", frame=7)
 
 
 def rgb(folder, pictures, what):

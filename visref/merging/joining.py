@@ -27,7 +27,7 @@ from visref.judging.rasters import looser
 from visref.judging.review import Review
 from visref.judging.summary import Facts, conclude
 from visref.judging.superfluous import Superfluous
-from visref.merging.reading import FIX, PartFolder, cells_error, told
+from visref.merging.reading import FIX, PartFolder, cells_error
 from visref.run_folder.layout import (
     COUNTS,
     MANIFEST,
@@ -200,7 +200,7 @@ def _go_through(
             review.look(frame, cut, seen)
         while following is not None and following[0].frame == frame:
             row, kept = following
-            stop = start + told(row)
+            stop = start + part.told(row)
             mine = table.slice(start, stop - start)
             start, following = stop, next(rows, None)
             if row.culler not in used:
@@ -234,7 +234,7 @@ def _values(row: FrameRow) -> dict[str, Any]:
 def _check_rows(part: PartFolder, table: pa.Table) -> None:
     """That objects.parquet has the rows of each verdict together, ordered as frames.parquet is."""
     rows = part.run.frames
-    counts = [told(row) for row in rows]
+    counts = [part.told(row) for row in rows]
     fits = sum(counts) == len(table)
     for name in ("culler", "frame", "view"):
         if not fits:

@@ -22,13 +22,17 @@ from visref.scene import OBJECT, Float64, Int32, Scene
 
 
 class ObjectsWriter:
-    """Collects rows and writes them. Superfluous units are explained in the frames `explained`."""
+    """Collects rows and writes them. Superfluous units have rows, and are explained, in the frames
+    `explained`. Elsewhere those have rows that a promise forbids, or all of them with `every`."""
 
-    def __init__(self, file: Path, scene: Scene, explained: Sequence[int]) -> None:
+    def __init__(
+        self, file: Path, scene: Scene, explained: Sequence[int], *, every: bool = False
+    ) -> None:
         self._file = file
         self._groups = RowGroups(file, OBJECTS_SCHEMA)
         self._scene = scene
         self._explained = frozenset(explained)
+        self._every = every
         self._names = pa.array(scene.names, pa.string())
 
     def add(self, job: Job, judged: JudgedFrame) -> None:
@@ -56,9 +60,12 @@ class ObjectsWriter:
 
         if verdict.misses:
             rows(len(verdict.misses), self._missed(verdict.misses))
-        units = pa.array(verdict.superfluous_units, pa.int32())
-        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
-        columns |= self._hiders(verdict.superfluous_units, verdict)
+        hidden = verdict.superfluous_units
+        if not (self._every or record.frame in self._explained):
+            hidden = np.array([one.unit for one in verdict.confirmed_superfluous], np.int32)
+        units = pa.array(hidden, pa.int32())
+        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged, hidden)}
+        columns |= self._hiders(hidden, verdict)
         if job.units.kind == OBJECT:
             columns |= {"object": units, "name": self._names.take(units)}
         else:
@@ -118,9 +125,8 @@ class ObjectsWriter:
             for name in ("samples", "occluder", "occluder_name", "x", "y")
         }
 
-    def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
-        """Why each superfluous unit was drawn; null in frames that are not explained."""
-        units = judged.record.verdict.superfluous_units
+    def _causes(self, job: Job, judged: JudgedFrame, units: Int32) -> pa.Array:
+        """Why each of the superfluous units was drawn; null in frames that are not explained."""
         # A set for several views has causes of each of them.
         if len(judged.settled) != 1 or judged.record.frame not in self._explained:
             return pa.nulls(len(units), pa.string())

@@ -64,47 +64,90 @@ class _Ring:
         return (rows, columns), np.abs(np.hypot(x + 0.5 - self.x, y + 0.5 - self.y) - self.radius)
 
 
-def draw_pictures(
-    folder: Path,
-    stem: str,
-    settled: SettledFrame,
-    verdict: FrameVerdict,
-    *,
-    culler: str,
-    frame: int,
-    moved: NDArray[np.bool_] | None = None,
-) -> PictureSet:
-    """Draw one culler's view of a frame into `folder`, which stands in the run folder.
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """What all cullers' pictures of one view of a frame have in common: the files, and the shaded
+    scene, (h, w) float32 grey at the page's size."""
 
-    `stem` is the culler's part of the file names. Superfluous units show as silhouettes
-    through the scene, missed samples as they are, with rings around small patches. In the shaded
-    scene, the objects that `moved`, (n,) bool, are outlined.
+    files: dict[str, str]
+    grey: Float32
+
+
+class Painter:
+    """Draws the pictures of frames into `folder`, which stands in the run folder.
+
+    The shaded scene and the objects' ids are drawn once for all cullers that are judged in a view
+    of a frame, by the truth of the first of them: the others' differ by what exact arithmetic
+    corrected where they lost samples.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    scene, truth, units = settled.scene, settled.truth, settled.units
-    missed = settled.walk.lost_samples
-    camera = truth.camera
-    shape = page_shape(camera.width, camera.height)
-    shaded = _shade(scene, truth)
-    files = {}
-    view = camera.view
-    at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
 
-    def save(what: str, name: str, image: Image.Image) -> None:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._at: tuple[int, str] | None = None
+        self._shared: _Shared | None = None
+
+    def draw(
+        self,
+        stem: str,
+        settled: SettledFrame,
+        verdict: FrameVerdict,
+        *,
+        culler: str,
+        frame: int,
+        moved: NDArray[np.bool_] | None = None,
+    ) -> PictureSet:
+        """Draw one culler's view of a frame.
+
+        `stem` is the culler's part of the file names. Superfluous units show as silhouettes
+        through the scene, missed samples as they are, with rings around small patches. In the
+        shaded scene, the objects that `moved`, (n,) bool, are outlined.
+        """
+        scene, truth, units = settled.scene, settled.truth, settled.units
+        missed = settled.walk.lost_samples
+        camera = truth.camera
+        shape = page_shape(camera.width, camera.height)
+        view = camera.view
+        at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
+        shared = self._shared
+        if shared is None or self._at != (frame, view):
+            self._at = frame, view
+            shared = self._shared = self._draw_shared(at, scene, truth, moved, shape)
+        files = dict(shared.files)
+        superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
+        missed_px = _shrunk(missed, camera, shape)
+        rings = _rings(scene, truth, verdict, missed, shape)
+        overlay = _overlay(shared.grey, truth, superfluous, missed_px, rings, shape)
+        files["drawn"] = self._save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
+        if len(missed) or rings:
+            errors = _errors(truth, missed_px, rings, shape)
+            files["errors"] = self._save("errors", f"{stem}-{at}-errors.png", errors)
+        return PictureSet(culler, frame, files, view)
+
+    def _draw_shared(
+        self,
+        at: str,
+        scene: Scene,
+        truth: FrameTruth,
+        moved: NDArray[np.bool_] | None,
+        shape: tuple[int, int],
+    ) -> _Shared:
+        shaded = _shade(scene, truth)
+        picture = _with_moved(scene, truth, shaded, moved, shape)
+        files = {
+            "picture": self._save("picture", f"frame-{at}.jpg", picture),
+            "ids": self._save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape)),
+        }
+        grey = np.asarray(_resized(shaded, shape).convert("L"), np.float32) / 255.0
+        return _Shared(files, grey)
+
+    def _save(self, what: str, name: str, image: Image.Image) -> str:
+        """The file's name in the run folder."""
         options = {**_JPEG, "subsampling": 2 if what == "picture" else 0}
-        image.save(folder / name, **(options if name.endswith(".jpg") else {"optimize": True}))
-        files[what] = f"{folder.name}/{name}"
-
-    save("picture", f"frame-{at}.jpg", _with_moved(scene, truth, shaded, moved, shape))
-    superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
-    missed_px = _shrunk(missed, camera, shape)
-    rings = _rings(scene, truth, verdict, missed, shape)
-    overlay = _overlay(shaded, truth, superfluous, missed_px, rings, shape)
-    save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
-    save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape))
-    if len(missed) or rings:
-        save("errors", f"{stem}-{at}-errors.png", _errors(truth, missed_px, rings, shape))
-    return PictureSet(culler, frame, files, view)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        image.save(
+            self._folder / name, **(options if name.endswith(".jpg") else {"optimize": True})
+        )
+        return f"{self._folder.name}/{name}"
 
 
 def _stride(camera: Camera) -> int:
@@ -289,7 +332,7 @@ def _rings(
 
 
 def _overlay(
-    shaded: Float32,
+    grey: Float32,
     truth: FrameTruth,
     superfluous: Int32,
     missed: NDArray[np.bool_],
@@ -297,7 +340,6 @@ def _overlay(
     shape: tuple[int, int],
 ) -> Image.Image:
     """Visible in blue, superfluous hatched in orange through it, missed in vermilion."""
-    grey = np.asarray(_resized(shaded, shape).convert("L"), np.float32) / 255.0
     hit = _nearest(truth.buffer.triangle, shape) >= 0
     dark, light = np.array([0.05, 0.17, 0.29]), np.array([0.74, 0.88, 0.98])
     image = (dark + (light - dark) * grey[..., None]).astype(np.float32)
