@@ -33,6 +33,7 @@ from visref.picking import Shard, Stretch, evenly_picked
 from visref.recordings.truth_file import RecordedTruth, read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
+from visref.run_folder.aside import Aside
 from visref.run_folder.layout import PART, SUPERFLUOUS_ROWS, TRUTH
 from visref.run_folder.part import InputFindings, Part, PartKeeper, PicturePlan
 from visref.run_folder.write import RunWriter, write_json
@@ -122,7 +123,7 @@ def judge_share(
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
             examine=True,
-            keeps_superfluous=False,  # the folder has them
+            held=Aside(),  # the folder has it all
             timeline=inputs.timeline,
             policy=asked.policy or Policy(),
         )

@@ -28,6 +28,7 @@ from visref.judging.review import Review
 from visref.judging.summary import Facts, conclude
 from visref.judging.superfluous import Superfluous
 from visref.merging.reading import FIX, PartFolder, cells_error
+from visref.run_folder.aside import Aside
 from visref.run_folder.layout import (
     COUNTS,
     MANIFEST,
@@ -111,12 +112,12 @@ def join(
         RunOutcome(list(records.values()), policy=policy), KnownNames(str(parts[0].folder))
     )
     joined.ends = {spec: _end(parts, spec) for spec in records}
-    review = Review(policy, joined.names)
+    review, held = Review(policy, joined.names), Aside()
     for number, part in enumerate(parts):
         joined.names.paths.update(part.said.paths)
         used = {spec for spec, end in joined.ends.items() if number < end}
         try:
-            _go_through(part, used, records, review, joined.names, on_cell)
+            _go_through(part, used, records, review, joined.names, held, on_cell)
         except InputError:
             raise
         except ValueError as error:
@@ -182,6 +183,7 @@ def _go_through(
     records: dict[str, CullerRecord],
     review: Review,
     names: KnownNames,
+    held: Aside,
     on_cell: Callable[[Cell], None],
 ) -> None:
     """Review the verdicts of a part. Raises ValueError where its rows do not go together."""
@@ -210,7 +212,7 @@ def _go_through(
             followed = unpacked(kept, record.unit_count)
             verdict = review.verdict(found, record.promise, row.culler, cut, followed)
             found = replace(found, verdict=verdict)
-            record.frames.append(found)
+            record.frames.append(replace(found, verdict=held(verdict)))
             on_cell(
                 Cell(
                     part,
