@@ -293,7 +293,7 @@ def _misses(rows: pa.Table, samples: Any, names: KnownNames) -> Misses:
     view = np.array([place[one] for one in lists["view"]], np.int16)
     width = np.array([int(samples[one]["width"]) for one in views], np.int32)[view]
 
-    def column(name: str, absent: float = 0) -> NDArray[Any]:
+    def column(name: str, absent: float | bool = 0) -> NDArray[Any]:
         values: NDArray[Any] = pc.fill_null(rows[name], absent).to_numpy()
         return values
 
@@ -308,7 +308,7 @@ def _misses(rows: pa.Table, samples: Any, names: KnownNames) -> Misses:
             column("depth"),
             column("margin_px", np.nan),
             column("margin_depth", np.nan),
-            column("partly").astype(np.bool_),
+            column("partly", False).astype(np.bool_),
             view,
             width,
             column("age", -1),

@@ -113,7 +113,7 @@ class TruthTable:
         self._owned.append(seen.owned)
         objects = np.flatnonzero(seen.visible)
         y, x = np.divmod(seen.sample[objects], width)
-        columns = {
+        columns: dict[str, NDArray[Any]] = {
             "object": objects.astype(np.int32),
             "pixels": seen.samples[objects].astype(np.int64),
             "status": seen.alone[objects] > 0,
