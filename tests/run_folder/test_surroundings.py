@@ -232,7 +232,8 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
     frame = settled(scene, FrameTruth(camera, "hand", buffer), scene.object_units(), [])
     keeper, every = CutKeeper(5), []
     for number in range(30):
-        kinds = rng.choice([MissKind.CONFIRMED, MissKind.LATE, MissKind.TIE], 4)
+        among = (MissKind.CONFIRMED, MissKind.LATE, MissKind.TIE)
+        kinds = [among[place] for place in rng.integers(0, 3, 4)]
         misses = tuple(
             Miss(int(o), kind, int(rng.integers(1, 9)), 9, 0, 2 * int(o), 9.0, width=4)
             for o, kind in zip(rng.choice(12, 4, replace=False), kinds, strict=True)
