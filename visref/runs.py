@@ -53,6 +53,7 @@ def judge_to_folder(
     policy: Policy | None = None,
     repeat: int = 1,
     anew: MakingAnew | None = None,
+    superfluous_rows: bool = False,
     shard: Shard | None = None,
 ) -> RunOutcome:
     """Judge cullers, each with the name that reports give it, and write the run folder `out`.
@@ -63,14 +64,18 @@ def judge_to_folder(
     (`visref.judging.policy_file.read_policy`). `repeat`: how often cullers are asked about all
     frames, each time made by `anew` but for the first; who answers otherwise is inconclusive.
     `if_misaligned`: what becomes of a recording that fits another input. `shard`: the part of the
-    run to judge; `visref.merging` makes the whole of all.
+    run to judge; `visref.merging` makes the whole of all. `superfluous_rows`: list what was
+    drawn for nothing in every frame, not only in those picked for pictures and where a promise
+    forbids it.
 
     Raises InputError where `out` cannot be written to, holds what is no run, or is or holds one of
     the inputs, and where the truth file is of another scene, path or engine; NothingToJudge where
     an engine cannot start.
     """
     source = None if truth is None else Path(truth)
-    asked = Asked(source, pictures, image_check, if_misaligned, policy, repeat, anew)
+    asked = Asked(
+        source, pictures, image_check, if_misaligned, policy, repeat, anew, superfluous_rows
+    )
     if shard is not None and not shard.of(inputs.frames):
         raise InputError(
             f"--shard {shard} has no frame: the run has {len(inputs.frames)}",

@@ -33,7 +33,8 @@ from visref.picking import Shard, Stretch, evenly_picked
 from visref.recordings.truth_file import RecordedTruth, read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
-from visref.run_folder.layout import PART, TRUTH
+from visref.run_folder.aside import Aside
+from visref.run_folder.layout import PART, SUPERFLUOUS_ROWS, TRUTH
 from visref.run_folder.part import InputFindings, Part, PartKeeper, PicturePlan
 from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
@@ -64,6 +65,7 @@ class Asked:
     policy: Policy | None = None
     repeat: int = 1
     anew: MakingAnew | None = None
+    superfluous_rows: bool = False
 
     def __post_init__(self) -> None:
         if self.pictures < 0:
@@ -121,7 +123,7 @@ def judge_share(
             recorded=recorded,
             image_check=cast(ImageCheck | None, checker),
             examine=True,
-            keeps_superfluous=False,  # the folder has them
+            held=Aside(),  # the folder has it all
             timeline=inputs.timeline,
             policy=asked.policy or Policy(),
         )
@@ -200,6 +202,7 @@ class _Writing:
             picture_frames=self._planned,
             part=None if share is None else self._part(share),
             plan=self._plan,
+            superfluous_rows=self._asked.superfluous_rows,
         )
         self._keeper = None if share is None else PartKeeper(folder, inputs.scene, inputs.path)
 
@@ -209,6 +212,7 @@ class _Writing:
             **self._inputs.settings,
             "frames": _slice(self._inputs.frames),
             **({"repeat": asked.repeat} if asked.repeat > 1 else {}),
+            **({SUPERFLUOUS_ROWS: True} if asked.superfluous_rows else {}),
             **(
                 {}
                 if asked.if_misaligned is Misaligned.KEEP

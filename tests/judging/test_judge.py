@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.support.hand_made import judged, settled, soup, triangle_units, truth
 from visref.culler import Promise
-from visref.judging.disputes import Rulings, find_disputes
+from visref.judging.disputes import Measured, Rulings, find_disputes
 from visref.judging.judge import Counts, MissKind
 from visref.scene import Alpha, Scene, Units
 from visref.visibility import BlendVisibility, FrameTruth
@@ -287,7 +287,8 @@ def test_raster_tolerance_of_an_opaque_part_does_not_excuse_a_missed_blended_par
         scene.names,
         alpha=np.array([Alpha.OPAQUE, Alpha.BLEND], np.uint8),
     )
-    rulings = Rulings(within_raster=frozenset({0}), best_sample={0: 0})
+    measured = Measured(np.array([0]), np.array([0]), np.array([1.0]), np.array([1.0]))
+    rulings = Rulings(within_raster=frozenset({0}), measured=measured)
     found = verdict(scene, blended_truth(0), [], rulings=rulings)
     assert [(miss.kind, miss.sample, miss.triangle) for miss in found.misses] == [
         (MissKind.CONFIRMED, 1, 1)

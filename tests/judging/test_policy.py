@@ -18,6 +18,7 @@ import pytest
 from visref.culler import QueryStats
 from visref.findings import Code
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.misses import Misses
 from visref.judging.outcome import CullerRecord, FrameRecord, RunOutcome, verdict_json
 from visref.judging.policy import Accepting, Policy, Span
 from visref.judging.policy_file import adopted, read_policy, spans_of, to_toml
@@ -64,7 +65,7 @@ def record(spec: str, frames: dict[int, list[Miss]], promise: Promise) -> Culler
             violations=confirmed if promise.convicts else 0,
             owned_samples=100,
         )
-        verdict = FrameVerdict(counts, tuple(misses))
+        verdict = FrameVerdict(counts, Misses.of(misses))
         rows.append(FrameRecord(frame, "", 4, verdict, QueryStats(), 0))
     made = CullerRecord(spec, promise)
     made.frames = rows

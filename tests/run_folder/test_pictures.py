@@ -13,9 +13,10 @@ from tests.support.hand_made import scene_of_squares, settled, square, truth
 from visref.camera import Camera, look_at
 from visref.culler import Promise
 from visref.judging.judge import judge
+from visref.run_folder import pictures
 from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
-from visref.run_folder.pictures import draw_pictures
+from visref.run_folder.pictures import MAX_RINGS, RING_BELOW_PX, Painter
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
@@ -24,7 +25,7 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
     frame = settled(scene, frame_truth, units or scene.object_units(), drawn)
     verdict = judge(frame, promise)
-    return draw_pictures(folder / "pictures", "mine", frame, verdict, culler="mine", frame=7)
+    return Painter(folder / "pictures").draw("mine", frame, verdict, culler="mine", frame=7)
 
 
 def rgb(folder, pictures, what):
@@ -301,3 +302,58 @@ def test_the_three_classes_differ_for_every_colour_vision():
     # About five times a just noticeable difference (0.02 in OKLab) for patches side by side.
     assert least_difference([VISIBLE_RGB, SUPERFLUOUS_RGB, MISSED_RGB]) > 0.1
     assert least_difference([(0, 160, 0), (190, 110, 0)]) < 0.1
+
+
+def test_rings_are_those_of_an_object_by_object_search():
+    """An independent search, object by object, on random masks."""
+    rng = np.random.default_rng(5)
+    compared = 0
+    for _ in range(12):
+        scene = scene_of_squares(*np.linspace(0.0, 1.0, 90))
+        width, height = 200, 150
+        owner = np.zeros((height, width), np.int32)
+        for obj in range(1, 90):
+            y, x = rng.integers(0, height), rng.integers(0, width)
+            side = int(rng.integers(1, 60))
+            owner[y : y + side : 3, x : x + side : 2] = obj
+        triangle = scene.object_offsets[:-1].astype(np.int32)[owner]
+        camera = Camera(
+            look_at((0.0, 0.0, 10.0), (0.0, 0.0, 0.0)), width, height, near=1.0, far=100.0, ymag=2.0
+        )
+        buffer = VisibilityBuffer(triangle, np.full((height, width), 5.0))
+        drawn = [0, *rng.choice(np.arange(1, 90), 10, replace=False).tolist()]
+        frame = settled(scene, FrameTruth(camera, "hand", buffer), scene.object_units(), drawn)
+        verdict = judge(frame, Promise.CONSERVATIVE)
+        missed = frame.walk.lost_samples
+        wanted = []
+        for miss in verdict.misses:
+            y, x = np.nonzero(owner == miss.object)
+            span = max(np.ptp(x), np.ptp(y)) + 1
+            if span < RING_BELOW_PX:
+                middle = (x.min() + x.max() + 1) / 2, (y.min() + y.max() + 1) / 2
+                wanted.append((*map(float, middle), float(span / 2 + 9.0)))
+        rings = pictures._rings(scene, frame.truth, verdict, missed, (height, width))
+        assert [(ring.x, ring.y, ring.radius) for ring in rings] == wanted[:MAX_RINGS]
+        compared += len(rings)
+    assert compared > 100
+
+
+def test_a_frame_is_shaded_once_for_all_cullers(tmp_path, monkeypatch):
+    calls = []
+    shade = pictures._shade
+    monkeypatch.setattr(pictures, "_shade", lambda *given: calls.append(1) or shade(*given))
+    scene = scene_of_squares(0.0, 1.0)
+    frame_truth = wide_truth(scene, 60, 40, [(x, 3) for x in range(9)])
+    painter = Painter(tmp_path / "pictures")
+    found = []
+    for frame in (3, 4):
+        for culler, drawn in (("a", [0]), ("b", [1]), ("c", [0, 1])):
+            one = settled(scene, frame_truth, scene.object_units(), drawn)
+            verdict = judge(one, Promise.CONSERVATIVE)
+            found.append(painter.draw(culler, one, verdict, culler=culler, frame=frame))
+    assert len(calls) == 2
+    assert [one.files["ids"] for one in found] == [
+        *["pictures/frame-00003-ids.png"] * 3,
+        *["pictures/frame-00004-ids.png"] * 3,
+    ]
+    assert len({one.files["drawn"] for one in found}) == 6

@@ -16,6 +16,7 @@ from visref.errors import InputError
 from visref.exact import REACH_PX, ExactScene
 from visref.judging.holders import DrawList
 from visref.judging.judge import Miss, MissKind, judge
+from visref.judging.misses import Misses
 from visref.judging.settle import settle
 from visref.run_folder.balls import balls_about
 from visref.run_folder.claims import _check_surroundings, _read_surroundings
@@ -230,12 +231,13 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
     frame = settled(scene, FrameTruth(camera, "hand", buffer), scene.object_units(), [])
     keeper, every = CutKeeper(5), []
     for number in range(30):
-        kinds = rng.choice([MissKind.CONFIRMED, MissKind.LATE, MissKind.TIE], 4)
+        among = (MissKind.CONFIRMED, MissKind.LATE, MissKind.TIE)
+        kinds = [among[place] for place in rng.integers(0, 3, 4)]
         misses = tuple(
             Miss(int(o), kind, int(rng.integers(1, 9)), 9, 0, 2 * int(o), 9.0, width=4)
             for o, kind in zip(rng.choice(12, 4, replace=False), kinds, strict=True)
         )
-        keeper.add(number, misses, (frame,))
+        keeper.add(number, Misses.of(misses), (frame,))
         every += [(number, miss) for miss in misses]
     every.sort(key=lambda one: (-one[1].samples, one[0], one[1].object))
     wanted = {(number, miss.object) for number, miss in every[:5]}

@@ -14,7 +14,9 @@ from visref.camera_path import CameraPath
 from visref.culler import Promise, QueryStats
 from visref.exact import ExactScene
 from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.misses import Misses
 from visref.judging.outcome import CullerRecord, FrameRecord
+from visref.run_folder import along
 from visref.run_folder.witnesses import triangles_along, write_witnesses
 from visref.scene import Scene
 from visref.timeline import Timeline
@@ -96,7 +98,12 @@ def written(tmp_path, scene, *frames: list[Miss]) -> list[tuple[int, int]]:
     path = CameraPath((camera(),) * len(frames))
     rows = [
         FrameRecord(
-            i, "", 4, FrameVerdict(Counts(), tuple(found), np.zeros(0, np.int32)), QueryStats(), 0
+            i,
+            "",
+            4,
+            FrameVerdict(Counts(), Misses.of(found), np.zeros(0, np.int32)),
+            QueryStats(),
+            0,
         )
         for i, found in enumerate(frames)
     ]
@@ -126,3 +133,32 @@ def test_a_witness_within_the_cap_is_written_once(tmp_path):
     scene = scene_of_squares(0.0, -1.0)
     frames = [[of_object(0, 9), of_object(1, 0, MissKind.TIE)], [of_object(0, 9)]]
     assert written(tmp_path, scene, *frames) == [(0, 0), (0, 1), (1, 0)]
+
+
+@pytest.mark.parametrize("camera_fields", [{"yfov": 1.2}, {"ymag": 8.0}], ids=["eye", "parallel"])
+@pytest.mark.parametrize("shape", ["small", "large", "at the eye's height", "slivers"])
+def test_rays_of_many_witnesses_find_what_each_finds_by_itself(monkeypatch, camera_fields, shape):
+    rng = np.random.default_rng(3)
+    found = 0
+    for eye in ((0.0, 0.0, 0.0), (0.0, 0.0, 14.0)):
+        corners = rng.uniform(-10.0, 10.0, (400, 1, 3))
+        corners = corners + rng.normal(0.0, 4.0 if shape == "large" else 1.0, (400, 3, 3))
+        if shape == "at the eye's height":
+            corners[::3, :, 1] = 0.0
+        if shape == "slivers":
+            corners[::2, 2] = corners[::2, 0] + rng.normal(0.0, 1e-6, (200, 3))
+            corners[1::4, 2] = corners[1::4, 1]
+        scene = Scene.from_objects(
+            [("soup", corners.reshape(-1, 3), np.arange(1200).reshape(-1, 3))]
+        )
+        view = Camera(look_at(eye, (0.3, 0.0, eye[2] - 1.0)), 64, 48, near=0.1, far=100.0,
+                      **camera_fields)  # fmt: skip
+        samples = rng.choice(64 * 48, 500, replace=False).tolist()
+        monkeypatch.setattr(along, "_FEW", len(samples))
+        alone = triangles_along(scene, view, samples)
+        monkeypatch.setattr(along, "_FEW", 0)
+        together = triangles_along(scene, view, samples)
+        for one, other in zip(alone, together, strict=True):
+            assert one.tolist() == other.tolist()
+        found += sum(map(len, alone))
+    assert found > 100

@@ -96,9 +96,9 @@ class Evidence:
 
 def convicted(verdict: FrameVerdict) -> Int32:
     """(k,) int32, the objects that a verdict says were missed, ties and roundings aside."""
-    kinds = (MissKind.TIE, MissKind.WITHIN_RASTER)
-    found = sorted({miss.object for miss in verdict.misses if miss.kind not in kinds})
-    return np.array(found, np.int32)
+    misses = verdict.misses
+    excused = misses.are(MissKind.TIE) | misses.are(MissKind.WITHIN_RASTER)
+    return np.unique(misses.columns.object[~excused])
 
 
 class Membership:

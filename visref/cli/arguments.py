@@ -88,6 +88,12 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         "--pictures", type=whole_number, default=4, metavar="N", help="frames to draw (default 4)"
     )
     parser.add_argument(
+        "--superfluous-rows",
+        action="store_true",
+        help="list what was drawn for nothing in every frame: without it, in those that have "
+        "pictures, and elsewhere what a promise forbids; all of it is counted",
+    )
+    parser.add_argument(
         "--policy", type=Path, metavar="FILE", help="what you accept (visref.toml), and why"
     )
     parser.add_argument(

@@ -110,6 +110,7 @@ def run(given: argparse.Namespace) -> Exit:
             files={"truth": given.truth, "recording": file},
             options={
                 "pictures": given.pictures,
+                "superfluous rows": given.superfluous_rows,
                 "name of the recording": file.name,
                 "promise": given.promise,
                 "raster": tolerance,

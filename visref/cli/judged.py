@@ -63,6 +63,7 @@ def judge(
     options: dict[str, Any] = {
         "truth": given.truth,
         "pictures": given.pictures,
+        "superfluous_rows": given.superfluous_rows,
         "image_check": image_check,
         "if_misaligned": if_misaligned,
         "policy": policy,

@@ -126,6 +126,7 @@ def run(given: argparse.Namespace) -> Exit:
         files={"truth": given.truth},
         options={
             "pictures": given.pictures,
+            "superfluous rows": given.superfluous_rows,
             "image check": given.image_check,
             "repeat": given.repeat,
             "in process": given.in_process,

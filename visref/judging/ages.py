@@ -10,18 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.judging.frame import SettledFrame
-from visref.judging.judge import FrameVerdict, Miss
+from visref.judging.judge import FrameVerdict
+from visref.picking import distinct
 from visref.scene import OBJECT, Int64, Units
 
 Bool = NDArray[np.bool_]
 
 # In place of an age: out of view, and in view by right. What comes into view goes on from GONE.
 _GONE, _BY_RIGHT = -1, -2
+# What `Misses` has for a miss without an age.
+_NONE = -1
 
 
 class Ages:
@@ -42,13 +46,12 @@ class Ages:
             older = self._age + (self._age != _BY_RIGHT)
             self._age = np.where(seen, older, _GONE)
 
-    def of(self, index: int) -> int | None:
-        """The age of one of them, which is in view whatever `look` was told: exact arithmetic may
-        have found it. None where it has none."""
-        age = int(self._age[index])
-        if age == _GONE and not self._by_right:
-            return 0
-        return age if age >= 0 else None
+    def of(self, indices: NDArray[Any]) -> Int64:
+        """The ages of (k,) of them, which are in view whatever `look` was told: exact arithmetic
+        may have found them. -1 where one has none."""
+        age = self._age[indices]
+        fresh = (age == _GONE) & (not self._by_right)
+        return np.where(fresh, 0, np.where(age >= 0, age, _NONE))
 
 
 @dataclass(eq=False)
@@ -79,14 +82,21 @@ class CellAges:
         """A culler's verdict on one drawn set, with the ages of its misses. To be asked in every
         frame, misses or not: where units are finer than objects, this is how they are followed.
         """
+        misses = verdict.misses
         if followed is None:
-            ages = self.objects[view]
-            return _with(verdict, [ages.of(miss.object) for miss in verdict.misses])
+            if not misses:
+                return verdict
+            age = self.objects[view].of(misses.columns.object)
+            return replace(verdict, misses=misses.with_columns(age=age))
         of_units = self.units.setdefault((culler, view), Ages())
         of_units.look(frame, cut, followed.seen)
-        if not verdict.misses:
+        if not misses:
             return verdict
-        return _with(verdict, [_oldest(miss, followed.lost, of_units) for miss in verdict.misses])
+        age = np.array(
+            [_oldest(followed.lost.get(obj), of_units) for obj in misses.columns.object.tolist()],
+            np.int64,
+        )
+        return replace(verdict, misses=misses.with_columns(age=age))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +118,12 @@ class Followed:
         return cls(seen, lost_units(settled) if verdict.misses else {})
 
 
-def _with(verdict: FrameVerdict, ages: Sequence[int | None]) -> FrameVerdict:
-    if not verdict.misses:
-        return verdict
-    pairs = zip(verdict.misses, ages, strict=True)
-    return replace(verdict, misses=tuple(replace(miss, age=age) for miss, age in pairs))
-
-
-def _oldest(miss: Miss, lost: Mapping[int, Int64], ages: Ages) -> int | None:
-    """The age of the oldest of the units by which an object is missed, None if one has none."""
-    found = [ages.of(int(unit)) for unit in lost.get(miss.object, ())]
-    return None if not found or None in found else max(age for age in found if age is not None)
+def _oldest(lost: Int64 | None, ages: Ages) -> int:
+    """The age of the oldest of the units by which an object is missed, -1 if one has none."""
+    if lost is None or not len(lost):
+        return _NONE
+    found = ages.of(lost)
+    return _NONE if (found < 0).any() else int(found.max())
 
 
 def lost_units(settled: Sequence[SettledFrame]) -> dict[int, Int64]:
@@ -128,5 +133,8 @@ def lost_units(settled: Sequence[SettledFrame]) -> dict[int, Int64]:
     entry = np.flatnonzero(lost[units.triangles])
     unit = np.searchsorted(units.offsets, entry, side="right") - 1
     entry, unit = (one[~np.isin(unit, settled[0].drawn_units)] for one in (entry, unit))
-    objects = scene.object_of_triangle[units.triangles[entry]]
-    return {int(index): np.unique(unit[objects == index]) for index in np.unique(objects)}
+    objects = scene.object_of_triangle[units.triangles[entry]].astype(np.int64)
+    objects, unit = np.divmod(distinct(objects * units.count + unit), max(units.count, 1))
+    each, starts = np.unique(objects, return_index=True)
+    parts = np.split(unit, starts[1:]) if len(each) else []
+    return dict(zip(each.tolist(), parts, strict=True))

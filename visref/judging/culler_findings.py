@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from visref.findings import Code, Finding
-from visref.judging.judge import MissKind
+from visref.judging.losses import Losses, first_frames
+from visref.judging.misses import MissKind
 from visref.judging.names import Names
 from visref.judging.outcome import CullerRecord
 from visref.judging.superfluous import Superfluous
@@ -23,28 +24,20 @@ def culler_findings(record: CullerRecord, scene: Names) -> list[Finding]:
     """One finding per object and kind, and what else a reader of the numbers should know."""
     found: list[Finding] = []
     confirmed = Code.MISSED_OBJECT if record.promise.convicts else Code.MISSED_DECLARED
-    # A frame counts once, in however many views.
-    frames_of: dict[int, set[int]] = {}
-    for row in record.frames:
-        for miss in row.verdict.misses:
-            if miss.kind is MissKind.CONFIRMED:
-                frames_of.setdefault(miss.object, set()).add(row.frame)
-    for pixels, frame, miss in record.losses():
-        lost, seen = counted(pixels, "sample"), counted(len(frames_of[miss.object]), "frame")
+    losses = Losses.of(record.frames)
+    totals = losses.samples.tolist(), losses.frames.tolist()
+    worst = losses.worst(record.frames)
+    for pixels, frames, (frame, miss) in zip(*totals, worst, strict=True):
+        lost, seen = counted(pixels, "sample"), counted(frames, "frame")
         text = f"{lost} lost over {seen}, worst in frame {frame}"
         text += f", view '{miss.view}'" if miss.view else ""
         name = scene.names[miss.object]
         found.append(Finding(confirmed, text, record.spec, frame, name))
     found += _hidden_findings(record, scene)
     for kind, code in _CODES.items():
-        first: dict[int, int] = {}
-        for row in record.frames:
-            for miss in row.verdict.misses:
-                if miss.kind is kind:
-                    first.setdefault(miss.object, row.frame)
         found += [
             Finding(code, f"first in frame {frame}", record.spec, frame, scene.names[obj])
-            for obj, frame in sorted(first.items())
+            for obj, frame in first_frames(record.frames, kind).items()
         ]
     undecided: dict[int, int] = {}
     for row in record.frames:
@@ -79,12 +72,12 @@ def culler_findings(record: CullerRecord, scene: Names) -> list[Finding]:
         which = "this one" if of_object else f"{record.unit_kind} {unit}"
         text = f"{len(record.ignored)} different, first {which} in frame {frame}"
         found.append(Finding(Code.ABSENT_NAMED, text, record.spec, frame, name))
-    totals = record.totals
-    if totals.undecided_samples > record.max_undecided * totals.owned_samples:
-        share = totals.undecided_samples / totals.owned_samples
+    sums = record.totals
+    if sums.undecided_samples > record.max_undecided * sums.owned_samples:
+        share = sums.undecided_samples / sums.owned_samples
         text = f"{share:.0%} of the samples that something owns or may own"
         found.append(Finding(Code.MOSTLY_UNDECIDED, text, record.spec))
-    if not record.failed and not record.totals.visible:
+    if not record.failed and not sums.visible:
         text = "no frame was judged" if not record.frames else "no object is visible in any frame"
         found.append(Finding(Code.NOTHING_JUDGED, text, record.spec))
     return found

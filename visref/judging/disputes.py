@@ -7,15 +7,42 @@ every owner was drawn costs nothing here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from visref.exact import ExactScene
 from visref.judging.walk import SampleWalk
-from visref.scene import Int32, Int64
+from visref.scene import Float64, Int32, Int64
 from visref.visibility import BlendVisibility, Doubt, FrameTruth, Ties, VisibilityBuffer
+
+
+class Measured(NamedTuple):
+    """How firmly objects hold a sample that they lose, the firmest that was asked for: (k,) arrays,
+    by `object`, ascending. Margins are in pixels, and in relative depth."""
+
+    object: Int64
+    sample: Int64
+    margin_px: Float64
+    margin_depth: Float64
+
+    @classmethod
+    def none(cls) -> Measured:
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+
+    def of(self, objects: Int64) -> tuple[Int64, Float64, Float64]:
+        """Of each of (m,) objects the sample, -1 where none was asked for, and the margins, NaN
+        there."""
+        place = np.searchsorted(self.object, objects)
+        known = np.flatnonzero(place < len(self.object))
+        known = known[self.object[place[known]] == objects[known]]
+        sample = np.full(len(objects), -1)
+        margin_px, margin_depth = np.full(len(objects), np.nan), np.full(len(objects), np.nan)
+        at = place[known]
+        sample[known] = self.sample[at]
+        margin_px[known], margin_depth[known] = self.margin_px[at], self.margin_depth[at]
+        return sample, margin_px, margin_depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,16 +52,14 @@ class Rulings:
     `samples`: (k,) int64 flat, ascending; `exact`: a truth that holds at those, None where
     nothing was disputed or the truth was exact already. `corrections`: how many samples the
     engine had given to a wrong owner. `within_raster`: objects that the rasteriser may have lost
-    by itself. `best_sample` and `margins` (pixels, relative depth) belong to objects that lose
-    samples.
+    by itself. `measured`: the margins of objects that lose samples.
     """
 
     samples: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     exact: FrameTruth | None = None
     corrections: int = 0
     within_raster: frozenset[int] = frozenset()
-    best_sample: Mapping[int, int] = field(default_factory=dict)
-    margins: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    measured: Measured = field(default_factory=lambda: Measured.none())
 
 
 def find_disputes(walk: SampleWalk) -> Int64:

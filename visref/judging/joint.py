@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import Promise
-from visref.judging.disputes import Rulings
+from visref.judging.disputes import Measured, Rulings
 from visref.judging.frame import SettledFrame
 from visref.judging.holders import UnitsSeen
-from visref.judging.judge import FrameVerdict, Miss, nothing_missed
+from visref.judging.judge import FrameVerdict, nothing_missed
+from visref.judging.misses import Misses
 from visref.judging.superfluous import Superfluous, superfluous_units
 from visref.judging.walk import SampleWalk
 from visref.scene import Int64
@@ -80,24 +81,24 @@ def joined(frames: Sequence[SettledFrame]) -> SettledFrame:
 def located(verdict: FrameVerdict, cameras: Sequence[Camera]) -> FrameVerdict:
     """The verdict on `joined` frames, each miss and each hidden unit at the sample of its view."""
     starts = _starts(cameras)
-
-    def place(sample: int) -> tuple[int, Camera]:
-        view = int(np.searchsorted(starts, sample, side="right")) - 1
-        return sample - int(starts[view]), cameras[view]
-
-    def of_miss(miss: Miss) -> Miss:
-        sample, camera = place(miss.sample)
-        return replace(miss, sample=sample, view=camera.view, width=camera.width)
+    views = tuple(camera.view for camera in cameras)
 
     def of_unit(unit: Superfluous) -> Superfluous:
         if unit.sample < 0:
             return replace(unit, view=cameras[0].view, width=cameras[0].width)
-        sample, camera = place(unit.sample)
+        view = int(np.searchsorted(starts, unit.sample, side="right")) - 1
+        sample, camera = unit.sample - int(starts[view]), cameras[view]
         return replace(unit, sample=sample, view=camera.view, width=camera.width)
 
+    columns = verdict.misses.columns
+    place = np.searchsorted(starts, columns.sample, side="right") - 1
+    widths = np.array([camera.width for camera in cameras], np.int32)
+    columns = columns._replace(
+        sample=columns.sample - starts[place], view=place.astype(np.int16), width=widths[place]
+    )
     return replace(
         verdict,
-        misses=tuple(map(of_miss, verdict.misses)),
+        misses=Misses(columns, views),
         confirmed_superfluous=tuple(map(of_unit, verdict.confirmed_superfluous)),
     )
 
@@ -195,30 +196,30 @@ def _walk(frames: Sequence[SettledFrame], starts: Int64) -> SampleWalk:
 
 
 def _rulings(frames: Sequence[SettledFrame], starts: Int64) -> Rulings:
-    best: dict[int, int] = {}
-    margins: dict[int, tuple[float, float]] = {}
-    most: dict[int, int] = {}
-    charged: set[int] = set()
-    excused: set[int] = set()
+    count = len(frames[0].walk.lost)
+    most = np.full(count, np.iinfo(np.int64).min)
+    best, margin_px, margin_depth = (
+        np.full(count, -1),
+        np.full(count, np.nan),
+        np.full(count, np.nan),
+    )
+    charged, excused = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     for frame, start in zip(frames, starts[:-1].tolist(), strict=True):
-        rulings, lost = frame.rulings, frame.walk.lost
-        for index in np.flatnonzero(lost).tolist():
-            within = index in rulings.within_raster
-            (excused if within else charged).add(index)
-            # The witness is from the view that loses most, of those that nothing excuses.
-            rank = int(lost[index]) - (1 << 40 if within else 0)
-            if index not in most or rank > most[index]:
-                most[index] = rank
-                sample = rulings.best_sample.get(index, int(frame.walk.lost_sample[index]))
-                best[index] = sample + start
-                margins.pop(index, None)
-                if index in rulings.margins:
-                    margins[index] = rulings.margins[index]
+        lost = np.flatnonzero(frame.walk.lost)
+        within = np.isin(lost, np.fromiter(frame.rulings.within_raster, np.int64))
+        excused[lost[within]] = charged[lost[~within]] = True
+        # The witness is from the view that loses most, of those that nothing excuses.
+        rank = frame.walk.lost[lost] - np.where(within, 1 << 40, 0)
+        better = rank > most[lost]
+        lost = lost[better]
+        most[lost] = rank[better]
+        sample, margin_px[lost], margin_depth[lost] = frame.rulings.measured.of(lost)
+        best[lost] = np.where(sample >= 0, sample, frame.walk.lost_sample[lost]) + start
+    known = np.flatnonzero(best >= 0)
     return Rulings(
         corrections=sum(frame.rulings.corrections for frame in frames),
-        within_raster=frozenset(excused - charged),
-        best_sample=best,
-        margins=margins,
+        within_raster=frozenset(np.flatnonzero(excused & ~charged).tolist()),
+        measured=Measured(known, best[known], margin_px[known], margin_depth[known]),
     )
 
 

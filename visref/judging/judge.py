@@ -16,53 +16,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.culler import Promise
 from visref.judging.frame import SettledFrame
+from visref.judging.misses import CODES, MissColumns, Misses
+from visref.judging.misses import Miss as Miss
+from visref.judging.misses import MissKind as MissKind
 from visref.judging.superfluous import Superfluous
-from visref.scene import Int32, Scene
+from visref.scene import Int32, Int64, Scene
 from visref.visibility import FrameTruth
-
-
-class MissKind(StrEnum):
-    """What a miss is put down to; each is counted once, as the first that holds."""
-
-    TIE = "tie"
-    WITHIN_RASTER = "within_raster_tolerance"
-    SMALL = "small"
-    LATE = "late"
-    WAIVED = "waived"
-    CONFIRMED = "confirmed"
-
-
-@dataclass(frozen=True)
-class Miss:
-    """A visible object that was not drawn, or (`partly`) not all of it that is seen, with the
-    sample that witnesses it.
-
-    `samples`: those lost (0 for a tie); `owned`: samples at which it is seen. `sample` is a flat
-    index in the image of `view`, `width` samples wide, `depth` view depth there. Margins are None
-    where they were not computed. `age`: for how many frames it had been in view
-    (`visref.judging.ages`), None where it has no age.
-    """
-
-    object: int
-    kind: MissKind
-    samples: int
-    owned: int
-    sample: int
-    triangle: int
-    depth: float
-    margin_px: float | None = None
-    margin_depth: float | None = None
-    partly: bool = False
-    view: str = ""
-    width: int = 0
-    age: int | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +81,7 @@ class FrameVerdict:
     the truth on file does not say. `confirmed_superfluous`: those that a promise forbids."""
 
     counts: Counts
-    misses: tuple[Miss, ...] = ()
+    misses: Misses = field(default_factory=lambda: Misses.of(()))
     superfluous_units: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     undecided_objects: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
     owned: int | None = None
@@ -155,22 +120,20 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
     visible = seen.visible | (walk.charged > 0)
     loses = (walk.lost > 0) | (walk.lost_blended > 0) | (walk.blended_hit >= 0)
     left_out = np.flatnonzero(visible & (loses | ~walk.shows))
-    misses = [_miss(frame, int(o)) for o in left_out]
-    misses.sort(key=lambda miss: (-miss.samples, miss.object))
+    misses = _misses(frame, left_out)
 
     superfluous = frame.superfluous
     undecided = _undecided(frame, visible)
-    kinds = [miss.kind for miss in misses]
-    confirmed = kinds.count(MissKind.CONFIRMED)
-    partly = sum(miss.partly for miss in misses)
+    confirmed = misses.number_of(MissKind.CONFIRMED)
+    partly = int(np.count_nonzero(misses.columns.partly))
     may_own = frame.truth.doubt.sample
     counts = Counts(
         visible=int(np.count_nonzero(visible)),
         missed=len(misses) - partly,
         partly_missed=partly,
         confirmed=confirmed,
-        ties=kinds.count(MissKind.TIE),
-        within_raster_tolerance=kinds.count(MissKind.WITHIN_RASTER),
+        ties=misses.number_of(MissKind.TIE),
+        within_raster_tolerance=misses.number_of(MissKind.WITHIN_RASTER),
         violations=violations(promise, confirmed, len(frame.confirmed)),
         undecided=len(undecided),
         missed_pixels=len(walk.lost_samples),
@@ -181,56 +144,67 @@ def judge(frame: SettledFrame, promise: Promise) -> FrameVerdict:
         superfluous_confirmed=len(frame.confirmed),
         missed_units=_missed_units(frame),
     )
-    return FrameVerdict(counts, tuple(misses), superfluous, undecided, seen.owned, frame.confirmed)
+    return FrameVerdict(counts, misses, superfluous, undecided, seen.owned, frame.confirmed)
 
 
-def _miss(frame: SettledFrame, object_id: int) -> Miss:
-    scene, truth, rulings, walk = frame.scene, frame.truth, frame.rulings, frame.walk
-    owned = int(frame.seen.samples[object_id]) + int(walk.charged[object_id])
-    opaque, glass = int(walk.lost[object_id]), int(walk.blended_hit[object_id])
-    partly = bool(walk.shows[object_id])
-    within_raster = object_id in rulings.within_raster
-    if glass >= 0 and (opaque == 0 or within_raster):
-        # Glass owns no sample of the visibility buffer, and no tolerance excuses it.
-        blend = truth.blend
-        return Miss(
-            object_id,
-            MissKind.CONFIRMED,
-            opaque + int(walk.lost_blended[object_id]),
-            owned,
-            int(blend.sample[glass]),
-            int(blend.triangle[glass]),
-            float(blend.depth[glass]),
-            partly=partly,
+def _misses(frame: SettledFrame, objects: Int64) -> Misses:
+    """What is to be said of the `objects` (k,) that were missed, the most samples lost first."""
+    truth, rulings, walk = frame.truth, frame.rulings, frame.walk
+    opaque, hit = walk.lost[objects], walk.blended_hit[objects]
+    samples = opaque + walk.lost_blended[objects]
+    order = np.lexsort((objects, -samples))
+    objects, opaque, hit, samples = objects[order], opaque[order], hit[order], samples[order]
+    within = np.isin(objects, np.fromiter(rulings.within_raster, np.int64))
+    # Glass owns no sample of the visibility buffer, and no tolerance excuses it.
+    glass = (hit >= 0) & ((opaque == 0) | within)
+    tie = ~glass & (opaque == 0)
+    kind = np.full(len(objects), CODES[MissKind.CONFIRMED], np.int8)
+    kind[tie] = CODES[MissKind.TIE]
+    kind[~glass & ~tie & within] = CODES[MissKind.WITHIN_RASTER]
+    best, margin_px, margin_depth = rulings.measured.of(objects)
+    sample = np.where(best >= 0, best, walk.lost_sample[objects])
+    sample = np.where(tie, frame.seen.sample[objects], sample)
+    triangle = np.empty(len(objects), np.int32)
+    depth = np.empty(len(objects))
+    sample[glass] = truth.blend.sample[hit[glass]]
+    triangle[glass] = truth.blend.triangle[hit[glass]]
+    depth[glass] = truth.blend.depth[hit[glass]]
+    triangle[~glass] = _own_triangles(frame.scene, truth, sample[~glass], objects[~glass])
+    depth[~glass] = truth.buffer.depth.reshape(-1)[sample[~glass]]
+    unmeasured = glass | tie
+    margin_px[unmeasured] = margin_depth[unmeasured] = np.nan
+    return Misses(
+        MissColumns(
+            objects.astype(np.int32),
+            kind,
+            samples,
+            frame.seen.samples[objects] + walk.charged[objects],
+            sample,
+            triangle,
+            depth,
+            margin_px,
+            margin_depth,
+            walk.shows[objects],
+            np.zeros(len(objects), np.int16),
+            np.zeros(len(objects), np.int32),
+            np.full(len(objects), -1, np.int64),
         )
-    if opaque == 0:
-        sample, kind = int(frame.seen.sample[object_id]), MissKind.TIE
-    else:
-        sample = rulings.best_sample.get(object_id, int(walk.lost_sample[object_id]))
-        kind = MissKind.WITHIN_RASTER if within_raster else MissKind.CONFIRMED
-    margin_px, margin_depth = rulings.margins.get(object_id, (None, None))
-    return Miss(
-        object_id,
-        kind,
-        opaque + int(walk.lost_blended[object_id]),
-        owned,
-        sample,
-        _own_triangle(scene, truth, sample, object_id),
-        float(truth.buffer.depth.reshape(-1)[sample]),
-        margin_px,
-        margin_depth,
-        partly,
     )
 
 
-def _own_triangle(scene: Scene, truth: FrameTruth, sample: int, object_id: int) -> int:
-    """The object's own triangle at a sample it owns or shares."""
-    owner = int(truth.buffer.triangle.reshape(-1)[sample])
-    if scene.object_of_triangle[owner] == object_id:
-        return owner
-    low, high = np.searchsorted(truth.ties.sample, (sample, sample + 1))
-    tied = truth.ties.triangle[low:high]
-    return int(tied[scene.object_of_triangle[tied] == object_id][0])
+def _own_triangles(scene: Scene, truth: FrameTruth, samples: Int64, objects: Int64) -> Int32:
+    """(k,) int32, each object's own triangle at a sample that it owns or shares."""
+    own: Int32 = truth.buffer.triangle.reshape(-1)[samples]
+    shared = np.flatnonzero(scene.object_of_triangle[own] != objects)
+    if len(shared):
+        tied = np.isin(truth.ties.sample, samples[shared])
+        triangle, count = truth.ties.triangle[tied], scene.object_count
+        pairs = truth.ties.sample[tied] * count + scene.object_of_triangle[triangle]
+        # The first of each pair, in the ties' order.
+        order = np.argsort(pairs, kind="stable")
+        wanted = samples[shared] * count + objects[shared]
+        own[shared] = triangle[order[np.searchsorted(pairs[order], wanted)]]
+    return own
 
 
 def _missed_units(frame: SettledFrame) -> int:

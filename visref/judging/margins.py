@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from visref.culler import Raster
 from visref.exact import REACH_PX, ExactScene, resolves, surviving, witness_margins
-from visref.judging.disputes import Rulings
+from visref.judging.disputes import Measured, Rulings
 from visref.judging.frame import SettledFrame
 from visref.judging.rasters import JudgedRaster
 from visref.picking import distinct
@@ -51,17 +51,17 @@ def with_margins(exact: ExactScene, frame: SettledFrame, raster: Raster | None) 
         most_around=exact.scene.triangle_count,
     )
     _look_further(exact, frame, samples, objects, margin_px)
-    within: set[int] = set()
+    within: frozenset[int] = frozenset()
     if raster is not None:
         judged = raster if isinstance(raster, JudgedRaster) else JudgedRaster(raster)
-        within = {int(o) for o in _excused(exact, frame, judged, losing, lost, (samples, objects))}
-    best: dict[int, int] = {}
-    margins: dict[int, tuple[float, float]] = {}
+        excused = _excused(exact, frame, judged, losing, lost, (samples, objects))
+        within = frozenset(excused.tolist())
+    # Of each object the firmest, and of those alike the first.
     order = np.lexsort((samples, -margin_px, objects))
-    for at in order:
-        best.setdefault(int(objects[at]), int(samples[at]))
-        margins.setdefault(int(objects[at]), (float(margin_px[at]), float(margin_depth[at])))
-    return replace(rulings, within_raster=frozenset(within), best_sample=best, margins=margins)
+    first = np.append(True, np.diff(objects[order]) != 0)
+    best = order[first]
+    measured = Measured(objects[best], samples[best], margin_px[best], margin_depth[best])
+    return replace(rulings, within_raster=within, measured=measured)
 
 
 def _look_further(

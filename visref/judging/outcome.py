@@ -7,16 +7,20 @@ made from the files.
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
-from collections.abc import Set
+from collections import Counter
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from visref.camera import ALL_VIEWS as ALL_VIEWS
 from visref.culler import Promise, QueryStats, RasterTolerance
 from visref.findings import Finding, fails_run
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.causes import CausesFound
-from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.judge import Counts, FrameVerdict
+from visref.judging.losses import Losses
+from visref.judging.misses import Miss, Misses, MissKind
 from visref.judging.names import Names
 from visref.judging.policy import Policy
 from visref.judging.status import (
@@ -27,6 +31,7 @@ from visref.judging.status import (
     run_status,
     status_of,
 )
+from visref.scene import Int64
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +85,13 @@ class CullerRecord:
     @property
     def excused_samples(self) -> int:
         """Samples lost within the rasteriser's tolerance, of a tied one once for each object."""
-        misses = (miss for record in self.frames for miss in record.verdict.misses)
-        return sum(miss.samples for miss in misses if miss.kind is MissKind.WITHIN_RASTER)
+        return sum(
+            int(misses.columns.samples[misses.are(MissKind.WITHIN_RASTER)].sum())
+            for misses in self._misses()
+        )
+
+    def _misses(self) -> Iterator[Misses]:
+        return (row.verdict.misses for row in self.frames if row.verdict.misses)
 
     @property
     def exit(self) -> Exit:
@@ -102,28 +112,26 @@ class CullerRecord:
     def ages(self) -> dict[int, int]:
         """How many misses that lose samples there are of each age, in frames; those without one are
         in none."""
-        ages = Counter(
-            miss.age
-            for record in self.frames
-            for miss in record.verdict.misses
-            if miss.age is not None and miss.kind is not MissKind.TIE
-        )
+        ages: Counter[int] = Counter()
+        for misses in self._misses():
+            age = misses.columns.age
+            told = age[(age >= 0) & ~misses.are(MissKind.TIE)]
+            ages.update(dict(zip(*(one.tolist() for one in _counted(told)), strict=True)))
         return dict(sorted(ages.items()))
 
-    def losses(self) -> list[tuple[int, int, Miss]]:
+    def losses(self, most: int | None = None) -> list[tuple[int, int, Miss]]:
         """Confirmed misses by object: (samples lost over all frames, frame, worst miss),
-        the most lost first."""
-        total: dict[int, int] = defaultdict(int)
-        worst: dict[int, tuple[int, Miss]] = {}
-        for record in self.frames:
-            for miss in record.verdict.misses:
-                if miss.kind is not MissKind.CONFIRMED:
-                    continue
-                total[miss.object] += miss.samples
-                if miss.object not in worst or miss.samples > worst[miss.object][1].samples:
-                    worst[miss.object] = (record.frame, miss)
-        order = sorted(total, key=lambda obj: (-total[obj], obj))
-        return [(total[obj], *worst[obj]) for obj in order]
+        the most lost first; of all objects, or of so many."""
+        losses = Losses.of(self.frames)
+        worst = losses.worst(self.frames, most)
+        samples = losses.samples[:most].tolist()
+        return [(total, *one) for total, one in zip(samples, worst, strict=True)]
+
+
+def _counted(values: Int64) -> tuple[Int64, Int64]:
+    """Each value once, and how often it is there."""
+    each, counts = np.unique(values, return_counts=True)
+    return each, counts
 
 
 @dataclass
@@ -196,7 +204,7 @@ def verdict_json(outcome: RunOutcome, scene: Names) -> dict[str, object]:
     """The content of `verdict.json`."""
     cullers: dict[str, object] = {}
     for record in outcome.cullers:
-        losses = record.losses()
+        losses = record.losses(1)
         worst = witness_json(scene, *losses[0][1:]) if losses else None
         cullers[record.spec] = {
             "status": record.status.value,

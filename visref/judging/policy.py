@@ -16,14 +16,20 @@ from fnmatch import fnmatchcase, translate
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from visref.findings import Code, Finding, Severity
-from visref.judging.judge import FrameVerdict, Miss, MissKind, violations
+from visref.judging.judge import FrameVerdict, violations
+from visref.judging.misses import CODES, Misses, MissKind
 from visref.judging.names import Names
 from visref.judging.status import MAX_UNDECIDED
 from visref.promise import Promise
 
 # What a policy decides: these are one kind before it, a confirmed miss.
-_OPEN = frozenset({MissKind.CONFIRMED, MissKind.SMALL, MissKind.LATE, MissKind.WAIVED})
+_OPEN = [
+    CODES[kind] for kind in (MissKind.CONFIRMED, MissKind.SMALL, MissKind.LATE, MissKind.WAIVED)
+]
 # What makes a text a pattern of `fnmatch`.
 _WILD = frozenset("*?[")
 
@@ -135,18 +141,22 @@ class Accepting:
         # By object, the waivers that name it: patterns are tried once for each that is missed.
         self._naming: dict[int, tuple[int, ...]] = {}
 
-    def kind(self, miss: Miss, frame: int, culler: str) -> MissKind:
-        """What a miss of this frame is put down to: a tie and what is within the raster's
-        tolerance stay, of the rest the first that holds of small, late, waived, confirmed."""
-        if miss.kind not in _OPEN:
-            return miss.kind
-        if miss.samples < self.policy.min_samples:
-            return MissKind.SMALL
-        if miss.age is not None and miss.age < self.policy.latency_frames:
-            return MissKind.LATE
-        if next(self.waiving(miss.object, frame, culler), None) is not None:
-            return MissKind.WAIVED
-        return MissKind.CONFIRMED
+    def kinds(self, misses: Misses, frame: int, culler: str) -> NDArray[np.int8]:
+        """What misses of this frame are put down to, (k,) places in `KINDS`: a tie and what is
+        within the raster's tolerance stay, of the rest the first that holds of small, late, waived,
+        confirmed."""
+        columns, policy = misses.columns, self.policy
+        open_ = np.isin(columns.kind, _OPEN)
+        small = columns.samples < policy.min_samples
+        late = (columns.age >= 0) & (columns.age < policy.latency_frames)
+        kinds = np.where(open_, CODES[MissKind.CONFIRMED], columns.kind).astype(np.int8)
+        kinds[open_ & small] = CODES[MissKind.SMALL]
+        kinds[open_ & ~small & late] = CODES[MissKind.LATE]
+        if policy.waivers:
+            for place in np.flatnonzero(open_ & ~small & ~late):
+                if next(self.waiving(int(columns.object[place]), frame, culler), None) is not None:
+                    kinds[place] = CODES[MissKind.WAIVED]
+        return kinds
 
     def verdict(
         self, verdict: FrameVerdict, promise: Promise, frame: int, culler: str
@@ -154,16 +164,13 @@ class Accepting:
         """A culler's verdict on a frame, with its misses by kind and counted so."""
         if not verdict.misses:
             return verdict
-        misses = tuple(
-            replace(miss, kind=self.kind(miss, frame, culler)) for miss in verdict.misses
-        )
-        kinds = [miss.kind for miss in misses]
-        confirmed = kinds.count(MissKind.CONFIRMED)
+        misses = verdict.misses.with_columns(kind=self.kinds(verdict.misses, frame, culler))
+        confirmed = misses.number_of(MissKind.CONFIRMED)
         counts = replace(
             verdict.counts,
-            small=kinds.count(MissKind.SMALL),
-            late=kinds.count(MissKind.LATE),
-            waived=kinds.count(MissKind.WAIVED),
+            small=misses.number_of(MissKind.SMALL),
+            late=misses.number_of(MissKind.LATE),
+            waived=misses.number_of(MissKind.WAIVED),
             confirmed=confirmed,
             violations=violations(promise, confirmed, len(verdict.confirmed_superfluous)),
         )

@@ -240,9 +240,9 @@ def adopted(policy: Policy, outcome: RunOutcome, scene: Scene) -> Policy:
         if not record.promise.convicts:
             continue
         for row in record.frames:
-            for miss in row.verdict.misses:
-                if miss.kind is MissKind.CONFIRMED:
-                    frames.setdefault(miss.object, set()).add(row.frame)
+            misses = row.verdict.misses
+            for obj in misses.columns.object[misses.are(MissKind.CONFIRMED)].tolist():
+                frames.setdefault(obj, set()).add(row.frame)
     fresh = tuple(
         Waiver(escape(scene.names[index]), "", spans_of(frames[index])) for index in sorted(frames)
     )

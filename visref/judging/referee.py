@@ -337,9 +337,9 @@ class Referee:
     engine on first use, so that a recorded truth with nothing to dispute never builds one. It
     must be the engine that cast a recorded truth: another may not see what that truth says was
     missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
-    most of the scene; then the engine must cast any camera. `keeps_superfluous`: whether the
-    records list the units drawn for nothing once the listeners have seen them; of a long run that
-    is much. `policy`: what the user accepts.
+    most of the scene; then the engine must cast any camera. `held`: what the records hold
+    of a verdict once the listeners have seen it; by default all of it, which of a long run is much.
+    `policy`: what the user accepts.
     """
 
     scene: Scene
@@ -348,7 +348,7 @@ class Referee:
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
     examine: bool = False
-    keeps_superfluous: bool = True
+    held: Callable[[FrameVerdict], FrameVerdict] | None = None
     timeline: Timeline | None = None
     policy: Policy = field(default_factory=Policy)
 
@@ -436,9 +436,8 @@ class Referee:
             told = replace(judged, record=record, followed=followed)
             for listener in listeners:
                 listener.on_verdict(job, told)
-            if not self.keeps_superfluous:
-                kept = replace(verdict, superfluous_units=np.zeros(0, np.int32))
-                job.record.frames[-1] = replace(record, verdict=kept)
+            if self.held is not None:
+                job.record.frames[-1] = replace(record, verdict=self.held(verdict))
 
         def before(seen: Mapping[str, NDArray[np.bool_]]) -> None:
             review.look(frame, cut, seen)

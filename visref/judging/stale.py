@@ -51,6 +51,6 @@ def _used(accepting: Accepting, records: Sequence[CullerRecord]) -> set[int]:
         place
         for record in records
         for row in record.frames
-        for miss in row.verdict.misses
-        for place in accepting.waiving(miss.object, row.frame, record.spec)
+        for obj in row.verdict.misses.columns.object.tolist()
+        for place in accepting.waiving(obj, row.frame, record.spec)
     }

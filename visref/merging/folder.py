@@ -16,7 +16,8 @@ import pyarrow.parquet as pq
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
-from visref.judging.judge import MissKind
+from visref.judging.losses import worst_places
+from visref.judging.misses import MissKind
 from visref.judging.outcome import CullerRecord, RunOutcome, verdict_json
 from visref.merging.belonging import in_order
 from visref.merging.joining import Cell, Joined, join
@@ -240,24 +241,23 @@ class _Merging:
 def _kept(record: CullerRecord) -> Callable[[_Place], bool]:
     """Whether the surroundings of a miss are kept, of more objects than a run keeps them of: see
     `visref.run_folder.cuts.CutKeeper`."""
-    arrived = dict.fromkeys(
-        miss.object
-        for row in record.frames
-        for miss in row.verdict.misses
-        if miss.kind is MissKind.CONFIRMED
-    )
-    if len(arrived) <= MAX_OBJECTS:
+    first: dict[int, None] = {}
+    for row in record.frames:
+        if len(first) > MAX_OBJECTS:
+            break
+        misses = row.verdict.misses
+        first |= dict.fromkeys(misses.columns.object[misses.are(MissKind.CONFIRMED)].tolist())
+    if len(first) <= MAX_OBJECTS:
         return lambda place: True
-    first = set(list(arrived)[:MAX_OBJECTS])
+    arrived = set(list(first)[:MAX_OBJECTS])
     worst = set(_worst(record))
-    return lambda place: place[2] in first or place in worst
+    return lambda place: place[2] in arrived or place in worst
 
 
 def _worst(record: CullerRecord) -> Iterator[_Place]:
-    every = [(row.frame, miss) for row in record.frames for miss in row.verdict.misses]
-    every.sort(key=lambda found: (-found[1].samples, found[0], found[1].object))
-    for frame, miss in every[:WITNESSES_PER_CULLER]:
-        yield frame, miss.view, miss.object
+    for row, place in worst_places(record.frames, WITNESSES_PER_CULLER):
+        miss = record.frames[row].verdict.misses[place]
+        yield record.frames[row].frame, miss.view, miss.object
 
 
 def _motion(parts: Sequence[PartFolder]) -> Motion | None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from visref.culler import QueryStats
 from visref.errors import InputError
@@ -17,7 +18,8 @@ from visref.judging.again import Difference, mark_unsteady
 from visref.judging.ages import Followed
 from visref.judging.asking import Failure, Step
 from visref.judging.bounds import BoundsTooSmall
-from visref.judging.judge import Counts, FrameVerdict, Miss, MissKind
+from visref.judging.judge import Counts, FrameVerdict
+from visref.judging.misses import CODES, MissColumns, Misses, MissKind
 from visref.judging.outcome import ALL_VIEWS, CullerRecord, FrameRecord, RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.policy_file import policy_of
@@ -25,7 +27,8 @@ from visref.judging.rasters import looser
 from visref.judging.review import Review
 from visref.judging.summary import Facts, conclude
 from visref.judging.superfluous import Superfluous
-from visref.merging.reading import FIX, PartFolder, cells_error, told
+from visref.merging.reading import FIX, PartFolder, cells_error
+from visref.run_folder.aside import Aside
 from visref.run_folder.layout import (
     COUNTS,
     MANIFEST,
@@ -109,12 +112,12 @@ def join(
         RunOutcome(list(records.values()), policy=policy), KnownNames(str(parts[0].folder))
     )
     joined.ends = {spec: _end(parts, spec) for spec in records}
-    review = Review(policy, joined.names)
+    review, held = Review(policy, joined.names), Aside()
     for number, part in enumerate(parts):
         joined.names.paths.update(part.said.paths)
         used = {spec for spec, end in joined.ends.items() if number < end}
         try:
-            _go_through(part, used, records, review, joined.names, on_cell)
+            _go_through(part, used, records, review, joined.names, held, on_cell)
         except InputError:
             raise
         except ValueError as error:
@@ -180,6 +183,7 @@ def _go_through(
     records: dict[str, CullerRecord],
     review: Review,
     names: KnownNames,
+    held: Aside,
     on_cell: Callable[[Cell], None],
 ) -> None:
     """Review the verdicts of a part. Raises ValueError where its rows do not go together."""
@@ -198,7 +202,7 @@ def _go_through(
             review.look(frame, cut, seen)
         while following is not None and following[0].frame == frame:
             row, kept = following
-            stop = start + told(row)
+            stop = start + part.told(row)
             mine = table.slice(start, stop - start)
             start, following = stop, next(rows, None)
             if row.culler not in used:
@@ -208,7 +212,7 @@ def _go_through(
             followed = unpacked(kept, record.unit_count)
             verdict = review.verdict(found, record.promise, row.culler, cut, followed)
             found = replace(found, verdict=verdict)
-            record.frames.append(found)
+            record.frames.append(replace(found, verdict=held(verdict)))
             on_cell(
                 Cell(
                     part,
@@ -232,7 +236,7 @@ def _values(row: FrameRow) -> dict[str, Any]:
 def _check_rows(part: PartFolder, table: pa.Table) -> None:
     """That objects.parquet has the rows of each verdict together, ordered as frames.parquet is."""
     rows = part.run.frames
-    counts = [told(row) for row in rows]
+    counts = [part.told(row) for row in rows]
     fits = sum(counts) == len(table)
     for name in ("culler", "frame", "view"):
         if not fits:
@@ -253,7 +257,7 @@ def _check_rows(part: PartFolder, table: pa.Table) -> None:
 def _record(row: FrameRow, mine: pa.Table, samples: Any, names: KnownNames) -> FrameRecord:
     """A verdict as its part has it."""
     lost = row.missed + (row.partly_missed or 0)
-    misses = [_miss(one, samples, names) for one in mine.slice(0, lost).to_pylist()]
+    misses = _misses(mine.slice(0, lost), samples, names)
     rest = mine.slice(lost)
     hidden = rest.filter(pc.is_valid(rest["samples"])).to_pylist()
     undecided = rest.filter(pc.equal(rest["kind"], ObjectKind.UNDECIDED.value)).to_pylist()
@@ -261,7 +265,7 @@ def _record(row: FrameRow, mine: pa.Table, samples: Any, names: KnownNames) -> F
     width = next(iter(samples.values()))["width"] if row.view == ALL_VIEWS else None
     verdict = FrameVerdict(
         Counts(**{name: getattr(row, name) or 0 for name in COUNTS}),
-        tuple(misses),
+        misses,
         undecided_objects=np.array([one["object"] for one in undecided], np.int32),
         owned=row.owned,
         confirmed_superfluous=tuple(_hidden(one, samples, row.view, names) for one in hidden),
@@ -278,25 +282,38 @@ def _record(row: FrameRow, mine: pa.Table, samples: Any, names: KnownNames) -> F
     )
 
 
-def _miss(one: dict[str, Any], samples: Any, names: KnownNames) -> Miss:
-    if one["kind"] not in MISS_KINDS or one["view"] not in samples:
+def _misses(rows: pa.Table, samples: Any, names: KnownNames) -> Misses:
+    """What rows of objects.parquet say was missed."""
+    views = tuple(samples)
+    lists = {name: rows[name].to_pylist() for name in ("object", "name", "kind", "view")}
+    if not set(lists["kind"]).issubset(MISS_KINDS) or not set(lists["view"]).issubset(views):
         raise ValueError("a miss has no kind, or no view")
-    names.names[one["object"]] = one["name"]
-    width = int(samples[one["view"]]["width"])
-    return Miss(
-        one["object"],
-        MissKind(one["kind"]),
-        one["pixels"],
-        one["owned"],
-        one["y"] * width + one["x"],
-        one["triangle"],
-        one["depth"],
-        one["margin_px"],
-        one["margin_depth"],
-        one["partly"],
-        one["view"],
-        width,
-        one["age"],
+    names.names.update(zip(lists["object"], lists["name"], strict=True))
+    place = {view: number for number, view in enumerate(views)}
+    view = np.array([place[one] for one in lists["view"]], np.int16)
+    width = np.array([int(samples[one]["width"]) for one in views], np.int32)[view]
+
+    def column(name: str, absent: float | bool = 0) -> NDArray[Any]:
+        values: NDArray[Any] = pc.fill_null(rows[name], absent).to_numpy()
+        return values
+
+    return Misses(
+        MissColumns(
+            column("object"),
+            np.array([CODES[MissKind(one)] for one in lists["kind"]], np.int8),
+            column("pixels"),
+            column("owned"),
+            column("y").astype(np.int64) * width + column("x"),
+            column("triangle"),
+            column("depth"),
+            column("margin_px", np.nan),
+            column("margin_depth", np.nan),
+            column("partly", False).astype(np.bool_),
+            view,
+            width,
+            column("age", -1),
+        ),
+        views,
     )
 
 
@@ -318,8 +335,9 @@ def _reviewed(mine: pa.Table, verdict: FrameVerdict) -> pa.Table:
     lost = len(verdict.misses)
     if not lost:
         return mine
-    kinds = pa.array([miss.kind.value for miss in verdict.misses], pa.string())
-    ages = pa.array([miss.age for miss in verdict.misses], pa.int64())
+    kinds = pa.array(verdict.misses.kind_names(), pa.string())
+    age = verdict.misses.columns.age
+    ages = pa.array(age, pa.int64(), mask=age < 0)
     told = mine.slice(0, lost)
     told = told.set_column(_KIND, OBJECTS_SCHEMA.field(_KIND), kinds)
     told = told.set_column(_AGE, OBJECTS_SCHEMA.field(_AGE), ages)

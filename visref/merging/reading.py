@@ -31,6 +31,7 @@ from visref.run_folder.layout import (
     PART_SCHEMA,
     PART_UNITS,
     PART_UNITS_SCHEMA,
+    SUPERFLUOUS_ROWS,
     TRUTH,
 )
 from visref.run_folder.part import PART_FORMAT, PART_VERSION, InputFindings
@@ -93,9 +94,15 @@ class PartFolder:
         """The frames of this part."""
         return tuple(self.said.shard.of(self.said.frames))
 
+    def told(self, row: FrameRow) -> int:
+        """How many rows of objects.parquet are a verdict's."""
+        listed = row.frame in self.said.pictures or self.run.manifest.settings.get(SUPERFLUOUS_ROWS)
+        hidden = row.superfluous if listed else row.superfluous_confirmed or 0
+        return row.missed + (row.partly_missed or 0) + row.undecided + hidden
+
     def objects(self) -> pa.Table:
         """objects.parquet. Raises InputError where it is spoilt."""
-        rows = sum(map(told, self.run.frames))
+        rows = sum(map(self.told, self.run.frames))
         return read_objects(self.folder, self.run.manifest, rows).cast(OBJECTS_SCHEMA)
 
     def cells(self) -> list[dict[str, Any]]:
@@ -305,11 +312,6 @@ def _culler(one: Fields) -> CullerPart:
         {unit.whole("unit"): unit.whole("frame") for unit in ignored},
         {unit.whole("unit"): unit.text("name") for unit in (*small, *ignored)},
     )
-
-
-def told(row: FrameRow) -> int:
-    """How many rows of objects.parquet are a verdict's."""
-    return row.missed + (row.partly_missed or 0) + row.undecided + row.superfluous
 
 
 def cells_error(part: PartFolder, why: ValueError) -> InputError:

@@ -3,11 +3,15 @@ its own that goes with the process. So a recording of any length takes a few byt
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 import weakref
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.scene import Float64, Int32
 
@@ -17,10 +21,12 @@ _LIST, _BITS = 0, 1
 
 
 class Spool:
-    """Sets of numbers and boxes, put away and got back by where they were put."""
+    """Sets of numbers, boxes and arrays, put away and got back by where they were put. Beyond
+    `in_memory` bytes a temporary file holds it all."""
 
-    def __init__(self) -> None:
-        self._file = tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY)  # noqa: SIM115
+    def __init__(self, in_memory: int = _IN_MEMORY) -> None:
+        self._in_memory = in_memory
+        self._file = tempfile.SpooledTemporaryFile(max_size=in_memory)  # noqa: SIM115
         # Whoever replays may come back to any frame.
         weakref.finalize(self, self._file.close)
         self._end = 0
@@ -54,12 +60,27 @@ class Spool:
         boxes = np.frombuffer(data, "<f8", 6 * count, 4 * count).astype(np.float64)
         return numbers, boxes.reshape(count, 2, 3)
 
+    def put_arrays(self, arrays: Iterable[NDArray[Any]]) -> tuple[int, int]:
+        """Keep arrays, each with its kind and shape; returns where."""
+        with io.BytesIO() as data:
+            for array in arrays:
+                np.lib.format.write_array(data, array, allow_pickle=False)
+            return self._put(data.getvalue())
+
+    def get_arrays(self, at: tuple[int, int]) -> list[NDArray[Any]]:
+        """The arrays that were put there."""
+        found = []
+        with io.BytesIO(self._get(at)) as data:
+            while data.tell() < at[1]:
+                found.append(np.lib.format.read_array(data, allow_pickle=False))
+        return found
+
     def _put(self, data: bytes) -> tuple[int, int]:
         at = self._end
         self._file.seek(at)
         self._file.write(data)
         self._end += len(data)
-        if self._end > _IN_MEMORY:
+        if self._end > self._in_memory:
             self._file.flush()
             self._on_disk = hasattr(os, "pread")
         return at, len(data)

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.findings import Code, Finding
+from visref.recordings.spool import Spool
 from visref.scene import Scene
 from visref.visibility import ObjectVisibility
 
@@ -54,6 +55,11 @@ _READABLE = (1, 2)
 
 # The view of a frame that has one camera without a name.
 _UNNAMED = ""
+_STATUS = pa.array(["visible", "tie"])
+# What pyarrow takes without being told.
+_GROUP_ROWS = 1 << 20
+# Of the frames at hand; more goes to disk.
+_IN_MEMORY = 4 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +95,13 @@ class RecordedTruth:
 
 
 class TruthTable:
-    """Collects frames and makes the file."""
+    """Collects frames and makes the file. What frames say is kept on disk until then."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._names = np.array(scene.names, dtype=object)
-        self._parts: list[pa.Table] = []
+        self._names = pa.array(scene.names, pa.string())
+        self._spool = Spool(_IN_MEMORY)
+        self._parts: list[_Frame] = []
         self._frames: list[int] = []
         self._views: list[str] = []
         self._owned: list[int] = []
@@ -105,20 +112,17 @@ class TruthTable:
         self._views.append(view)
         self._owned.append(seen.owned)
         objects = np.flatnonzero(seen.visible)
-        sample = seen.sample[objects]
-        status = np.where(seen.alone[objects] > 0, "visible", "tie")
-        columns = [
-            np.full(len(objects), frame, np.int32),
-            pa.repeat(pa.scalar(view), len(objects)),
-            objects.astype(np.int32),
-            pa.array(self._names[objects], pa.string()),
-            seen.samples[objects],
-            pa.array(status.tolist(), pa.string()),
-            (sample % width).astype(np.int32),
-            (sample // width).astype(np.int32),
-            seen.depth[objects],
-        ]
-        self._parts.append(pa.table(columns, schema=_SCHEMA))
+        y, x = np.divmod(seen.sample[objects], width)
+        columns: dict[str, NDArray[Any]] = {
+            "object": objects.astype(np.int32),
+            "pixels": seen.samples[objects].astype(np.int64),
+            "status": seen.alone[objects] > 0,
+            "x": x.astype(np.int32),
+            "y": y.astype(np.int32),
+            "depth": seen.depth[objects],
+        }
+        places = {name: self._spool.put_arrays([column]) for name, column in columns.items()}
+        self._parts.append(_Frame(self._spool, self._names, frame, view, len(objects), places))
 
     def write(
         self,
@@ -131,7 +135,6 @@ class TruthTable:
     ) -> None:
         """Write the file; the caller has made the place safe. `exact`: whether the engine is,
         None where that is not known."""
-        table = pa.concat_tables([_SCHEMA.empty_table(), *self._parts])
         facts: dict[str, Any] = {
             "format": _FORMAT,
             "version": _VERSION,
@@ -144,31 +147,77 @@ class TruthTable:
             "views": self._views,
             "owned": self._owned,
         }
-        _seal(file, table, facts)
+        _seal(file, self._parts, facts)
 
 
-def _seal(file: Path, table: pa.Table, facts: dict[str, Any]) -> None:
-    """Write rows and facts, with a digest of both."""
-    facts = {**facts, "digest": _digest(table, facts)}
-    table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
-    # How a table is put together shows in a file's bytes.
-    pq.write_table(table.combine_chunks(), file, compression="zstd")
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """The rows of one view of a frame, `rows` of them, a column at a time: where those are in the
+    spool that hang on the frame. `names`: of the scene's objects."""
+
+    spool: Spool
+    names: pa.Array
+    frame: int
+    view: str
+    rows: int
+    places: Mapping[str, tuple[int, int]]
+
+    def __getitem__(self, name: str) -> pa.Array:
+        if name == "frame":
+            return pa.repeat(pa.scalar(self.frame, pa.int32()), self.rows)
+        if name == "view":
+            return pa.repeat(pa.scalar(self.view), self.rows)
+        (values,) = self.spool.get_arrays(self.places["object" if name == "name" else name])
+        if name == "name":
+            return self.names.take(pa.array(values))
+        if name == "status":
+            return _STATUS.take(pa.array(1 - values.astype(np.int8)))
+        return pa.array(values)
 
 
-def _digest(table: pa.Table, facts: dict[str, Any]) -> str:
+class _Columns(Protocol):
+    """A table's rows, a column at a time."""
+
+    def __getitem__(self, name: str, /) -> Any: ...
+
+
+def _seal(file: Path, parts: Sequence[_Columns], facts: dict[str, Any]) -> None:
+    """Write rows and facts, with a digest of both. Never more rows are held than a row group has,
+    and a part's."""
+    facts = {**facts, "digest": _digest(parts, facts)}
+    schema = _SCHEMA.with_metadata({_KEY: json.dumps(facts, sort_keys=True)})
+    table = schema.empty_table()
+    with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+
+        def write(rows: int) -> pa.Table:
+            # How a table is put together shows in a file's bytes.
+            writer.write_table(table.slice(0, rows).combine_chunks(), row_group_size=_GROUP_ROWS)
+            return table.slice(rows)
+
+        for part in parts:
+            more = pa.table([part[name] for name in _SCHEMA.names], schema=schema)
+            table = pa.concat_tables([table, more])
+            while len(table) > _GROUP_ROWS:
+                table = write(_GROUP_ROWS)
+        write(len(table))
+
+
+def _digest(parts: Sequence[_Columns], facts: dict[str, Any]) -> str:
     """SHA-256 (hexadecimal) of the rows, in their order, and of the facts but for the digest.
     It depends on the values alone, not on how the file is laid out."""
     said = {name: value for name, value in facts.items() if name != "digest"}
     digest = hashlib.sha256(json.dumps(said, sort_keys=True).encode())
     for name in _SCHEMA.names:
-        column = table[name]
-        if pa.types.is_string(column.type):
+        if pa.types.is_string(_SCHEMA.field(name).type):
             # Lengths before letters: no two columns of texts give the same bytes.
-            digest.update(pc.binary_length(column).to_numpy().astype("<i4").tobytes())
-            digest.update("".join(column.to_pylist()).encode())
+            for part in parts:
+                digest.update(pc.binary_length(part[name]).to_numpy().astype("<i4").tobytes())
+            for part in parts:
+                digest.update("".join(part[name].to_pylist()).encode())
         else:
-            values = column.to_numpy()
-            digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
+            for part in parts:
+                values = part[name].to_numpy()
+                digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
     return digest.hexdigest()
 
 
@@ -364,7 +413,7 @@ def write_joined(file: Path, parts: Sequence[TruthRows]) -> None:
     }
     tables = [part.table.replace_schema_metadata(None) for part in parts]
     facts = {name: value for name, value in first.items() if name != "digest"}
-    _seal(file, pa.concat_tables([_SCHEMA.empty_table(), *tables]), {**facts, **lists})
+    _seal(file, tables, {**facts, **lists})
 
 
 def _table_and_facts(
@@ -425,6 +474,6 @@ def _table_and_facts(
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
     if any(column.null_count for column in table.columns):
         raise spoilt("its columns are not those of a truth file: a cell is empty")
-    if version >= 2 and facts["digest"] != _digest(table, facts):
+    if version >= 2 and facts["digest"] != _digest([table], facts):
         raise spoilt("it was changed after it was written: its digest is another")
     return table, facts

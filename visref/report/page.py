@@ -264,7 +264,12 @@ def _run_view(run: RunFolder, index: int, out: Path, budget: CropBudget) -> dict
         "frames_left_out": frames_left_out,
         "start": _start(rows, frames),
         "superfluous": [
-            (row, units[:MAX_SUPERFLUOUS], max(0, len(units) - MAX_SUPERFLUOUS))
+            (
+                row,
+                units[:MAX_SUPERFLUOUS],
+                max(0, len(units) - MAX_SUPERFLUOUS),
+                run.superfluous_listed(row.culler) == row.counts.superfluous,
+            )
             for row in rows
             if (units := run.superfluous_units(row.culler))
         ],

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.judging.frame import SettledFrame
-from visref.judging.judge import Miss, MissKind
+from visref.judging.misses import Miss, Misses, MissKind
 from visref.run_folder.layout import SURROUNDED_CELLS
 from visref.scene import Int32, Int64
 
@@ -45,9 +45,9 @@ class Cut:
 
     def packed(self) -> bytes:
         flags = self.lost.astype(np.int32) + 2 * self.gone
-        layers = np.stack([self.triangle, self.glass, self.glass_drawn, flags])
+        layers = np.stack([self.triangle, self.glass, self.glass_drawn, flags], dtype=np.int32)
         head = np.array([self.x, self.y, self.step, *self.triangle.shape], np.int64)
-        return zlib.compress(head.tobytes() + layers.astype(np.int32).tobytes(), 1)
+        return zlib.compress(head.tobytes() + layers.tobytes(), 1)
 
     @classmethod
     def unpacked(cls, data: bytes) -> Cut:
@@ -67,26 +67,41 @@ class FrameCuts:
     def of(self, miss: Miss) -> Cut:
         """What lies around a miss of this frame's view."""
         settled, camera = self._settled, self._settled.truth.camera
-        mine = np.unique(np.append(self._lost_to(miss.object), miss.sample))
-        x, step_x = _lattice(mine % camera.width, miss.sample % camera.width, camera.width)
-        y, step_y = _lattice(mine // camera.width, miss.sample // camera.width, camera.height)
+        mine = np.append(self._lost_to(miss.object), miss.sample)
+        mine_y, mine_x = np.divmod(mine, camera.width)
+        x, step_x = _lattice(mine_x, miss.sample % camera.width, camera.width)
+        y, step_y = _lattice(mine_y, miss.sample // camera.width, camera.height)
         step = max(step_x, step_y)
         if step > 1:
-            x, _ = _lattice(mine % camera.width, miss.sample % camera.width, camera.width, step)
-            y, _ = _lattice(mine // camera.width, miss.sample // camera.width, camera.height, step)
-        columns = np.arange(x, camera.width, step)[:SURROUNDED_CELLS]
-        rows = np.arange(y, camera.height, step)[:SURROUNDED_CELLS]
-        at = rows[:, None] * camera.width + columns
-        triangle = settled.truth.buffer.triangle[np.ix_(rows, columns)]
-        lost = _among(mine, at) & (miss.kind is not MissKind.TIE)
-        glass = _picked(self._glass, at)
-        glass_drawn = _picked(self._glass_drawn, at)
-        own = _picked(self._own_glass(miss.object), at)
-        glass = np.where(lost & (own >= 0), own, glass)
-        return Cut(
-            x, y, step, triangle, glass, glass_drawn, lost,
-            _among(settled.walk.lost_samples, at),
-        )  # fmt: skip
+            x, _ = _lattice(mine_x, miss.sample % camera.width, camera.width, step)
+            y, _ = _lattice(mine_y, miss.sample // camera.width, camera.height, step)
+        rows = slice(y, y + step * SURROUNDED_CELLS, step)
+        columns = slice(x, x + step * SURROUNDED_CELLS, step)
+        triangle = settled.truth.buffer.triangle[rows, columns]
+        height, width = triangle.shape
+        lost = np.zeros((height, width), np.bool_)
+        if miss.kind is not MissKind.TIE:
+            row, column = (mine_y - y) // step, (mine_x - x) // step
+            there = (row * step == mine_y - y) & (column * step == mine_x - x)
+            there &= (row >= 0) & (row < height) & (column >= 0) & (column < width)
+            lost[row[there], column[there]] = True
+        glass = glass_drawn = np.full((height, width), -1, np.int32)
+        if len(settled.truth.blend.object):
+            down, right = y + step * np.arange(height), x + step * np.arange(width)
+            at = down[:, None] * camera.width + right
+            glass, glass_drawn = _picked(self._glass, at), _picked(self._glass_drawn, at)
+            own = _picked(self._own_glass(miss.object), at)
+            glass = np.where(lost & (own >= 0), own, glass)
+        gone = self._gone[rows, columns]
+        return Cut(x, y, step, triangle, glass, glass_drawn, lost, gone)
+
+    @cached_property
+    def _gone(self) -> NDArray[np.bool_]:
+        """(height, width) bool, the samples that are lost, whoever lost them."""
+        camera = self._settled.truth.camera
+        gone = np.zeros(camera.samples, np.bool_)
+        gone[self._settled.walk.lost_samples] = True
+        return gone.reshape(camera.height, camera.width)
 
     @cached_property
     def _losers(self) -> tuple[Int64, Int64]:
@@ -129,14 +144,6 @@ class FrameCuts:
         return sample, blend.triangle[order][first]
 
 
-def _among(some: Int64, at: Int64) -> NDArray[np.bool_]:
-    """Which of `at` are among `some`, ascending."""
-    if not len(some):
-        return np.zeros(at.shape, np.bool_)
-    found: NDArray[np.bool_] = some[np.minimum(np.searchsorted(some, at), len(some) - 1)] == at
-    return found
-
-
 def _picked(hits: tuple[Int64, Int32], at: Int64) -> Int32:
     """The triangle of the hit at each sample of `at`, -1 for none."""
     sample, triangle = hits
@@ -167,6 +174,12 @@ def _lattice(lost: Int64, witness: int, side: int, step: int = 0) -> tuple[int, 
     return phase + first * step, step
 
 
+def _with_place(values: Int64, index: int) -> Int64:
+    """The values with -1 for each that they lack up to a place."""
+    more = index + 1 - len(values)
+    return np.append(values, np.full(max(more, len(values)), -1)) if more > 0 else values
+
+
 Key = tuple[int, int, int, int]
 Place = tuple[int, str, int]
 
@@ -180,6 +193,8 @@ class CutKeeper:
         self._objects = objects
         self._top: list[tuple[Key, Place]] = []
         self._best: dict[int, tuple[Key, Place]] = {}
+        # By object the samples that its best loses, -1 where it has none.
+        self._most = np.zeros(0, np.int64)
         self._cuts: dict[Place, bytes] = {}
         self._open: set[Place] = set()
         self._added = 0
@@ -187,7 +202,7 @@ class CutKeeper:
     def add(
         self,
         frame: int,
-        misses: tuple[Miss, ...],
+        misses: Misses,
         settled: tuple[SettledFrame, ...],
         *,
         open_: bool = False,
@@ -196,12 +211,14 @@ class CutKeeper:
         yet accept some that are confirmed, so that they are kept, and no others for them forgotten.
         """
         views = {one.truth.camera.view: FrameCuts(one) for one in settled}
-        for miss in misses:
-            self._added += 1
+        before = self._added
+        self._added += len(misses)
+        some = np.flatnonzero(self._may_be_kept(misses, open_))
+        for place, miss in zip(some.tolist(), misses.picked(some), strict=True):
             if miss.view not in views:
                 continue
             entry = (
-                (-miss.samples, frame, miss.object, self._added),
+                (-miss.samples, frame, miss.object, before + place),
                 (frame, miss.view, miss.object),
             )
             is_top = len(self._top) < self._worst or entry < self._top[-1]
@@ -229,8 +246,28 @@ class CutKeeper:
             if is_best:
                 left += [self._best[miss.object]] if miss.object in self._best else []
                 self._best[miss.object] = entry
+                self._most = _with_place(self._most, miss.object)
+                self._most[miss.object] = miss.samples
             for other in left:
                 self._forget(other)
+
+    def _may_be_kept(self, misses: Misses, open_: bool) -> NDArray[np.bool_]:
+        """(k,) bool, of these misses those that may be: of a frame that loses most of a scene, few.
+        Outward: `add` looks at each of them."""
+        columns = misses.columns
+        if not len(columns.object):
+            return np.zeros(0, np.bool_)
+        may = misses.are(MissKind.CONFIRMED)
+        if not open_:
+            most = _with_place(self._most, int(columns.object.max()))[columns.object]
+            room = self._objects is None or len(self._best) < self._objects
+            may &= ((most < 0) & room) | ((most >= 0) & (columns.samples > most))
+        if len(self._top) < self._worst:
+            least = np.sort(columns.samples)[::-1][: self._worst][-1]
+        else:
+            least = -self._top[-1][0][0]
+        found: NDArray[np.bool_] = may | (columns.samples >= least)
+        return found
 
     def _forget(self, entry: tuple[Key, Place]) -> None:
         best = self._best.get(entry[1][2]) == entry

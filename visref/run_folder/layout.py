@@ -6,9 +6,10 @@ frames.parquet     one row per culler, frame and view: counts and costs
 timings.parquet    one row per culler, frame, view and phase: milliseconds (the one file that
                    differs between two runs of the same inputs)
 objects.parquet    one row per culler, frame, view and object that was missed, in full or in part,
-                   undecided, or drawn for nothing; a miss with its likeliest cause, what was drawn
-                   for nothing with its own, in the frames that have pictures, and with what hides
-                   it, where a promise forbids it
+                   or undecided; a miss with its likeliest cause; and one per unit drawn for
+                   nothing, in the frames picked for pictures, with its own cause, and where a
+                   promise forbids it, with what hides it (with `--superfluous-rows` in all frames;
+                   frames.parquet counts them in any case)
 truth.parquet      the truth, as `visref truth` writes it
 witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
                    as hexadecimal floats, so that it replays without the scene; its causes and the
@@ -53,6 +54,10 @@ PICTURES = "pictures"
 PART = "part.json"
 PART_CELLS = "part.parquet"
 PART_UNITS = "part-units.parquet"
+
+# The setting of a run, in its manifest, that lists what was drawn for nothing in all frames.
+# Without it: in those that were picked for pictures, and elsewhere what a promise forbids.
+SUPERFLUOUS_ROWS = "superfluous_rows"
 
 # What `visref report` writes, into a folder of the user's choice.
 REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY = "report.html", "junit.xml", "summary.md"

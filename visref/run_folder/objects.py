@@ -13,56 +13,92 @@ import pyarrow.parquet as pq
 from visref.judging.asking import Job
 from visref.judging.causes import CausesFound
 from visref.judging.judge import FrameVerdict
-from visref.judging.outcome import witness_json
+from visref.judging.misses import Misses
 from visref.judging.referee import JudgedFrame
 from visref.run_folder.causes import superfluous_causes
 from visref.run_folder.groups import RowGroups
 from visref.run_folder.layout import OBJECTS_SCHEMA, ObjectKind
-from visref.scene import OBJECT, Int32, Scene
+from visref.scene import OBJECT, Float64, Int32, Scene
 
 
 class ObjectsWriter:
-    """Collects rows and writes them. Superfluous units are explained in the frames `explained`."""
+    """Collects rows and writes them. Superfluous units have rows, and are explained, in the frames
+    `explained`. Elsewhere those have rows that a promise forbids, or all of them with `every`."""
 
-    def __init__(self, file: Path, scene: Scene, explained: Sequence[int]) -> None:
+    def __init__(
+        self, file: Path, scene: Scene, explained: Sequence[int], *, every: bool = False
+    ) -> None:
         self._file = file
         self._groups = RowGroups(file, OBJECTS_SCHEMA)
         self._scene = scene
         self._explained = frozenset(explained)
+        self._every = every
         self._names = pa.array(scene.names, pa.string())
 
     def add(self, job: Job, judged: JudgedFrame) -> None:
         """Add what a culler missed, drew for nothing or left in doubt in one view of a frame."""
         record, verdict = judged.record, judged.record.verdict
-        misses = []
-        for miss in verdict.misses:
-            witness = witness_json(self._scene, record.frame, miss)
-            witness["name"] = witness.pop("object_name")
-            misses.append({"culler": job.spec, **witness, "age": miss.age})
-        self._groups.add(pa.Table.from_pylist(misses, schema=OBJECTS_SCHEMA))
 
-        def rows(kind: ObjectKind, count: int, columns: dict[str, pa.Array]) -> None:
+        def rows(count: int, columns: dict[str, pa.Array], kind: ObjectKind | None = None) -> None:
             """Rows of which all columns that are not given are null."""
-            columns = columns | {
+            if not count:
+                return
+            every = {
                 "culler": pa.repeat(pa.scalar(job.spec), count),
                 "frame": pa.repeat(pa.scalar(record.frame, pa.int32()), count),
                 "view": pa.repeat(pa.scalar(record.view), count),
-                "kind": pa.repeat(pa.scalar(kind.value), count),
             }
-            every = [columns.get(f.name, pa.nulls(count, f.type)) for f in OBJECTS_SCHEMA]
-            self._groups.add(pa.table(every, schema=OBJECTS_SCHEMA))
+            if kind is not None:
+                every["kind"] = pa.repeat(pa.scalar(kind.value), count)
+            every |= columns
+            self._groups.add(
+                pa.table(
+                    [every.get(f.name, pa.nulls(count, f.type)) for f in OBJECTS_SCHEMA],
+                    schema=OBJECTS_SCHEMA,
+                )
+            )
 
-        units = pa.array(verdict.superfluous_units, pa.int32())
-        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged)}
-        columns |= self._hiders(verdict.superfluous_units, verdict)
+        if verdict.misses:
+            rows(len(verdict.misses), self._missed(verdict.misses))
+        hidden = verdict.superfluous_units
+        if not (self._every or record.frame in self._explained):
+            hidden = np.array([one.unit for one in verdict.confirmed_superfluous], np.int32)
+        units = pa.array(hidden, pa.int32())
+        columns: dict[str, pa.Array] = {"unit": units, "cause": self._causes(job, judged, hidden)}
+        columns |= self._hiders(hidden, verdict)
         if job.units.kind == OBJECT:
             columns |= {"object": units, "name": self._names.take(units)}
         else:
             columns["object"] = pa.repeat(pa.scalar(-1, pa.int32()), len(units))
-        rows(ObjectKind.SUPERFLUOUS, len(units), columns)
+        rows(len(units), columns, ObjectKind.SUPERFLUOUS)
         objects = pa.array(verdict.undecided_objects, pa.int32())
         columns = {"object": objects, "name": self._names.take(objects)}
-        rows(ObjectKind.UNDECIDED, len(objects), columns)
+        rows(len(objects), columns, ObjectKind.UNDECIDED)
+
+    def _missed(self, misses: Misses) -> dict[str, pa.Array]:
+        """Columns of what was missed, each witness as `witness_json` tells it."""
+        columns = misses.columns
+        y, x = np.divmod(columns.sample, columns.width)
+        found = {
+            "view": misses.view_names(),
+            "object": columns.object,
+            "name": self._names.take(pa.array(columns.object)),
+            "kind": misses.kind_names(),
+            "pixels": columns.samples,
+            "owned": columns.owned,
+            "x": x.astype(np.int32),
+            "y": y.astype(np.int32),
+            "triangle": columns.triangle,
+            "depth": columns.depth,
+            "margin_px": _finite(columns.margin_px),
+            "margin_depth": _finite(columns.margin_depth),
+            "partly": columns.partly,
+            "age": pa.array(columns.age, mask=columns.age < 0),
+        }
+        return {
+            name: values if isinstance(values, pa.Array) else pa.array(values)
+            for name, values in found.items()
+        }
 
     def close(self, causes: Mapping[str, CausesFound]) -> None:
         """Write what is left, and the file if there was nothing at all. `causes`: by culler, why
@@ -89,9 +125,8 @@ class ObjectsWriter:
             for name in ("samples", "occluder", "occluder_name", "x", "y")
         }
 
-    def _causes(self, job: Job, judged: JudgedFrame) -> pa.Array:
-        """Why each superfluous unit was drawn; null in frames that are not explained."""
-        units = judged.record.verdict.superfluous_units
+    def _causes(self, job: Job, judged: JudgedFrame, units: Int32) -> pa.Array:
+        """Why each of the superfluous units was drawn; null in frames that are not explained."""
         # A set for several views has causes of each of them.
         if len(judged.settled) != 1 or judged.record.frame not in self._explained:
             return pa.nulls(len(units), pa.string())
@@ -102,6 +137,11 @@ class ObjectsWriter:
         names = np.full(len(units), None, object)
         names[np.searchsorted(units, list(causes))] = list(causes.values())
         return pa.array(names, pa.string())
+
+
+def _finite(margins: Float64) -> pa.Array:
+    """Null where nothing limits a margin, as where it was not computed."""
+    return pa.array(margins, mask=~np.isfinite(margins))
 
 
 def name_causes(file: Path, causes: Mapping[str, CausesFound]) -> None:
@@ -124,9 +164,10 @@ def _with_causes(rows: pa.Table, causes: Mapping[str, CausesFound]) -> pa.Table:
     values = rows.column(place).to_pylist()
     # Of a miss alone the pixels lost are known.
     missed = np.flatnonzero(rows.column("pixels").is_valid().to_numpy(zero_copy_only=False))
-    columns = [rows.column(name) for name in ("culler", "frame", "view", "object")]
-    for row in missed.tolist():
-        culler, frame, view, obj = (column[row].as_py() for column in columns)
-        found = causes.get(culler, CausesFound()).of(frame, view, obj)
+    lost = rows.take(pa.array(missed))
+    columns = (lost.column(name).to_pylist() for name in ("culler", "frame", "view", "object"))
+    none = CausesFound()
+    for row, culler, frame, view, obj in zip(missed.tolist(), *columns, strict=True):
+        found = causes.get(culler, none).of(frame, view, obj)
         values[row] = found[0].cause if found else None
     return rows.set_column(place, OBJECTS_SCHEMA.field(place), pa.array(values, pa.string()))

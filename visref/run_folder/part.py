@@ -113,7 +113,7 @@ class PartKeeper:
 
     def on_verdict(self, job: Job, judged: JudgedFrame) -> None:
         record, followed = judged.record, judged.followed
-        self._missed.update(miss.object for miss in record.verdict.misses)
+        self._missed.update(record.verdict.misses.columns.object.tolist())
         if job.units.kind != OBJECT:
             self._units[job.spec] = job.units
         row = {

@@ -17,7 +17,8 @@ from PIL import Image
 from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
-from visref.judging.judge import FrameVerdict, MissKind
+from visref.judging.judge import FrameVerdict
+from visref.judging.misses import MissKind
 from visref.run_folder.colours import (
     MISSED_RGB,
     MOVED_RGB,
@@ -63,47 +64,90 @@ class _Ring:
         return (rows, columns), np.abs(np.hypot(x + 0.5 - self.x, y + 0.5 - self.y) - self.radius)
 
 
-def draw_pictures(
-    folder: Path,
-    stem: str,
-    settled: SettledFrame,
-    verdict: FrameVerdict,
-    *,
-    culler: str,
-    frame: int,
-    moved: NDArray[np.bool_] | None = None,
-) -> PictureSet:
-    """Draw one culler's view of a frame into `folder`, which stands in the run folder.
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """What all cullers' pictures of one view of a frame have in common: the files, and the shaded
+    scene, (h, w) float32 grey at the page's size."""
 
-    `stem` is the culler's part of the file names. Superfluous units show as silhouettes
-    through the scene, missed samples as they are, with rings around small patches. In the shaded
-    scene, the objects that `moved`, (n,) bool, are outlined.
+    files: dict[str, str]
+    grey: Float32
+
+
+class Painter:
+    """Draws the pictures of frames into `folder`, which stands in the run folder.
+
+    The shaded scene and the objects' ids are drawn once for all cullers that are judged in a view
+    of a frame, by the truth of the first of them: the others' differ by what exact arithmetic
+    corrected where they lost samples.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    scene, truth, units = settled.scene, settled.truth, settled.units
-    missed = settled.walk.lost_samples
-    camera = truth.camera
-    shape = page_shape(camera.width, camera.height)
-    shaded = _shade(scene, truth)
-    files = {}
-    view = camera.view
-    at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
 
-    def save(what: str, name: str, image: Image.Image) -> None:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._at: tuple[int, str] | None = None
+        self._shared: _Shared | None = None
+
+    def draw(
+        self,
+        stem: str,
+        settled: SettledFrame,
+        verdict: FrameVerdict,
+        *,
+        culler: str,
+        frame: int,
+        moved: NDArray[np.bool_] | None = None,
+    ) -> PictureSet:
+        """Draw one culler's view of a frame.
+
+        `stem` is the culler's part of the file names. Superfluous units show as silhouettes
+        through the scene, missed samples as they are, with rings around small patches. In the
+        shaded scene, the objects that `moved`, (n,) bool, are outlined.
+        """
+        scene, truth, units = settled.scene, settled.truth, settled.units
+        missed = settled.walk.lost_samples
+        camera = truth.camera
+        shape = page_shape(camera.width, camera.height)
+        view = camera.view
+        at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
+        shared = self._shared
+        if shared is None or self._at != (frame, view):
+            self._at = frame, view
+            shared = self._shared = self._draw_shared(at, scene, truth, moved, shape)
+        files = dict(shared.files)
+        superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
+        missed_px = _shrunk(missed, camera, shape)
+        rings = _rings(scene, truth, verdict, missed, shape)
+        overlay = _overlay(shared.grey, truth, superfluous, missed_px, rings, shape)
+        files["drawn"] = self._save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
+        if len(missed) or rings:
+            errors = _errors(truth, missed_px, rings, shape)
+            files["errors"] = self._save("errors", f"{stem}-{at}-errors.png", errors)
+        return PictureSet(culler, frame, files, view)
+
+    def _draw_shared(
+        self,
+        at: str,
+        scene: Scene,
+        truth: FrameTruth,
+        moved: NDArray[np.bool_] | None,
+        shape: tuple[int, int],
+    ) -> _Shared:
+        shaded = _shade(scene, truth)
+        picture = _with_moved(scene, truth, shaded, moved, shape)
+        files = {
+            "picture": self._save("picture", f"frame-{at}.jpg", picture),
+            "ids": self._save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape)),
+        }
+        grey = np.asarray(_resized(shaded, shape).convert("L"), np.float32) / 255.0
+        return _Shared(files, grey)
+
+    def _save(self, what: str, name: str, image: Image.Image) -> str:
+        """The file's name in the run folder."""
         options = {**_JPEG, "subsampling": 2 if what == "picture" else 0}
-        image.save(folder / name, **(options if name.endswith(".jpg") else {"optimize": True}))
-        files[what] = f"{folder.name}/{name}"
-
-    save("picture", f"frame-{at}.jpg", _with_moved(scene, truth, shaded, moved, shape))
-    superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
-    missed_px = _shrunk(missed, camera, shape)
-    rings = _rings(scene, truth, verdict, missed, shape)
-    overlay = _overlay(shaded, truth, superfluous, missed_px, rings, shape)
-    save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
-    save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape))
-    if len(missed) or rings:
-        save("errors", f"{stem}-{at}-errors.png", _errors(truth, missed_px, rings, shape))
-    return PictureSet(culler, frame, files, view)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        image.save(
+            self._folder / name, **(options if name.endswith(".jpg") else {"optimize": True})
+        )
+        return f"{self._folder.name}/{name}"
 
 
 def _stride(camera: Camera) -> int:
@@ -255,27 +299,40 @@ def _rings(
     """Rings around the missed objects whose lost samples span only a small patch."""
     camera = truth.camera
     scale = shape[1] / camera.width
+    columns = verdict.misses.columns
+    # In the misses' order: those that lose most come first, and of these there may be thousands.
+    listed = np.flatnonzero(~verdict.misses.are(MissKind.TIE))
     owner = _owner_objects(scene, truth.buffer.triangle.reshape(-1)[missed])
-    rings = []
-    for miss in verdict.misses:
-        if miss.kind is MissKind.TIE:
-            continue
-        samples = missed[owner == miss.object]
-        if not len(samples):
-            if miss.view != camera.view:
-                continue
-            samples = np.array([miss.sample])
-        y, x = np.divmod(samples, camera.width)
-        span = max(np.ptp(x), np.ptp(y)) + 1
-        if span * scale < RING_BELOW_PX:
-            centre_x = (x.min() + x.max() + 1) / 2 * scale
-            centre_y = (y.min() + y.max() + 1) / 2 * scale
-            rings.append(_Ring(float(centre_x), float(centre_y), float(span * scale / 2 + 9.0)))
-    return rings[:MAX_RINGS]
+    y, x = np.divmod(missed, camera.width)
+    extent = np.stack([-x, x, -y, y])
+    most = np.full((4, scene.object_count + 1), np.iinfo(np.int64).min)
+    for side, values in zip(most, extent, strict=True):
+        # The last place is the background's.
+        np.maximum.at(side, owner, values)
+    most = most[:, columns.object[listed]]
+    # What owns none of the lost samples, as glass, is marked where its witness is.
+    mine = np.array([view == camera.view for view in verdict.misses.views])
+    alone = most[1] < 0
+    here = mine[columns.view[listed]]
+    y, x = np.divmod(columns.sample[listed], camera.width)
+    low_x, high_x, low_y, high_y = np.where(alone, np.stack([-x, x, -y, y]), most) * (
+        np.array([[-1], [1], [-1], [1]])
+    )
+    span = np.maximum(high_x - low_x, high_y - low_y) + 1
+    marked = (~alone | here) & (span * scale < RING_BELOW_PX)
+    first = np.flatnonzero(marked)[:MAX_RINGS]
+    return [
+        _Ring(
+            float((low_x[at] + high_x[at] + 1) / 2 * scale),
+            float((low_y[at] + high_y[at] + 1) / 2 * scale),
+            float(span[at] * scale / 2 + 9.0),
+        )
+        for at in first
+    ]
 
 
 def _overlay(
-    shaded: Float32,
+    grey: Float32,
     truth: FrameTruth,
     superfluous: Int32,
     missed: NDArray[np.bool_],
@@ -283,7 +340,6 @@ def _overlay(
     shape: tuple[int, int],
 ) -> Image.Image:
     """Visible in blue, superfluous hatched in orange through it, missed in vermilion."""
-    grey = np.asarray(_resized(shaded, shape).convert("L"), np.float32) / 255.0
     hit = _nearest(truth.buffer.triangle, shape) >= 0
     dark, light = np.array([0.05, 0.17, 0.29]), np.array([0.74, 0.88, 0.98])
     image = (dark + (light - dark) * grey[..., None]).astype(np.float32)

@@ -203,9 +203,18 @@ class RunFolder:
         counts = pc.value_counts(self.objects["cause"].filter(mine).drop_null())
         return {row["values"]: row["counts"] for row in counts.to_pylist()}
 
+    def superfluous_listed(self, culler: str) -> int:
+        """How many rows tell of what was drawn for nothing: of all that is counted, or of the
+        frames alone that were picked for pictures, and of what a promise forbids."""
+        mine = pc.and_(
+            pc.equal(self.objects["culler"], culler),
+            pc.equal(self.objects["kind"], ObjectKind.SUPERFLUOUS.value),
+        )
+        return int(pc.sum(mine).as_py() or 0)
+
     def superfluous_units(self, culler: str) -> list[tuple[int, str, int]]:
-        """(unit, name, frames) of what was drawn for nothing, the most often first; the name
-        is empty unless units are objects."""
+        """(unit, name, frames) of what was drawn for nothing, as far as it is listed, the most
+        often first; the name is empty unless units are objects."""
         # Only what is counted: of small units there are tens of millions of rows.
         table = self.objects.select(["culler", "kind", "unit", "name", "frame"])
         mine = pc.equal(table["culler"], culler)

@@ -44,7 +44,7 @@ from visref.run_folder.layout import (
 from visref.run_folder.motion import MotionRecord, motion_json
 from visref.run_folder.objects import ObjectsWriter
 from visref.run_folder.part import Part, PicturePlan
-from visref.run_folder.pictures import draw_pictures
+from visref.run_folder.pictures import Painter
 from visref.run_folder.rows import Motion, PictureSet
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
@@ -61,7 +61,8 @@ class RunWriter:
     truth that is on file already is exact, None where that is not known. `timeline`: the scene
     of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by.
     `part`: which part of a run this may become, None where it will be the whole. `plan`: of
-    pictures, where this is one of several parts; by default one of its own."""
+    pictures, where this is one of several parts; by default one of its own. `superfluous_rows`:
+    list what was drawn for nothing in all frames, not only in `picture_frames`."""
 
     def __init__(
         self,
@@ -77,6 +78,7 @@ class RunWriter:
         policy: Policy | None = None,
         part: Part | None = None,
         plan: PicturePlan | None = None,
+        superfluous_rows: bool = False,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -92,11 +94,14 @@ class RunWriter:
         self._has_truth = False
         self._frames: list[dict[str, Any]] = []
         self._timings: list[dict[str, Any]] = []
-        self._objects = ObjectsWriter(folder / OBJECTS, scene, picture_frames)
+        self._objects = ObjectsWriter(
+            folder / OBJECTS, scene, picture_frames, every=superfluous_rows
+        )
         self._plan = plan or PicturePlan(
             picture_frames, part.open if part is not None else frozenset()
         )
         self._pictures: list[PictureSet] = []
+        self._painter = Painter(folder / PICTURES)
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
         self._drawn: dict[str, tuple[Units, dict[tuple[int, str], tuple[int, int]]]] = {}
@@ -149,8 +154,7 @@ class RunWriter:
                 drawn[record.frame, one.truth.camera.view] = put
         if judged.settled and self._plan.wants(job.spec, record.frame, verdict.counts):
             self._pictures += [
-                draw_pictures(
-                    self._folder / PICTURES,
+                self._painter.draw(
                     slug(job.spec),
                     settled,
                     verdict,

@@ -365,10 +365,8 @@ def _culler_cell(outcome: RunOutcome, record: CullerRecord) -> Cell:
     else:
         state = State.MEASURED if totals.confirmed else State.RIGHT
     lost = sum(
-        miss.samples
-        for row in record.frames
-        for miss in row.verdict.misses
-        if miss.kind is MissKind.CONFIRMED
+        int(misses.columns.samples[misses.are(MissKind.CONFIRMED)].sum())
+        for misses in (row.verdict.misses for row in record.frames)
     )
     return Cell(
         state,
