@@ -22,7 +22,7 @@ def tool():
     return module
 
 
-COSTS = {"worker": 10.0, "task": 1.0, "frame": 0.5, "run": 5.0, "merged": 0.01}
+COSTS = {"pictures": 3.0, "worker": 10.0, "task": 1.0, "frame": 0.5, "run": 5.0, "merged": 0.01}
 
 
 def test_the_page_has_what_the_measurements_give(tool):
@@ -34,7 +34,7 @@ def test_the_page_has_what_the_measurements_give(tool):
 def test_the_fit_finds_the_costs_that_made_its_figures(tool):
     shapes = [(1, 16, 1), (1, 16, 4), (2, 32, 4), (1, 32, 4), (4, 32, 4)]
     rows = [
-        [workers, frames, tasks, 5.0, 10.0 * workers + tasks + 0.5 * frames]
+        [workers, frames, tasks, 5.0, 3.0 + 10.0 * workers + tasks + 0.5 * frames]
         for workers, frames, tasks in shapes
     ]
     figures = {"rows": rows, "merging": {"frames": 8, "seconds": 0.08}}
@@ -43,7 +43,7 @@ def test_the_fit_finds_the_costs_that_made_its_figures(tool):
 
 def test_one_worker_and_one_run_at_a_time_take_the_sum_of_all(tool):
     tasks = tool.FRAMES // tool.TASK_FRAMES
-    run = 5.0 + 10.0 + tasks * (1.0 + 0.5 * tool.TASK_FRAMES) + 0.01 * tool.FRAMES
+    run = 5.0 + 3.0 + 10.0 + tasks * (1.0 + 0.5 * tool.TASK_FRAMES) + 0.01 * tool.FRAMES
     hours, spent = tool.schedule(COSTS, 1, 1)
     assert hours == pytest.approx(tool.SCENES * run / 3600)
     assert spent == pytest.approx(hours)

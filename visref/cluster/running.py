@@ -34,9 +34,9 @@ _ROUNDS = 4
 # What is lost with a worker, and what its result holds, is no more than so many frames of work.
 _MOST_FRAMES = 100
 
-# A cluster that starts its workers by a queue may need long; one that has lost them is given less.
+# A cluster that starts its workers by a queue may need long, and so may one that has lost them.
 _FIRST_WORKER_S = 120.0
-_NO_WORKER_S = 60.0
+_NO_WORKER_S = 120.0
 _LOOK_S = 2.0
 _BEGUN = "begun"
 

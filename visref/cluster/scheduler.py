@@ -17,6 +17,8 @@ from visref.errors import InputError
 LOCAL = "local"
 
 _CONNECT_S = 10.0
+_RESTART_S = 600
+_GIVEN_UP = "distributed.deploy.lost-worker-timeout"
 _START = "start one with `dask scheduler`, or give --dask local"
 
 
@@ -62,6 +64,8 @@ def _library() -> Any:
 @contextmanager
 def _local(distributed: Any, workers: int) -> Iterator[Any]:
     """A scheduler in this process, and workers beside it; their files are gone with them."""
+    import dask
+
     with tempfile.TemporaryDirectory(prefix="visref-dask-", ignore_cleanup_errors=True) as folder:
         cluster = distributed.LocalCluster(
             n_workers=workers,
@@ -74,7 +78,9 @@ def _local(distributed: Any, workers: int) -> Iterator[Any]:
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
-        with cluster:
+        # A worker that ended is started again, however busy this machine is: one that is not back
+        # within this time is given up by Dask.
+        with cluster, dask.config.set({_GIVEN_UP: f"{_RESTART_S} s"}):
             yield cluster
 
 
