@@ -187,7 +187,9 @@ def _quotients(work: NDArray[Any], count: int, perspective: bool) -> None:
     for i in range(count):
         at = OURS * STRIDE + i
         a, b = work[COLUMN_A * STRIDE + i], work[ROW_B * STRIDE + i]
-        row = _add(_pair(work, at + AFFINE * STRIDE), _scale(_pair(work, at + AFFINE_B * STRIDE), b))
+        row = _add(
+            _pair(work, at + AFFINE * STRIDE), _scale(_pair(work, at + AFFINE_B * STRIDE), b)
+        )
         value = _add(row, _scale(_pair(work, at + AFFINE_A * STRIDE), a))
         constant = _pair(work, at + CONSTANT * STRIDE)
         constant_error = work[at + CONSTANT_ERROR * STRIDE]

@@ -271,10 +271,9 @@ def _clip(camera: Samples, a_size: float, b_size: float) -> Float64:
 
 
 @njit(error_model="numpy", inline="always")
-def clip_state(view: View, lower: float, upper: float, a: float, b: float) -> int:
-    """Whether hits of keys from `lower` to `upper` at a sample lie before the clip plane: -1 where
-    all are certainly cut away, 1 where none is, 0 where that is open."""
-    c = view.clip
+def clip_state(c: NDArray[Any], lower: float, upper: float, a: float, b: float) -> int:
+    """Whether hits of keys from `lower` to `upper` at a sample lie before the clip plane, which is
+    `View.clip`: -1 where all are certainly cut away, 1 where none is, 0 where that is open."""
     fixed = (c[1] + b * c[3]) + a * c[2]
     one, other = c[0] * lower + fixed, c[0] * upper + fixed
     error = c[4] * max(abs(lower), abs(upper)) + c[5]
@@ -305,7 +304,9 @@ def _largest(x: float, y: float, z: float) -> float:
 
 
 @njit(error_model="numpy", inline="always")
-def functions(p: Nine, perspective: bool, e: Three, f: Three, r: Three, u: Three, rest: Three) -> Any:
+def functions(
+    p: Nine, perspective: bool, e: Three, f: Three, r: Three, u: Three, rest: Three
+) -> Any:
     """A triangle's affine functions and their bounds, in the layout above, and whether its
     orientation is certain: 18 numbers and a bool.
 

@@ -161,10 +161,24 @@ def set_up_lanes(work: NDArray[Any], count: int, perspective: bool, lens: NDArra
             work[8 * LANE_STRIDE + i],
         )
         edges, key, bounds, certain = functions(corners, perspective, e, f, r, u, rest)
-        for k in range(9):
-            work[(FUNCTION + k) * LANE_STRIDE + i] = edges[k]
-        for k in range(3):
-            work[(FUNCTION + KEY_PLANE + k) * LANE_STRIDE + i] = key[k]
-        for k in range(6):
-            work[(FUNCTION + BOUND_0 + k) * LANE_STRIDE + i] = bounds[k]
+        # Written out: numba does not unroll a loop over a tuple, and what holds one is not made
+        # into vector instructions.
+        work[(FUNCTION + 0) * LANE_STRIDE + i] = edges[0]
+        work[(FUNCTION + 1) * LANE_STRIDE + i] = edges[1]
+        work[(FUNCTION + 2) * LANE_STRIDE + i] = edges[2]
+        work[(FUNCTION + 3) * LANE_STRIDE + i] = edges[3]
+        work[(FUNCTION + 4) * LANE_STRIDE + i] = edges[4]
+        work[(FUNCTION + 5) * LANE_STRIDE + i] = edges[5]
+        work[(FUNCTION + 6) * LANE_STRIDE + i] = edges[6]
+        work[(FUNCTION + 7) * LANE_STRIDE + i] = edges[7]
+        work[(FUNCTION + 8) * LANE_STRIDE + i] = edges[8]
+        work[(FUNCTION + KEY_PLANE + 0) * LANE_STRIDE + i] = key[0]
+        work[(FUNCTION + KEY_PLANE + 1) * LANE_STRIDE + i] = key[1]
+        work[(FUNCTION + KEY_PLANE + 2) * LANE_STRIDE + i] = key[2]
+        work[(FUNCTION + BOUND_0 + 0) * LANE_STRIDE + i] = bounds[0]
+        work[(FUNCTION + BOUND_0 + 1) * LANE_STRIDE + i] = bounds[1]
+        work[(FUNCTION + BOUND_0 + 2) * LANE_STRIDE + i] = bounds[2]
+        work[(FUNCTION + BOUND_0 + 3) * LANE_STRIDE + i] = bounds[3]
+        work[(FUNCTION + BOUND_0 + 4) * LANE_STRIDE + i] = bounds[4]
+        work[(FUNCTION + BOUND_0 + 5) * LANE_STRIDE + i] = bounds[5]
         work[ORIENTED * LANE_STRIDE + i] = 1.0 if certain else 0.0

@@ -62,18 +62,20 @@ from visref.exact.screen import (
 # Testing a rectangle's corners costs as much as this many samples.
 CORNER_TESTS_PAY = 8
 
+# So many neighbours are worth a vector loop.
+RUN = 4
+
 NOT_WANTED = -2
 
 # What is known of a contender.
 POSSIBLE, COVERING, NEARER = 0, 1, 2
 
-# A tile's samples and blocks in one array of float64, so that loops over neighbours are made into
-# vector instructions: each sample's bounds of its owner's key and the owner (a triangle's id is a
-# float64 too), each block's least LOW, the a of each column, and what `_eight` notes.
+# A tile's samples and blocks in one array of float64, so that loops over neighbours read and write
+# at fixed distances and are made into vector instructions. Of each sample the bounds of its owner's
+# key, the owner (a triangle's id is a float64 too), and its a; of each block the least LOW.
 SAMPLES, BLOCKS = TILE * TILE, (TILE // BLOCK) ** 2
-LOW, HIGH, OWN, LEAST = 0, SAMPLES, 2 * SAMPLES, 3 * SAMPLES
-COLUMN, KEYS, TAKEN = LEAST + BLOCKS, LEAST + BLOCKS + TILE, LEAST + BLOCKS + TILE + BLOCK
-BUFFER = TAKEN + BLOCK
+LOW, HIGH, OWN, COLUMN, LEAST = 0, SAMPLES, 2 * SAMPLES, 3 * SAMPLES, 4 * SAMPLES
+BUFFER = LEAST + BLOCKS
 
 
 class ClusteredTriangles(NamedTuple):
@@ -120,9 +122,7 @@ def room_for(count: int) -> Contenders:
 
 
 @njit(error_model="numpy", inline="always")
-def _greatest(
-    w: NDArray[Any], at: int, a0: float, a1: float, b0: float, b1: float
-) -> float:
+def _greatest(w: NDArray[Any], at: int, a0: float, a1: float, b0: float, b1: float) -> float:
     """The greatest computed value of an affine function over a rectangle's corners."""
     ca, cb = w[at + LANE_STRIDE], w[at + 2 * LANE_STRIDE]
     b = b1 if cb > 0.0 else b0
@@ -162,7 +162,9 @@ def _doubt(
     w: NDArray[Any],
     lane: int,
     t: int,
-    view: View,
+    width: int,
+    perspective: bool,
+    near: float,
     rays: tuple[NDArray[Any], NDArray[Any]],
     corner: tuple[int, int],
     out: Contenders,
@@ -191,190 +193,224 @@ def _doubt(
                 e0 < -bound0 or e1 < -bound1 or e2 < -bound2
             ):
                 continue
-            if view.perspective:
+            if perspective:
                 # t = |N| / |D|; 4 u for the roundings.
                 least = abs((w[at + 9 * s] + b * w[at + 11 * s]) + a * w[at + 10 * s])
                 least -= w[at + KEY_BOUND * s]
                 size = abs(w[at + SIGN * s]) + w[at + SIGN_BOUND * s]
-                if size < view.near * least * (1.0 - 4.0 * U):
+                if size < near * least * (1.0 - 4.0 * U):
                     continue
-            out.sample[count], out.triangle[count] = y * view.width + x, t
+            out.sample[count], out.triangle[count] = y * width + x, t
             out.known[count], out.most[count] = POSSIBLE, np.inf
             count += 1
     return count
 
 
 @njit(error_model="numpy")
-def _eight(
+def _run(
     z: NDArray[Any],
     at: int,
-    column: int,
+    count: int,
     row: tuple[float, float, float, float],
     slope: tuple[float, float, float, float],
     bounds: tuple[float, float, float, float],
     t: int,
 ) -> tuple[bool, bool]:
-    """A block's row of samples at once, if at each of them the triangle certainly covers and is
+    """Neighbouring samples of a row at once, if at each of them the triangle certainly covers and is
     nearer than all before, or certainly does not or is farther: (whether that is so, and then
     whether any was taken). Nothing is written otherwise.
 
-    `at`: the first sample in the tile; `column`: the first column. `row`, `slope`, `bounds`: of the
-    three edges and the key, the values at the row where a = 0, what they grow by with a, and the
-    bounds of their errors.
+    `at`: the first sample in the tile; `count`: how many. `row`, `slope`, `bounds`: of the key and the three edges,
+    the values at the row where a = 0, what they grow by with a, and the bounds of their errors.
     """
     q0, e0, e1, e2 = row
     qa, ea0, ea1, ea2 = slope
     error, bound0, bound1, bound2 = bounds
-    # At least 0, which numba is told: no index counts from the end.
-    at, column = at & (SAMPLES - 1), column & (TILE - 1)
-    open_, taken = 0.0, 0.0
-    for k in range(BLOCK):
-        a = z[COLUMN + column + k]
+    # Without sign, so that no index may count from the end; else no vector instructions come of it.
+    # Nor do they where the compiler knows `count` and unrolls the loop.
+    low, high, column = np.uint64(LOW + at), np.uint64(HIGH + at), np.uint64(COLUMN + at)
+    owner = np.uint64(OWN + at)
+    open_, taken = 0, 0
+    for k in range(np.uint64(count)):
+        a = z[column + k]
         q = q0 + a * qa
         v0, v1, v2 = e0 + a * ea0, e1 + a * ea1, e2 + a * ea2
         upper = q + error
-        missed = (
-            (upper < z[LOW + at + k]) | (v0 < -bound0) | (v1 < -bound1) | (v2 < -bound2)
-        )
+        missed = (upper < z[low + k]) | (v0 < -bound0) | (v1 < -bound1) | (v2 < -bound2)
         clear = (v0 >= bound0) & (v1 >= bound1) & (v2 >= bound2)
-        clear = clear & (q - error > z[HIGH + at + k]) & (upper < np.inf)
-        z[KEYS + k] = q
-        take = 0.0 if missed else 1.0
-        z[TAKEN + k] = take
-        taken += take
-        open_ += 0.0 if missed | clear else 1.0
-    if open_ != 0.0:
+        clear = clear & (q - error > z[high + k]) & (upper < np.inf)
+        taken += 0 if missed else 1
+        open_ += 0 if missed | clear else 1
+    if open_:
         return False, False
-    if taken == 0.0:
+    if not taken:
         return True, False
     own = float(t)
-    for k in range(BLOCK):
-        take = z[TAKEN + k] != 0.0
-        q = z[KEYS + k]
-        z[LOW + at + k] = q - error if take else z[LOW + at + k]
-        z[HIGH + at + k] = q + error if take else z[HIGH + at + k]
-        z[OWN + at + k] = own if take else z[OWN + at + k]
+    # All that is not missed is clear: of that one comparison is left, and the edges.
+    for k in range(np.uint64(count)):
+        a = z[column + k]
+        q = q0 + a * qa
+        v0, v1, v2 = e0 + a * ea0, e1 + a * ea1, e2 + a * ea2
+        take = (v0 >= bound0) & (v1 >= bound1) & (v2 >= bound2) & (q - error > z[high + k])
+        z[low + k] = q - error if take else z[low + k]
+        z[high + k] = q + error if take else z[high + k]
+        z[owner + k] = own if take else z[owner + k]
     return True, True
+
+
+@njit(error_model="numpy")
+def _keep_near(
+    z: NDArray[Any], out: Contenders, start: int, count: int, corner: tuple[int, int], width: int
+) -> int:
+    """Drop a tile's contenders, from `start` on, that something is certainly nearer than."""
+    sample, triangle, known, most = out
+    left, top = corner
+    kept = start
+    for index in range(start, count):
+        y = sample[index] // width
+        place = ((y - top) << TILE_SHIFT) + sample[index] - y * width - left
+        if not most[index] < z[LOW + place]:
+            sample[kept], triangle[kept] = sample[index], triangle[index]
+            known[kept], most[kept] = known[index], most[index]
+            kept += 1
+    return kept
 
 
 @njit(error_model="numpy")
 def _draw(
     z: NDArray[Any],
     w: NDArray[Any],
-    lane: int,
-    t: int,
-    view: View,
+    kept: int,
+    which: NDArray[Any],
+    triangles: tuple[NDArray[Any], NDArray[Any]],
     rays: tuple[NDArray[Any], NDArray[Any]],
+    view: tuple[int, bool, float, bool, NDArray[Any], tuple[float, float, float, float]],
     corner: tuple[int, int],
     ceiling: NDArray[Any],
     collect: bool,
     out: Contenders,
+    start: int,
     count: int,
 ) -> tuple[int, bool]:
-    """Draw a lane's triangle, whose id is t, into the tile, or collect it: how many contenders
-    there are then, and whether anything was drawn."""
+    """Draw the first lanes' triangles into the tile, or collect them: how many contenders there
+    are then, -1 if there is no room for them, and whether anything was drawn.
+
+    `triangles`: one_sided and ids; `which`: their places. `view`: width, perspective, near, clips,
+    clip and the four limits of the key, as `View` has them. `start`: the tile's first contender.
+    """
     # Unpacked here: inside the loops numba would count references to every array of a tuple.
     column_a, row_b = rays
+    one_sided, ids = triangles
     out_sample, out_triangle, out_known, out_most = out
     left, top = corner
-    width, clips = view.width, view.clips
-    too_near, too_far = view.too_near, view.too_far
-    near_enough, far_enough = view.near_enough, view.far_enough
+    width, perspective, near, clips, clip, (too_near, near_enough, far_enough, too_far) = view
     s = LANE_STRIDE
-    x0, x1 = int(w[(BOX + X0) * s + lane]), int(w[(BOX + X1) * s + lane])
-    y0, y1 = int(w[(BOX + Y0) * s + lane]), int(w[(BOX + Y1) * s + lane])
-    greatest = w[NEAREST * s + lane]
-    check = w[RANGED * s + lane] != 0.0 or clips
-    at = FUNCTION * s + lane
-    c0, ca0, cb0 = w[at + EDGE_0 * s], w[at + (EDGE_0 + 1) * s], w[at + (EDGE_0 + 2) * s]
-    c1, ca1, cb1 = w[at + EDGE_1 * s], w[at + (EDGE_1 + 1) * s], w[at + (EDGE_1 + 2) * s]
-    c2, ca2, cb2 = w[at + EDGE_2 * s], w[at + (EDGE_2 + 1) * s], w[at + (EDGE_2 + 2) * s]
-    q0, qa, qb = w[at + KEY_PLANE * s], w[at + (KEY_PLANE + 1) * s], w[at + (KEY_PLANE + 2) * s]
-    bound0, bound1, bound2 = w[at + BOUND_0 * s], w[at + BOUND_1 * s], w[at + BOUND_2 * s]
-    error = w[at + KEY_BOUND * s]
     drawn = False
-    for j in range((y0 - top) >> BLOCK_SHIFT, ((y1 - top) >> BLOCK_SHIFT) + 1):
-        for i in range((x0 - left) >> BLOCK_SHIFT, ((x1 - left) >> BLOCK_SHIFT) + 1):
-            least = z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i]
-            if greatest < least:
-                continue
-            bx0 = max(x0, left + (i << BLOCK_SHIFT))
-            bx1 = min(x1, left + (i << BLOCK_SHIFT) + BLOCK - 1)
-            by0 = max(y0, top + (j << BLOCK_SHIFT))
-            by1 = min(y1, top + (j << BLOCK_SHIFT) + BLOCK - 1)
-            if (bx1 - bx0 + 1) * (by1 - by0 + 1) > CORNER_TESTS_PAY:
-                a0, a1 = column_a[bx0], column_a[bx1]
-                b0, b1 = row_b[by1], row_b[by0]
-                if (
-                    _greatest(w, at + EDGE_0 * s, a0, a1, b0, b1) < -bound0
-                    or _greatest(w, at + EDGE_1 * s, a0, a1, b0, b1) < -bound1
-                    or _greatest(w, at + EDGE_2 * s, a0, a1, b0, b1) < -bound2
-                    or _greatest(w, at + KEY_PLANE * s, a0, a1, b0, b1) + error < least
-                ):
+    for lane in range(kept):
+        if count + SAMPLES > len(out_sample):
+            # What is beaten by now makes room.
+            count = _keep_near(z, out, start, count, corner, width)
+            if count + SAMPLES > len(out_sample):
+                return -1, drawn
+        t = ids[which[lane]]
+        if w[ORIENTED * s + lane] == 0.0:
+            count = _doubt(z, w, lane, t, width, perspective, near, rays, corner, out, count)
+            continue
+        if one_sided[which[lane]] and w[(FUNCTION + SIGN) * s + lane] > 0.0:
+            continue
+        x0, x1 = int(w[(BOX + X0) * s + lane]), int(w[(BOX + X1) * s + lane])
+        y0, y1 = int(w[(BOX + Y0) * s + lane]), int(w[(BOX + Y1) * s + lane])
+        greatest = w[NEAREST * s + lane]
+        check = w[RANGED * s + lane] != 0.0 or clips
+        at = FUNCTION * s + lane
+        c0, ca0, cb0 = w[at + EDGE_0 * s], w[at + (EDGE_0 + 1) * s], w[at + (EDGE_0 + 2) * s]
+        c1, ca1, cb1 = w[at + EDGE_1 * s], w[at + (EDGE_1 + 1) * s], w[at + (EDGE_1 + 2) * s]
+        c2, ca2, cb2 = w[at + EDGE_2 * s], w[at + (EDGE_2 + 1) * s], w[at + (EDGE_2 + 2) * s]
+        q0, qa, qb = w[at + KEY_PLANE * s], w[at + (KEY_PLANE + 1) * s], w[at + (KEY_PLANE + 2) * s]
+        bound0, bound1, bound2 = w[at + BOUND_0 * s], w[at + BOUND_1 * s], w[at + BOUND_2 * s]
+        error = w[at + KEY_BOUND * s]
+        for j in range((y0 - top) >> BLOCK_SHIFT, ((y1 - top) >> BLOCK_SHIFT) + 1):
+            for i in range((x0 - left) >> BLOCK_SHIFT, ((x1 - left) >> BLOCK_SHIFT) + 1):
+                least = z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i]
+                if greatest < least:
                     continue
-            whole = bx1 - bx0 == BLOCK - 1 and not check and not collect
-            changed = False
-            for y in range(by0, by1 + 1):
-                b = row_b[y]
-                row0, row1, row2 = c0 + b * cb0, c1 + b * cb1, c2 + b * cb2
-                row_q = q0 + b * qb
-                row = ((y - top) << TILE_SHIFT) - left
-                if whole:
-                    done, took = _eight(
-                        z,
-                        row + bx0,
-                        bx0 - left,
-                        (row_q, row0, row1, row2),
-                        (qa, ca0, ca1, ca2),
-                        (error, bound0, bound1, bound2),
-                        t,
-                    )
-                    changed = changed or took
-                    if done:
+                bx0 = max(x0, left + (i << BLOCK_SHIFT))
+                bx1 = min(x1, left + (i << BLOCK_SHIFT) + BLOCK - 1)
+                by0 = max(y0, top + (j << BLOCK_SHIFT))
+                by1 = min(y1, top + (j << BLOCK_SHIFT) + BLOCK - 1)
+                if (bx1 - bx0 + 1) * (by1 - by0 + 1) > CORNER_TESTS_PAY:
+                    a0, a1 = column_a[bx0], column_a[bx1]
+                    b0, b1 = row_b[by1], row_b[by0]
+                    if (
+                        _greatest(w, at + EDGE_0 * s, a0, a1, b0, b1) < -bound0
+                        or _greatest(w, at + EDGE_1 * s, a0, a1, b0, b1) < -bound1
+                        or _greatest(w, at + EDGE_2 * s, a0, a1, b0, b1) < -bound2
+                        or _greatest(w, at + KEY_PLANE * s, a0, a1, b0, b1) + error < least
+                    ):
                         continue
-                for x in range(bx0, bx1 + 1):
-                    a = column_a[np.uint64(x)]
-                    place = np.uint64(row + x)
-                    high_place = np.uint64(row + x + HIGH)
-                    # One branch, not four: which of these fails is anyone's guess.
-                    q = row_q + a * qa
-                    e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
-                    upper = q + error
-                    if (upper < z[place]) | (e0 < -bound0) | (e1 < -bound1) | (e2 < -bound2):
-                        continue
-                    certain = (e0 >= bound0) & (e1 >= bound1) & (e2 >= bound2)
-                    lower = q - error
-                    if check:
-                        if lower > too_near or upper < too_far:
+                at_once = bx1 - bx0 + 1 >= RUN and not check and not collect
+                changed = False
+                for y in range(by0, by1 + 1):
+                    b = row_b[y]
+                    row0, row1, row2 = c0 + b * cb0, c1 + b * cb1, c2 + b * cb2
+                    row_q = q0 + b * qb
+                    row = ((y - top) << TILE_SHIFT) - left
+                    if at_once:
+                        done, took = _run(
+                            z,
+                            row + bx0,
+                            bx1 - bx0 + 1,
+                            (row_q, row0, row1, row2),
+                            (qa, ca0, ca1, ca2),
+                            (error, bound0, bound1, bound2),
+                            t,
+                        )
+                        changed = changed or took
+                        if done:
                             continue
-                        certain = certain and upper <= near_enough and lower >= far_enough
-                        if clips:
-                            counts = clip_state(view, lower, upper, a, b)
-                            if counts < 0:
+                    for x in range(bx0, bx1 + 1):
+                        a = column_a[np.uint64(x)]
+                        place = np.uint64(row + x)
+                        high_place = np.uint64(row + x + HIGH)
+                        # One branch, not four: which of these fails is anyone's guess.
+                        q = row_q + a * qa
+                        e0, e1, e2 = row0 + a * ca0, row1 + a * ca1, row2 + a * ca2
+                        upper = q + error
+                        if (upper < z[place]) | (e0 < -bound0) | (e1 < -bound1) | (e2 < -bound2):
+                            continue
+                        certain = (e0 >= bound0) & (e1 >= bound1) & (e2 >= bound2)
+                        lower = q - error
+                        if check:
+                            if lower > too_near or upper < too_far:
                                 continue
-                            certain = certain and counts > 0
-                    own_place = np.uint64(row + x + OWN)
-                    own = z[own_place]
-                    if own == NOT_WANTED:
-                        continue
-                    if certain and not collect and lower > z[place]:
-                        if z[high_place] >= lower:
-                            out_sample[count], out_triangle[count] = y * width + x, int(own)
-                            out_known[count], out_most[count] = COVERING, z[high_place]
-                            count += 1
-                        z[own_place], z[place], z[high_place] = float(t), lower, upper
-                        changed = True
-                        continue
-                    known = COVERING if certain else POSSIBLE
-                    if collect and certain and lower > ceiling[y, x]:
-                        known = NEARER
-                    out_sample[count], out_triangle[count] = y * width + x, t
-                    out_known[count], out_most[count] = known, upper
-                    count += 1
-            if changed:
-                drawn = True
-                start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
-                z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i] = _block_least(z, start, least)
+                            certain = certain and upper <= near_enough and lower >= far_enough
+                            if clips:
+                                counts = clip_state(clip, lower, upper, a, b)
+                                if counts < 0:
+                                    continue
+                                certain = certain and counts > 0
+                        own_place = np.uint64(row + x + OWN)
+                        own = z[own_place]
+                        if own == NOT_WANTED:
+                            continue
+                        if certain and not collect and lower > z[place]:
+                            if z[high_place] >= lower:
+                                out_sample[count], out_triangle[count] = y * width + x, int(own)
+                                out_known[count], out_most[count] = COVERING, z[high_place]
+                                count += 1
+                            z[own_place], z[place], z[high_place] = float(t), lower, upper
+                            changed = True
+                            continue
+                        known = COVERING if certain else POSSIBLE
+                        if collect and certain and lower > ceiling[y, x]:
+                            known = NEARER
+                        out_sample[count], out_triangle[count] = y * width + x, t
+                        out_known[count], out_most[count] = known, upper
+                        count += 1
+                if changed:
+                    drawn = True
+                    start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
+                    z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i] = _block_least(z, start, least)
     return count, drawn
 
 
@@ -419,24 +455,6 @@ def _gather(
 
 
 @njit(error_model="numpy")
-def _keep_near(
-    z: NDArray[Any], out: Contenders, start: int, count: int, corner: tuple[int, int], width: int
-) -> int:
-    """Drop a tile's contenders, from `start` on, that something is certainly nearer than."""
-    sample, triangle, known, most = out
-    left, top = corner
-    kept = start
-    for index in range(start, count):
-        y = sample[index] // width
-        place = ((y - top) << TILE_SHIFT) + sample[index] - y * width - left
-        if not most[index] < z[LOW + place]:
-            sample[kept], triangle[kept] = sample[index], triangle[index]
-            known[kept], most[kept] = known[index], most[index]
-            kept += 1
-    return kept
-
-
-@njit(error_model="numpy")
 def rasterise(
     tiles: NDArray[Any],
     view: View,
@@ -462,7 +480,6 @@ def rasterise(
     corners, one_sided, ids, usable, offsets, bounds = triangles
     found, boxes, keys, bin_offsets, bin_entries, tile_columns = binned
     owner, floor, ceiling = owned
-    room = len(out.sample)
     width, height, perspective, lens = view.width, view.height, view.perspective, view.lens
     e = view.e[0], view.e[1], view.e[2]
     axes = (
@@ -474,6 +491,8 @@ def rasterise(
     )
     middle = 0.5 * (width - 1) - view.shift_x_px, 0.5 * (height - 1) - view.shift_y_px
     projection = perspective, axes, (middle[0], middle[1], view.near, view.far)
+    keys_of_range = view.too_near, view.near_enough, view.far_enough, view.too_far
+    limits = width, perspective, view.near, view.clips, view.clip, keys_of_range
     z = np.zeros(BUFFER)
     w = np.zeros(LANE_ROWS * LANE_STRIDE)
     which = np.zeros(LANE_STRIDE, np.int64)
@@ -484,9 +503,15 @@ def rasterise(
         left, top = (tile % tile_columns) * TILE, (tile // tile_columns) * TILE
         right, bottom = min(left + TILE, width), min(top + TILE, height)
         tile_start = count
-        z[LOW:HIGH], z[HIGH:OWN], z[OWN:LEAST], z[LEAST:COLUMN] = np.inf, -np.inf, NOT_WANTED, np.inf
-        for x in range(left, right):
-            z[COLUMN + x - left] = column_a[x]
+        z[LOW:HIGH], z[HIGH:OWN], z[OWN:COLUMN], z[LEAST:BUFFER] = (
+            np.inf,
+            -np.inf,
+            NOT_WANTED,
+            np.inf,
+        )
+        for y in range(top, bottom):
+            for x in range(left, right):
+                z[COLUMN + ((y - top) << TILE_SHIFT) + x - left] = column_a[x]
         for y in range(top, bottom):
             for x in range(left, right):
                 if wanted.size == 0 or wanted[y, x]:
@@ -496,7 +521,7 @@ def rasterise(
                     block = ((y - top) >> BLOCK_SHIFT) << (TILE_SHIFT - BLOCK_SHIFT)
                     block += (x - left) >> BLOCK_SHIFT
                     z[LEAST + block] = min(z[LEAST + block], z[LOW + place])
-        whole = z[LEAST:COLUMN].min()
+        whole = z[LEAST:BUFFER].min()
         for entry in range(bin_offsets[tile], bin_offsets[tile + 1]):
             k = bin_entries[entry]
             if keys[k, LEFT] < whole:
@@ -531,35 +556,23 @@ def rasterise(
             if not kept:
                 continue
             lanes.set_up_lanes(w, kept, perspective, lens)
-            drawn = False
-            for lane in range(kept):
-                if count + SAMPLES > room:
-                    # What is beaten by now makes room.
-                    count = _keep_near(z, out, tile_start, count, (left, top), width)
-                    if count + SAMPLES > room:
-                        return number, tile_start
-                t = ids[which[lane]]
-                if w[ORIENTED * LANE_STRIDE + lane] == 0.0:
-                    count = _doubt(
-                        z, w, lane, t, view, (column_a, row_b), (left, top), out, count
-                    )
-                    continue
-                if one_sided[which[lane]] and w[(FUNCTION + SIGN) * LANE_STRIDE + lane] > 0.0:
-                    continue
-                count, one = _draw(
-                    z,
-                    w,
-                    lane,
-                    t,
-                    view,
-                    (column_a, row_b),
-                    (left, top),
-                    ceiling,
-                    collect,
-                    out,
-                    count,
-                )
-                drawn = drawn or one
+            count, drawn = _draw(
+                z,
+                w,
+                kept,
+                which,
+                (one_sided, ids),
+                (column_a, row_b),
+                limits,
+                (left, top),
+                ceiling,
+                collect,
+                out,
+                tile_start,
+                count,
+            )
+            if count < 0:
+                return number, tile_start
             if drawn:
                 whole = z[LEAST]
                 for block in range(1, BLOCKS):

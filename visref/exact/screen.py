@@ -37,8 +37,8 @@ class Binned(NamedTuple):
     """Triangles that may reach some samples, sorted into the screen's tiles.
 
     `found`: (f,) int32, places in cluster order, or -1 - i for cluster i as a whole; `boxes`:
-    (f, 4) int32, columns X0 to Y1; `keys`: (f, 3) float64, columns GREATEST to LEFT. Tile i, row by row, meets the boxes
-    `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order; `offsets`: (tiles + 1,) int64.
+    (f, 4) int32, columns X0 to Y1; `keys`: (f, 3) float64, columns GREATEST to LEFT. Tile i, row by
+    row, meets the boxes `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order; `offsets`: (tiles + 1,) int64.
     `columns`: how many tiles a row of them has.
     """
 
@@ -235,7 +235,8 @@ def project(
 
     Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
     bool. `nearest`, `cluster_boxes`: of `cluster_depths`, for all clusters; one whose box meets
-    `FEW_TILES` or fewer is found as a whole, none where `cluster_boxes` is (0, 4). Writes to `into` the `found`, `boxes` and `keys` of a `Binned`, which have room for all
+    `FEW_TILES` or fewer is found as a whole, none where `cluster_boxes` is (0, 4).
+    Writes to `into` the `found`, `boxes` and `keys` of a `Binned`, which have room for all
     triangles of the clusters. Returns how many were found. All bounds are outward.
     """
     found, boxes, keys = into
