@@ -216,12 +216,13 @@ def _run(
     bounds: tuple[float, float, float, float],
     t: int,
 ) -> tuple[bool, bool]:
-    """Neighbouring samples of a row at once, if at each of them the triangle certainly covers and is
-    nearer than all before, or certainly does not or is farther: (whether that is so, and then
+    """Neighbouring samples of a row at once, if at each of them the triangle certainly covers and
+    is nearer than all before, or certainly does not or is farther: (whether that is so, and then
     whether any was taken). Nothing is written otherwise.
 
-    `at`: the first sample in the tile; `count`: how many. `row`, `slope`, `bounds`: of the key and the three edges,
-    the values at the row where a = 0, what they grow by with a, and the bounds of their errors.
+    `at`: the first sample in the tile; `count`: how many. `row`, `slope`, `bounds`: of the key and
+    the three edges, the values at the row where a = 0, what they grow by with a, and the bounds of
+    their errors.
     """
     q0, e0, e1, e2 = row
     qa, ea0, ea1, ea2 = slope
@@ -409,8 +410,8 @@ def _draw(
                         count += 1
                 if changed:
                     drawn = True
-                    start = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
-                    z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i] = _block_least(z, start, least)
+                    block = (j << (TILE_SHIFT + BLOCK_SHIFT)) + (i << BLOCK_SHIFT)
+                    z[LEAST + (j << (TILE_SHIFT - BLOCK_SHIFT)) + i] = _block_least(z, block, least)
     return count, drawn
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from typing import TypeVar
 
 import numpy as np
@@ -44,6 +45,8 @@ PARTS = 32
 LEAST_CLUSTERS = 16
 # Contenders that a part has room for at first: a few tiles full.
 ROOM = 1 << 14
+# The side of the squares in which depths are looked up.
+SQUARE = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +241,7 @@ class ExactScene:
                 part, room = part[done:], 4 * room
             return parts
 
-        results = sum(self.in_parallel(fill, np.flatnonzero(tiles)), [])
+        results = list(chain.from_iterable(self.in_parallel(fill, np.flatnonzero(tiles))))
         if len(results) == 1:
             return owner, results[0]
         if not results:
@@ -379,10 +382,10 @@ class ExactScene:
         return result
 
     def _in_tiles(self, camera: Camera) -> Int64:
-        """All samples, tile by tile, so that neighbours in the list share their triangles."""
+        """All samples, square by square, so that neighbours in the list share their triangles."""
         size = camera.height, camera.width
         if self._tile_order[0] != size:
-            samples, side = np.arange(camera.samples).reshape(size), screen.TILE
+            samples, side = np.arange(camera.samples).reshape(size), SQUARE
             strips = [samples[y : y + side] for y in range(0, camera.height, side)]
             tiles = [s[:, x : x + side].ravel() for s in strips for x in range(0, size[1], side)]
             self._tile_order = size, np.concatenate(tiles)

@@ -38,8 +38,8 @@ class Binned(NamedTuple):
 
     `found`: (f,) int32, places in cluster order, or -1 - i for cluster i as a whole; `boxes`:
     (f, 4) int32, columns X0 to Y1; `keys`: (f, 3) float64, columns GREATEST to LEFT. Tile i, row by
-    row, meets the boxes `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order; `offsets`: (tiles + 1,) int64.
-    `columns`: how many tiles a row of them has.
+    row, meets the boxes `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order;
+    `offsets`: (tiles + 1,) int64. `columns`: how many tiles a row of them has.
     """
 
     found: NDArray[np.int32]
