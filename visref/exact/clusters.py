@@ -23,7 +23,8 @@ class Clusters:
 
     `order`: (k,) int32 triangle ids, first those of objects that do not move. `corners`: (k, 9)
     float32, `one_sided`: (k,) bool, `alpha`: (k,) uint8, in that order.
-    `offsets`: (c + 1,) int64, cluster i has `order[offsets[i]:offsets[i + 1]]` and lies in `bounds[i]`, (c, 2, 3) float32.
+    `offsets`: (c + 1,) int64, cluster i has `order[offsets[i]:offsets[i + 1]]` and lies in
+    `bounds[i]`, (c, 2, 3) float32.
     `movable`: (m,) int32, the triangles of objects that may move, there or not.
     """
 

@@ -573,7 +573,7 @@ def rasterise(
                 count,
             )
             if count < 0:
-                return number, tile_start
+                return number, int(tile_start)
             if drawn:
                 whole = z[LEAST]
                 for block in range(1, BLOCKS):
@@ -587,4 +587,4 @@ def rasterise(
                     if floor.size:
                         floor[y, x] = z[LOW + place]
                         ceiling[y, x] = z[HIGH + place]
-    return len(tiles), count
+    return len(tiles), int(count)
