@@ -23,7 +23,7 @@ def doubled(side: int) -> tuple[Scene, Camera]:
     corner = np.arange(side * (side + 1)).reshape(side, side + 1)[:, :-1]
     quad = np.array([[0, 1, side + 2], [0, side + 2, side + 1]])
     faces = (corner.reshape(-1, 1, 1) + quad).reshape(-1, 3)
-    camera = Camera(pose(np.eye(3), np.zeros(3)), 300, 200, 0.1, math.inf, yfov=1.0)
+    camera = Camera(pose(np.eye(3), np.zeros(3)), 640, 640, 0.1, math.inf, yfov=1.0)
     return Scene.from_objects([("wall", points, faces), ("its twin", points, faces)]), camera
 
 
@@ -59,6 +59,6 @@ def test_too_little_room_for_contenders_changes_nothing(monkeypatch: pytest.Monk
     made, camera = doubled(9)
     roomy = ExactScene(made).certify(camera).copy()
     assert len(roomy.ties.sample) >= camera.samples
-    # Room for one tile's, and no more.
-    monkeypatch.setattr(scene, "ROOM", 1 << 12)
+    # A part has three tiles, and room for little more than one: it goes on with more room in each.
+    monkeypatch.setattr(scene, "ROOM", 1 << 13)
     same(roomy, ExactScene(made, threads=1).certify(camera))
