@@ -18,6 +18,7 @@ from visref.between.search import FrameGeometry, GeometricSearch, write_geometri
 from visref.causes.evidence import Evidence
 from visref.culler import Culler
 from visref.engines import TruthEngine, make_engine
+from visref.engines.exact import ExactEngine
 from visref.engines.rays import RayEngine
 from visref.errors import InputError
 from visref.exact import ExactScene
@@ -224,7 +225,10 @@ class _Casting:
 
 def _geometric_search(inputs: Inputs, engine: TruthEngine) -> GeometricSearch:
     """Over the engine's own rays, or Embree's where it casts none."""
-    exact = ExactScene(inputs.scene, threads=inputs.threads)
+    if isinstance(engine, ExactEngine) and not inputs.timeline.moves:
+        exact = engine.arithmetic
+    else:
+        exact = ExactScene(inputs.scene, threads=inputs.threads)
     if isinstance(engine, RayEngine):
         return GeometricSearch(inputs.scene, engine, exact)
     prober = cast(RayEngine, make_engine("embree", inputs.scene, threads=inputs.threads))

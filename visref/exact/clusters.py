@@ -22,8 +22,9 @@ class Clusters:
     """A scene's triangles in clusters: those that are there, which is all that can be seen.
 
     `order`: (k,) int32 triangle ids, first those of objects that do not move. `corners`: (k, 9)
-    float32, `one_sided`: (k,) bool, in that order. `offsets`: (c + 1,) int64, cluster i has
-    `order[offsets[i]:offsets[i + 1]]` and lies in `bounds[i]`, (c, 2, 3) float32.
+    float32, `one_sided`: (k,) bool, `alpha`: (k,) uint8, in that order.
+    `offsets`: (c + 1,) int64, cluster i has `order[offsets[i]:offsets[i + 1]]` and lies in
+    `bounds[i]`, (c, 2, 3) float32.
     `movable`: (m,) int32, the triangles of objects that may move, there or not.
     """
 
@@ -40,6 +41,7 @@ class Clusters:
         self._order = np.empty(room, np.int32)
         self._corners = np.empty((room, 9), np.float32)
         self._one_sided = np.empty(room, np.bool_)
+        self._alpha = np.empty(room, np.uint8)
         boxes = scene.object_bounds[~moving]
         self._still = len(still)
         self._still_offsets, self._still_bounds = self._fill(scene, 0, still, boxes)
@@ -66,6 +68,7 @@ class Clusters:
         self.order = self._order[:count]
         self.corners = self._corners[:count]
         self.one_sided = self._one_sided[:count]
+        self.alpha = self._alpha[:count]
         self.offsets, self.bounds = np.append(starts, count), bounds
 
     def _fill(self, scene: Scene, at: int, ids: Int32, boxes: Float64) -> tuple[Int64, Float32]:
@@ -81,6 +84,7 @@ class Clusters:
         self._order[part] = ids
         self._corners[part] = corners.reshape(-1, 9)[order]
         self._one_sided[part] = scene.one_sided[ids]
+        self._alpha[part] = scene.alpha[ids]
         starts = np.arange(0, len(ids), CLUSTER)
         bounds = np.zeros((len(starts), 2, 3), np.float32)
         if len(ids):

@@ -74,6 +74,9 @@ GREATEST_EYE = 2.0**300
 # Nor may the dual vectors overflow, or lose their relative accuracy below the normal range.
 GREATEST_STEP = 2.0**300
 
+Three = tuple[float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
+
 # What `set_up` says of a triangle.
 NOTHING, CERTAIN, DOUBTFUL = 0, 1, 2
 
@@ -268,10 +271,9 @@ def _clip(camera: Samples, a_size: float, b_size: float) -> Float64:
 
 
 @njit(error_model="numpy", inline="always")
-def clip_state(view: View, lower: float, upper: float, a: float, b: float) -> int:
-    """Whether hits of keys from `lower` to `upper` at a sample lie before the clip plane: -1 where
-    all are certainly cut away, 1 where none is, 0 where that is open."""
-    c = view.clip
+def clip_state(c: NDArray[Any], lower: float, upper: float, a: float, b: float) -> int:
+    """Whether hits of keys from `lower` to `upper` at a sample lie before the clip plane, which is
+    `View.clip`: -1 where all are certainly cut away, 1 where none is, 0 where that is open."""
     fixed = (c[1] + b * c[3]) + a * c[2]
     one, other = c[0] * lower + fixed, c[0] * upper + fixed
     error = c[4] * max(abs(lower), abs(upper)) + c[5]
@@ -301,33 +303,30 @@ def _largest(x: float, y: float, z: float) -> float:
     return max(abs(x), max(abs(y), abs(z)))
 
 
-@njit(error_model="numpy")
-def set_up(
-    p: NDArray[Any], one_sided: bool, perspective: bool, lens: NDArray[Any], out: NDArray[Any]
-) -> int:
-    """Compute a triangle's affine functions and their bounds into `out` (see the layout above).
+@njit(error_model="numpy", inline="always")
+def functions(
+    p: Nine, perspective: bool, e: Three, f: Three, r: Three, u: Three, rest: Three
+) -> Any:
+    """A triangle's affine functions and their bounds, in the layout above, and whether its
+    orientation is certain: 18 numbers and a bool.
 
-    `p`: (9,) float32, its corners; `perspective`, `lens`: of the View. Returns NOTHING where it
-    certainly covers no sample, CERTAIN with edges oriented so that inside is >= 0, or DOUBTFUL
-    where the orientation is not certain.
+    `p`: its corners, float32 numbers; `rest`: reach, f_norm, tiny. One straight line of arithmetic,
+    for one triangle or for a vector of them.
     """
-    ax, ay, az = np.float64(p[0]), np.float64(p[1]), np.float64(p[2])
-    bx, by, bz = np.float64(p[3]), np.float64(p[4]), np.float64(p[5])
-    cx, cy, cz = np.float64(p[6]), np.float64(p[7]), np.float64(p[8])
+    px, py, pz, qx, qy, qz, sx, sy, sz = p
+    view_reach, f_norm, tiny = rest
     # Edges a->b, b->c, c->a.
-    abx, aby, abz = bx - ax, by - ay, bz - az
-    bcx, bcy, bcz = cx - bx, cy - by, cz - bz
-    cax, cay, caz = ax - cx, ay - cy, az - cz
+    abx, aby, abz = qx - px, qy - py, qz - pz
+    bcx, bcy, bcz = sx - qx, sy - qy, sz - qz
+    cax, cay, caz = px - sx, py - sy, pz - sz
     h_ab, h_bc, h_ca = (
         _largest(abx, aby, abz),
         _largest(bcx, bcy, bcz),
         _largest(cax, cay, caz),
     )
-    e, f, r, u = lens[0:3], lens[3:6], lens[6:9], lens[9:12]
-    view_reach, f_norm, tiny = lens[12], lens[13], lens[14]
-    ax, ay, az = ax - e[0], ay - e[1], az - e[2]
-    bx, by, bz = bx - e[0], by - e[1], bz - e[2]
-    cx, cy, cz = cx - e[0], cy - e[1], cz - e[2]
+    ax, ay, az = px - e[0], py - e[1], pz - e[2]
+    bx, by, bz = qx - e[0], qy - e[1], qz - e[2]
+    cx, cy, cz = sx - e[0], sy - e[1], sz - e[2]
     m_a, m_b, m_c = _largest(ax, ay, az), _largest(bx, by, bz), _largest(cx, cy, cz)
     # (b - a) x (c - a), with c - a = -(a - c), exactly.
     nx = abz * cay - aby * caz
@@ -340,28 +339,25 @@ def set_up(
     else:
         denominator = f[0] * nx + f[1] * ny + f[2] * nz
         bound = ORTHOGRAPHIC_SIGN * h2 * f_norm + tiny
-    out[SIGN], out[SIGN_BOUND] = denominator, bound
     certain = abs(denominator) > 4.0 * bound
-    if certain and one_sided and denominator > 0.0:
-        return NOTHING
-    sign = -1.0 if certain and denominator < 0.0 else 1.0
+    sign = -1.0 if certain & (denominator < 0.0) else 1.0
     if perspective:
         x, y, z = by * bcz - bz * bcy, bz * bcx - bx * bcz, bx * bcy - by * bcx
-        out[EDGE_0] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[EDGE_0 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_0 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c0 = sign * (f[0] * x + f[1] * y + f[2] * z)
+        ca0 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb0 = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = cy * caz - cz * cay, cz * cax - cx * caz, cx * cay - cy * cax
-        out[EDGE_1] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[EDGE_1 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_1 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c1 = sign * (f[0] * x + f[1] * y + f[2] * z)
+        ca1 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb1 = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = ay * abz - az * aby, az * abx - ax * abz, ax * aby - ay * abx
-        out[EDGE_2] = sign * (f[0] * x + f[1] * y + f[2] * z)
-        out[EDGE_2 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_2 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c2 = sign * (f[0] * x + f[1] * y + f[2] * z)
+        ca2 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb2 = sign * (u[0] * x + u[1] * y + u[2] * z)
         reach = EDGE * view_reach
-        out[BOUND_0] = reach * m_b * h_bc + tiny
-        out[BOUND_1] = reach * m_c * h_ca + tiny
-        out[BOUND_2] = reach * m_a * h_ab + tiny
+        bound0 = reach * m_b * h_bc + tiny
+        bound1 = reach * m_c * h_ca + tiny
+        bound2 = reach * m_a * h_ab + tiny
         q, qa, qb = (
             f[0] * nx + f[1] * ny + f[2] * nz,
             r[0] * nx + r[1] * ny + r[2] * nz,
@@ -371,33 +367,72 @@ def set_up(
     else:
         # (v_j - v_k) x F = F x (v_k - v_j).
         x, y, z = f[1] * bcz - f[2] * bcy, f[2] * bcx - f[0] * bcz, f[0] * bcy - f[1] * bcx
-        out[EDGE_0] = -sign * (x * cx + y * cy + z * cz)
-        out[EDGE_0 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_0 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c0 = -sign * (x * cx + y * cy + z * cz)
+        ca0 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb0 = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = f[1] * caz - f[2] * cay, f[2] * cax - f[0] * caz, f[0] * cay - f[1] * cax
-        out[EDGE_1] = -sign * (x * ax + y * ay + z * az)
-        out[EDGE_1 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_1 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c1 = -sign * (x * ax + y * ay + z * az)
+        ca1 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb1 = sign * (u[0] * x + u[1] * y + u[2] * z)
         x, y, z = f[1] * abz - f[2] * aby, f[2] * abx - f[0] * abz, f[0] * aby - f[1] * abx
-        out[EDGE_2] = -sign * (x * bx + y * by + z * bz)
-        out[EDGE_2 + 1] = sign * (r[0] * x + r[1] * y + r[2] * z)
-        out[EDGE_2 + 2] = sign * (u[0] * x + u[1] * y + u[2] * z)
+        c2 = -sign * (x * bx + y * by + z * bz)
+        ca2 = sign * (r[0] * x + r[1] * y + r[2] * z)
+        cb2 = sign * (u[0] * x + u[1] * y + u[2] * z)
         scale = EDGE * f_norm
-        out[BOUND_0] = scale * h_bc * (3.0 * m_c + view_reach) + tiny
-        out[BOUND_1] = scale * h_ca * (3.0 * m_a + view_reach) + tiny
-        out[BOUND_2] = scale * h_ab * (3.0 * m_b + view_reach) + tiny
+        bound0 = scale * h_bc * (3.0 * m_c + view_reach) + tiny
+        bound1 = scale * h_ca * (3.0 * m_a + view_reach) + tiny
+        bound2 = scale * h_ab * (3.0 * m_b + view_reach) + tiny
         q, qa, qb = (
             -(ax * nx + ay * ny + az * nz),
             r[0] * nx + r[1] * ny + r[2] * nz,
             u[0] * nx + u[1] * ny + u[2] * nz,
         )
         size = h2 * (3.0 * m_a + view_reach)
-    if not certain:
-        out[KEY_PLANE], out[KEY_PLANE + 1], out[KEY_PLANE + 2] = q, qa, qb
-        out[KEY_BOUND] = EDGE * size + tiny
-        return DOUBTFUL
     inverse = 1.0 / denominator
-    out[KEY_PLANE], out[KEY_PLANE + 1], out[KEY_PLANE + 2] = q * inverse, qa * inverse, qb * inverse
-    inverse = abs(inverse)
-    out[KEY_BOUND] = 2.5 * size * inverse * (KEY + 2.0 * bound * inverse) + tiny * inverse + tiny
-    return CERTAIN
+    length = abs(inverse)
+    error = 2.5 * size * length * (KEY + 2.0 * bound * length) + tiny * length + tiny
+    error = error if certain else EDGE * size + tiny
+    inverse = inverse if certain else 1.0
+    q, qa, qb = q * inverse, qa * inverse, qb * inverse
+    edges = c0, ca0, cb0, c1, ca1, cb1, c2, ca2, cb2
+    return edges, (q, qa, qb), (bound0, bound1, bound2, error, denominator, bound), certain
+
+
+@njit(error_model="numpy", inline="always")
+def axes_of(lens: NDArray[Any]) -> Any:
+    """A View's `lens` in numbers: e, f, r, u, and (reach, f_norm, tiny)."""
+    return (
+        (lens[0], lens[1], lens[2]),
+        (lens[3], lens[4], lens[5]),
+        (lens[6], lens[7], lens[8]),
+        (lens[9], lens[10], lens[11]),
+        (lens[12], lens[13], lens[14]),
+    )
+
+
+@njit(error_model="numpy")
+def set_up(
+    p: NDArray[Any], one_sided: bool, perspective: bool, lens: NDArray[Any], out: NDArray[Any]
+) -> int:
+    """Compute a triangle's affine functions and their bounds into `out` (see the layout above).
+
+    `p`: (9,) float32, its corners; `perspective`, `lens`: of the View. Returns NOTHING where it
+    certainly covers no sample, CERTAIN with edges oriented so that inside is >= 0, or DOUBTFUL
+    where the orientation is not certain.
+    """
+    e, f, r, u, rest = axes_of(lens)
+    corners = (
+        np.float64(p[0]), np.float64(p[1]), np.float64(p[2]),
+        np.float64(p[3]), np.float64(p[4]), np.float64(p[5]),
+        np.float64(p[6]), np.float64(p[7]), np.float64(p[8]),
+    )  # fmt: skip
+    edges, key, bounds, certain = functions(corners, perspective, e, f, r, u, rest)
+    for k in range(9):
+        out[k] = edges[k]
+    for k in range(3):
+        out[KEY_PLANE + k] = key[k]
+    for k in range(6):
+        out[BOUND_0 + k] = bounds[k]
+    if not certain:
+        return DOUBTFUL
+    return NOTHING if one_sided and bounds[SIGN - BOUND_0] > 0.0 else CERTAIN

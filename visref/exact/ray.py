@@ -200,7 +200,7 @@ def _by_floats(
     )
     inside = inside and key + error <= view.near_enough and key - error >= view.far_enough
     if view.clips:
-        inside = inside and clip_state(view, key - error, key + error, a, b) > 0
+        inside = inside and clip_state(view.clip, key - error, key + error, a, b) > 0
     if not ray.is_perspective:
         return -key, error, inside
     if not key - error > 0.0:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 from typing import TypeVar
 
 import numpy as np
@@ -42,6 +43,10 @@ Part = TypeVar("Part")
 # Work is cut into this many parts whatever the number of threads, so that no array depends on it.
 PARTS = 32
 LEAST_CLUSTERS = 16
+# Contenders that a part has room for at first: a few tiles full.
+ROOM = 1 << 14
+# The side of the squares in which depths are looked up.
+SQUARE = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,14 +173,16 @@ class ExactScene:
     ) -> tuple[Int32, Int64, Int32, int, tuple[Float64, Float64]]:
         """Owners among the opaque: ((height, width) int32 ids, the further tied triangles as
         samples and ids sorted by both, exact decisions, bounds of the owners' keys)."""
-        usable = self.scene.alpha == Alpha.OPAQUE
+        usable = self._clusters.alpha == Alpha.OPAQUE
         if include is not None:
-            usable &= include
+            usable &= include[self.order]
         keep_bounds = self.scene.has_mask or self.scene.has_blend
         shape = (camera.height, camera.width) if keep_bounds else (0, 0)
         bounds = np.full(shape, -np.inf), np.full(shape, -np.inf)
         owner, contest = self._contend(camera, wanted, usable, bounds, collect=False)
         flat = owner.reshape(-1)
+        if not len(contest.sample):
+            return owner, contest.sample, contest.triangle, 0, bounds
         contest, rational = self._covering(camera, Contest(*group(*contest, flat, raster.COVERING)))
         if keep_bounds:
             bounds[1].reshape(-1)[contest.sample] = np.inf
@@ -196,9 +203,12 @@ class ExactScene:
         *,
         collect: bool,
     ) -> tuple[Int32, Contest]:
-        """Run the rasteriser: certain owners (triangle ids), and what it could not decide."""
+        """Run the rasteriser: certain owners (triangle ids), and what it could not decide.
+
+        `usable`: (k,) bool in cluster order.
+        """
         view = view_of(camera)
-        found, boxes, keys = self.project(view, usable[self.order], wanted, 0.0)
+        found, boxes, keys = self.project(view, usable, wanted, 0.0, whole=True)
         columns = -(-camera.width // screen.TILE)
         rows = -(-camera.height // screen.TILE)
         tiles = np.ones(rows * columns, np.bool_)
@@ -210,20 +220,30 @@ class ExactScene:
         owner = np.full((camera.height, camera.width), BACKGROUND, np.int32)
         binned = screen.Binned(found, boxes, keys, bin_offsets, bin_entries, columns)
         rays = camera.column_a, camera.row_b
-        triangles = raster.ClusteredTriangles(self.corners, self.one_sided, self.order)
+        triangles = raster.ClusteredTriangles(
+            self.corners,
+            self.one_sided,
+            self.order,
+            usable,
+            self._clusters.offsets,
+            self._clusters.bounds,
+        )
         owned = raster.Owned(owner, *bounds)
 
-        def fill(part: Int64) -> Contest:
-            contenders = raster.rasterise(
-                part, view, rays, triangles, binned, wanted, collect, owned
-            )
-            # Samples and triangles are far below 2^53, so float64 held them.
-            sample, triangle, state = contenders[:, :3].T
-            return Contest(
-                sample.astype(np.int64), triangle.astype(np.int32), state.astype(np.uint8)
-            )
+        def fill(part: Int64) -> list[Contest]:
+            room, parts = ROOM, []
+            while len(part):
+                out = raster.room_for(room)
+                done, count = raster.rasterise(
+                    part, view, rays, triangles, binned, wanted, collect, owned, out
+                )
+                parts.append(Contest(out.sample[:count], out.triangle[:count], out.known[:count]))
+                part, room = part[done:], 4 * room
+            return parts
 
-        results = self.in_parallel(fill, np.flatnonzero(tiles))
+        results = list(chain.from_iterable(self.in_parallel(fill, np.flatnonzero(tiles))))
+        if len(results) == 1:
+            return owner, results[0]
         if not results:
             return owner, Contest(
                 np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.uint8)
@@ -231,16 +251,21 @@ class ExactScene:
         return owner, Contest(*(np.concatenate(x) for x in zip(*results, strict=True)))
 
     def project(
-        self, view: View, usable: Bool, wanted: Bool, grow: float
+        self, view: View, usable: Bool, wanted: Bool, grow: float, *, whole: bool = False
     ) -> tuple[Int32, Int32, Float64]:
-        """Triangles that may own a sample, nearest clusters first: place, box, key bound.
+        """Triangles that may own a sample, nearest clusters first: place, box, key bounds, as
+        `visref.exact.screen.Binned` has them. With `whole` clusters that are small on the screen
+        are not looked into.
 
         `usable`: (t,) bool in cluster order. `wanted`: (height, width) bool, or (0, 0) for all
         samples. `grow`: pixels to widen the screen boxes by.
         """
         sums = screen.count_wanted(wanted) if wanted.size else np.zeros((0, 0), np.int64)
         nearest = np.empty(len(self._clusters.bounds))
-        screen.cluster_depths(self._clusters.bounds, view, grow, sums, nearest)
+        boxes_of = np.empty((len(nearest), 4), np.int32)
+        screen.cluster_depths(self._clusters.bounds, view, grow, sums, nearest, boxes_of)
+        if not whole:
+            boxes_of = boxes_of[:0]
         order = np.argsort(nearest, kind="stable")
         order = order[: np.count_nonzero(nearest < np.inf)]
 
@@ -248,10 +273,19 @@ class ExactScene:
             room = len(clusters) * CLUSTER
             found = np.empty(room, np.int32)
             boxes = np.empty((room, 4), np.int32)
-            keys = np.empty((room, 2))
+            keys = np.empty((room, 3))
             into = found, boxes, keys
             count = screen.project(
-                clusters, self._clusters.offsets, self.corners, usable, view, grow, sums, into
+                clusters,
+                self._clusters.offsets,
+                self.corners,
+                usable,
+                view,
+                grow,
+                sums,
+                nearest,
+                boxes_of,
+                into,
             )
             return found[:count], boxes[:count], keys[:count]
 
@@ -348,10 +382,10 @@ class ExactScene:
         return result
 
     def _in_tiles(self, camera: Camera) -> Int64:
-        """All samples, tile by tile, so that neighbours in the list share their triangles."""
+        """All samples, square by square, so that neighbours in the list share their triangles."""
         size = camera.height, camera.width
         if self._tile_order[0] != size:
-            samples, side = np.arange(camera.samples).reshape(size), screen.TILE
+            samples, side = np.arange(camera.samples).reshape(size), SQUARE
             strips = [samples[y : y + side] for y in range(0, camera.height, side)]
             tiles = [s[:, x : x + side].ravel() for s in strips for x in range(0, size[1], side)]
             self._tile_order = size, np.concatenate(tiles)
@@ -373,7 +407,8 @@ class ExactScene:
         `bounds` do not speak of. `owner`: (samples,) int32 triangle ids. `wanted`: (height, width)
         bool, or (0, 0) for all samples. `bounds`: of the owners' keys, two
         of (height, width) float64, as `_owners` returns them."""
-        _, contest = self._contend(camera, wanted, self.scene.alpha == alpha, bounds, collect=True)
+        usable = self._clusters.alpha == alpha
+        _, contest = self._contend(camera, wanted, usable, bounds, collect=True)
         contest, _ = self._covering(camera, contest)
         known = np.ones(camera.samples, np.bool_)
         known[moved] = False
@@ -393,7 +428,8 @@ class ExactScene:
         bounds = tuple(np.full((camera.height, camera.width), -np.inf) for _ in range(2))
         if wanted is None:
             wanted = np.zeros((0, 0), np.bool_)
-        _, contest = self._contend(camera, wanted, usable, (bounds[0], bounds[1]), collect=True)
+        bounds_of = bounds[0], bounds[1]
+        _, contest = self._contend(camera, wanted, usable[self.order], bounds_of, collect=True)
         return self._covering(camera, contest)[0]
 
     def compare(

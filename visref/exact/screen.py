@@ -24,17 +24,22 @@ CLIP_SLACK = 2.0**-10
 # The columns of a triangle's screen box: first and last pixel column, first and last pixel row.
 X0, X1, Y0, Y1 = range(4)
 # The columns of `keys`: an upper bound of the key; 1.0 where the depth range must be checked at
-# each sample, else 0.0.
-GREATEST, CHECK = range(2)
+# each sample, else 0.0; an upper bound of the keys of this entry and all after it.
+GREATEST, CHECK, LEFT = range(3)
+# A cluster that meets at most so many tiles is projected in each of them, where nothing hides it;
+# of others each triangle goes to the tiles that it meets.
+FEW_TILES = 6
+# The factor by which a number that goes through a few products stays far from overflow.
+GREATEST_PIXEL = 2.0**400
 
 
 class Binned(NamedTuple):
     """Triangles that may reach some samples, sorted into the screen's tiles.
 
-    `found`: (f,) int32, places in cluster order; `boxes`: (f, 4) int32, columns X0 to Y1; `keys`:
-    (f, 2) float64, columns GREATEST and CHECK. Tile i, row by row, meets the boxes
-    `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order; `offsets`: (tiles + 1,) int64.
-    `columns`: how many tiles a row of them has.
+    `found`: (f,) int32, places in cluster order, or -1 - i for cluster i as a whole; `boxes`:
+    (f, 4) int32, columns X0 to Y1; `keys`: (f, 3) float64, columns GREATEST to LEFT. Tile i, row by
+    row, meets the boxes `entries[offsets[i]:offsets[i + 1]]`, int32 in ascending order;
+    `offsets`: (tiles + 1,) int64. `columns`: how many tiles a row of them has.
     """
 
     found: NDArray[np.int32]
@@ -129,9 +134,16 @@ def _box_range(
 
 @njit(error_model="numpy")
 def cluster_depths(
-    bounds: NDArray[Any], view: View, grow: float, sums: NDArray[Any], nearest: NDArray[Any]
+    bounds: NDArray[Any],
+    view: View,
+    grow: float,
+    sums: NDArray[Any],
+    nearest: NDArray[Any],
+    boxes: NDArray[Any],
 ) -> None:
-    """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing.
+    """The least view depth of each cluster into `nearest`, inf where it certainly owns nothing,
+    and into `boxes`, (c, 4) int32, the pixels X0 to Y1 that it may cover; X0 is -1 where they are
+    not known.
 
     `bounds`: (c, 2, 3) float32. Outward: a cluster is left out only where every point of its
     box is beyond one plane of the frustum, `grow` pixels out, by more than the rounding; or
@@ -174,6 +186,7 @@ def cluster_depths(
             greatest += z * high[k] if z > 0.0 else z * low[k]
         error = PROJECT * view.z_norm * size
         nearest[c] = least - error
+        boxes[c, X0] = -1
         outside = greatest + error < view.near or least - error > view.far
         if view.boxes:
             for i in range(4):
@@ -184,11 +197,22 @@ def cluster_depths(
                 # 16 u: the plane's own roundings (3) and the offset's come on top of PROJECT's.
                 if value - offsets[i] < -16.0 * U * (norms[i] * size + abs(offsets[i])):
                     outside = True
-            if sums.size and not outside and (least - error > view.near or not view.perspective):
+            # Every depth in the box is far above its error, and no pixel is near overflow: see
+            # `visref.exact.lanes.project`.
+            reach = max(view.x_norm, view.y_norm) * size
+            if view.perspective:
+                known = least - error > view.near and error < (least - error) * (0.5 * CLIP_SLACK)
+                known = known and reach < GREATEST_PIXEL * (least - error)
+            else:
+                known = reach < GREATEST_PIXEL
+            if known and not outside:
                 depths = (least - error, greatest + error)
                 x0, x1 = _box_range(low, high, depths, columns, grow, view.perspective)
                 y0, y1 = _box_range(low, high, depths, rows, grow, view.perspective)
-                outside = x0 > x1 or y0 > y1 or _none_wanted(sums, x0, x1, y0, y1)
+                outside = x0 > x1 or y0 > y1
+                if sums.size and not outside:
+                    outside = _none_wanted(sums, x0, x1, y0, y1)
+                boxes[c, X0], boxes[c, X1], boxes[c, Y0], boxes[c, Y1] = x0, x1, y0, y1
         if outside:
             nearest[c] = np.inf
 
@@ -202,13 +226,17 @@ def project(
     view: View,
     grow: float,
     sums: NDArray[Any],
+    nearest: NDArray[Any],
+    cluster_boxes: NDArray[Any],
     into: tuple[NDArray[Any], NDArray[Any], NDArray[Any]],
 ) -> int:
     """Find the triangles whose screen box, grown by `grow` pixels, holds a sample, and meets a
     block of wanted samples (`sums` of `count_wanted`, (0, 0) for all).
 
     Goes through `clusters` in order; `corners`: (t, 9) float32 in cluster order; `usable`: (t,)
-    bool. Writes to `into` the `found`, `boxes` and `keys` of a `Binned`, which have room for all
+    bool. `nearest`, `cluster_boxes`: of `cluster_depths`, for all clusters; one whose box meets
+    `FEW_TILES` or fewer is found as a whole, none where `cluster_boxes` is (0, 4).
+    Writes to `into` the `found`, `boxes` and `keys` of a `Binned`, which have room for all
     triangles of the clusters. Returns how many were found. All bounds are outward.
     """
     found, boxes, keys = into
@@ -218,6 +246,21 @@ def project(
     y = np.empty(3)
     for index in range(len(clusters)):
         cluster = clusters[index]
+        # Two roundings of normal numbers; 4 u is upward. What comes later is no nearer.
+        left = -nearest[cluster]
+        if view.perspective:
+            left = (1.0 / max(nearest[cluster], view.near)) * (1.0 + 4.0 * U)
+        if len(cluster_boxes) and cluster_boxes[cluster, X0] >= 0:
+            x0, x1 = cluster_boxes[cluster, X0], cluster_boxes[cluster, X1]
+            y0, y1 = cluster_boxes[cluster, Y0], cluster_boxes[cluster, Y1]
+            across = (x1 >> TILE_SHIFT) - (x0 >> TILE_SHIFT) + 1
+            if across * ((y1 >> TILE_SHIFT) - (y0 >> TILE_SHIFT) + 1) <= FEW_TILES:
+                found[count] = -1 - cluster
+                boxes[count, X0], boxes[count, X1] = x0, x1
+                boxes[count, Y0], boxes[count, Y1] = y0, y1
+                keys[count, GREATEST], keys[count, CHECK], keys[count, LEFT] = left, 0.0, left
+                count += 1
+                continue
         for t in range(cluster_offsets[cluster], cluster_offsets[cluster + 1]):
             if not usable[t]:
                 continue
@@ -288,6 +331,7 @@ def project(
             else:
                 keys[count, GREATEST] = -z_least
             keys[count, CHECK] = 1.0 if check else 0.0
+            keys[count, LEFT] = left
             count += 1
     return count
 
