@@ -44,7 +44,7 @@ def test_cast(name: str, sizes: Sizes, turns: Turns, quick: bool) -> None:
         off = sum(np.abs(a - b).sum() for a, b in zip(ours, theirs, strict=True))
         differing[title] = 1e6 * off / sum(view.samples for view in views)
         jobs[title] = over(views, peer.counts)
-    turns.run("cast", f"{name}, {scene.triangle_count:,} triangles", jobs)
+    turns.run("cast", f"{name}, {scene.triangle_count:,} triangles", jobs, rounds=2)
     turns.say(
         **{f"{title}: samples per million that differ": off for title, off in differing.items()}
     )
