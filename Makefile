@@ -70,8 +70,13 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: setup
-	$(BIN)/python -m benchmarks
+# A JSON file in benchmarks/history, and docs/benchmarks.md made of all of them; some 15 minutes.
+# BENCH="--only cast" measures one kind; `python -m benchmarks --help` has the rest.
+BENCH :=
+bench: warm
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint constraints.txt --editable '.[bench]' || echo "without Mitsuba" >&2
+	$(BIN)/python -m benchmarks $(BENCH)
 
 # The papers' tables, on so many frames of each path, and the documentation made from them.
 TABLES := tables

@@ -1,5 +1,7 @@
-"""Benchmarks: `python -m benchmarks [NAME …]`. Figures are ratios within one run.
+"""Benchmarks, on pytest-benchmark: `make bench`, or `python -m benchmarks --only NAME`.
 
-Every module here has a `TITLE` and a `run()` that returns the rows of a small table, one
-`dict` from column heading to text each.
+Every figure is a ratio within one run: whatever is compared takes turns, round by round, so that
+all meet the same machine (`benchmarks.measuring`). Peers that are not installed are skipped, and
+said to be. A run leaves a JSON file in `benchmarks/history`, and `docs/benchmarks.md` is made of
+all that are there (`benchmarks.page`).
 """

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from benchmarks.truth import alternate, cameras, town
+from benchmarks.measuring import alternate
+from benchmarks.scenes import cameras, town
 from visref.camera import Camera, look_at
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine

@@ -2,7 +2,7 @@
 
 The paper's own figures are `visref tables --paper hey2001`.
 
-`python -m benchmarks lazy_grid` takes a tenth of the large city; `python -m
+`python -m benchmarks --only lazy_grid` takes a tenth of the large city; `python -m
 benchmarks.lazy_grid 1` all of it (some 8 GiB and ten minutes).
 """
 
@@ -165,10 +165,10 @@ def traversal_rows(scene: Scene, path: CameraPath, boxes: str) -> Iterator[Line]
 
 
 def main() -> None:
-    from benchmarks.__main__ import table
+    from benchmarks.page import table
 
     started = time.perf_counter()
-    print(table(run(float(sys.argv[1]) if len(sys.argv) > 1 else CITY_SCALE)))
+    print("\n".join(table(run(float(sys.argv[1]) if len(sys.argv) > 1 else CITY_SCALE))))
     print(f"{time.perf_counter() - started:.0f} s")
 
 

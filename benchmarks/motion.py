@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.truth import alternate, cameras, town
+from benchmarks.measuring import alternate
+from benchmarks.scenes import cameras, town
 from visref.camera import Camera
 from visref.engines.base import TruthEngine
 from visref.engines.embree import EmbreeEngine

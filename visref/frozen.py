@@ -7,6 +7,8 @@ that was handed over (pickle's protocol 5), cannot be made writable.
 
 from __future__ import annotations
 
+import ctypes
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Self, TypeVar
@@ -41,6 +43,34 @@ def frozen(array: Array) -> Array:
     # Not np.frombuffer, which takes no empty buffer.
     copy: Any = np.ndarray(array.shape, array.dtype, buffer=array.tobytes())
     return copy  # type: ignore[no-any-return]
+
+
+class Fresh:
+    """Memory to be filled by whoever makes it, through `array`, and then handed over `frozen`
+    without a copy. Nobody may keep `array`, or a view of it, beyond that."""
+
+    def __init__(self, shape: int | tuple[int, ...], dtype: Any) -> None:
+        """`array` has that shape and type, and any values."""
+        kind = np.dtype(dtype)
+        sizes = (shape,) if isinstance(shape, int) else shape
+        size = math.prod(sizes) * kind.itemsize
+        # A bytes object of any content, which Python lets its maker fill as long as nobody else
+        # has it.
+        self._memory: bytes = _new_bytes(None, size)
+        raw = (ctypes.c_char * size).from_address(_address_of(self._memory))
+        self.array: np.ndarray[Any, Any] = np.ndarray(sizes, kind, buffer=raw)
+
+    def frozen(self) -> Any:
+        """The array, in memory that cannot be made writable; `array` is gone."""
+        result: Any = np.ndarray(self.array.shape, self.array.dtype, buffer=self._memory)
+        del self.array, self._memory
+        return result
+
+
+_new_bytes = ctypes.pythonapi.PyBytes_FromStringAndSize
+_new_bytes.restype, _new_bytes.argtypes = ctypes.py_object, [ctypes.c_char_p, ctypes.c_ssize_t]
+_address_of = ctypes.pythonapi.PyBytes_AsString
+_address_of.restype, _address_of.argtypes = ctypes.c_void_p, [ctypes.py_object]
 
 
 class Shared:

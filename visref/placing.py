@@ -57,21 +57,22 @@ def placed_boxes(meshes: Iterable[tuple[NDArray[Any], Float64]]) -> Float64:
     transforms: those of the transformed boxes. What is not finite is left out."""
     boxes = [np.zeros((0, 2, 3))]
     for positions, worlds in meshes:
-        points = positions[np.all(np.isfinite(positions), axis=1)].astype(np.float64)
+        finite = np.isfinite(positions).all(axis=1)
+        points = positions if finite.all() else positions[finite]
         if not len(points) or not len(worlds):
             continue
-        box = np.stack([points.min(axis=0), points.max(axis=0)])
-        each = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
-        corners = np.stack(
-            [
-                (row[:, 0] * each[:, 0] + row[:, 1] * each[:, 1])
-                + (row[:, 2] * each[:, 2] + row[:, 3])
-                for row in (worlds[:, axis, :, None] for axis in range(3))
-            ],
-            axis=-1,
+        low, high = (
+            corner.astype(np.float64) for corner in (points.min(axis=0), points.max(axis=0))
         )
-        corners = corners[np.isfinite(corners).all(axis=(1, 2))]
-        boxes.append(np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1))
+        placed = np.empty((len(worlds), 2, 3))
+        for axis in range(3):
+            # Rounded sums do not decrease where a term grows: the least of each makes the least.
+            ends = worlds[:, axis, :3] * low, worlds[:, axis, :3] * high
+            for side, terms in enumerate((np.minimum(*ends), np.maximum(*ends))):
+                placed[:, side, axis] = (terms[:, 0] + terms[:, 1]) + (
+                    terms[:, 2] + worlds[:, axis, 3]
+                )
+        boxes.append(placed[np.isfinite(placed).all(axis=(1, 2))])
     return np.concatenate(boxes)
 
 

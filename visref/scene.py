@@ -453,17 +453,18 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     marks already taken."""
     names = [clean_name(name) for name in names]
     taken = set(names)
-    given: set[str] = set()
+    if len(taken) == len(names):
+        return tuple(names)
+    # What marked names are made of ends in front of their last "#": no two names make the same.
     next_mark: dict[str, int] = {}
     result = []
     for name in names:
-        unique = name
-        if name in given:
-            mark = next_mark.get(name, 2)
-            while f"{name}#{mark}" in taken or f"{name}#{mark}" in given:
+        mark = next_mark.get(name, 1)
+        if mark == 1:
+            result.append(name)
+        else:
+            while (unique := f"{name}#{mark}") in taken:
                 mark += 1
-            unique = f"{name}#{mark}"
-            next_mark[name] = mark + 1
-        given.add(unique)
-        result.append(unique)
+            result.append(unique)
+        next_mark[name] = mark + 1
     return tuple(result)

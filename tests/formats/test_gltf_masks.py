@@ -535,3 +535,14 @@ def test_samples_of_a_card_are_those_of_its_texels(tmp_path: Path) -> None:
     inside = (9 * 4 - 6) * (8 * 4 - 6)
     assert int((found == SOLID).sum()) == inside
     assert int((found == HOLE).sum()) == size * size - (9 * 4 + 6) * (8 * 4 + 6)
+
+
+def test_blocks_of_instances_change_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gltf = leaf()
+    for i in range(20):
+        gltf.node(mesh=0, name="part", translation=[i, 0, 0], scale=[(-1) ** i, 1, 1])
+    whole = load(gltf, tmp_path).digest
+    monkeypatch.setattr("visref.formats.placed._BLOCK_TRIANGLES", 5)
+    assert load(gltf, tmp_path).digest == whole

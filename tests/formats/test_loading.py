@@ -13,7 +13,6 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import visref.formats.placed
 from tests.support.bad_input import BAD_INPUT, BAD_PATHS, BadInput, good_path, good_scene
 from tests.support.gltf_files import SQUARE, TRIANGLE, TWO, Gltf, one_triangle
 from visref.camera import Camera, look_at
@@ -309,16 +308,6 @@ def test_gpu_instances_are_objects_like_nodes_of_their_own(tmp_path, count):
     a, b = load(instanced, tmp_path), load(plain, tmp_path)
     assert a.object_count == count
     assert a.digest == b.digest
-
-
-def test_blocks_of_instances_change_nothing(tmp_path, monkeypatch):
-    gltf = Gltf()
-    mesh = gltf.mesh(gltf.primitive(SQUARE, TWO))
-    for i in range(20):
-        gltf.node(mesh=mesh, name="part", translation=[i, 0, 0], scale=[(-1) ** i, 1, 1])
-    whole = load(gltf, tmp_path).digest
-    monkeypatch.setattr(visref.formats.placed, "_BLOCK_VERTICES", 9)
-    assert load(gltf, tmp_path).digest == whole
 
 
 def draco_gltf(positions: np.ndarray, faces: np.ndarray) -> Gltf:

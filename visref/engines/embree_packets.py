@@ -106,7 +106,8 @@ class PacketScene:
     """Triangles in Embree, cast sixteen rays at a time where the machine has vectors of sixteen,
     else eight.
 
-    `vertices` (v, 3) float32, `triangles` (t, 3) int32; both are copied. Raises MemoryError
+    `vertices` (v, 3) float32, `triangles` (t, 3) int32; both stay as they are, for Embree reads
+    them. Raises MemoryError
     where Embree cannot build its hierarchy.
     """
 
@@ -190,9 +191,8 @@ class _Built:
         quality: int,
         robust: bool,
     ) -> None:
-        # Embree reads a vertex with 16 bytes: one beyond the last must be there.
-        self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
-        self._triangles = np.array(triangles, dtype=np.uint32, order="C")
+        self._vertices = _with_one_beyond(vertices)
+        self._triangles = np.ascontiguousarray(triangles, np.int32).view(np.uint32)
         self.scene = library.rtcNewScene(device)
         weakref.finalize(self, library.rtcReleaseScene, self.scene)
         # Stated, never left to the library's default.
@@ -215,3 +215,18 @@ class _Built:
         code = library.rtcGetDeviceError(device)
         if code:
             raise MemoryError(f"Embree cannot build the scene (error {code})")
+
+
+def _with_one_beyond(vertices: Float32) -> Float32:
+    """The vertices, in memory that holds one more at least: Embree reads one with 16 bytes."""
+    base = vertices.base
+    if (
+        isinstance(base, np.ndarray)
+        and base.dtype == np.float32
+        and base.flags.c_contiguous
+        and vertices.flags.c_contiguous
+        and base.ctypes.data == vertices.ctypes.data
+        and base.size >= vertices.size + 3
+    ):
+        return vertices
+    return np.concatenate([vertices, np.zeros((1, 3), np.float32)])

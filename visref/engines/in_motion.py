@@ -24,6 +24,10 @@ Places = tuple[Int32, Int32]
 # within float32's exponents.
 ROOM = 16
 
+# Vertices that are moved and scaled at a time.
+_BLOCK = 1 << 12
+_WIDE = 256
+
 
 class Parts:
     """A scene's opaque triangles, `solid` (t,) int32 ascending ids, as those that move and those
@@ -85,14 +89,38 @@ def local_vertices(
     """(vertices - rebase) * scale in float32, (v, 3), the scale, by default a power of two with
     which the greatest coordinate is between 1/2 and 1, and whether no rounding came of it (either
     way)."""
-    # Nothing is allocated twice: a scene may have millions of vertices.
-    moved = vertices - rebase
-    exact = not rebase.any() or np.array_equal(moved + rebase, vertices)
     if scale is None:
-        scale = scale_of(max(-moved.min(initial=0.0), moved.max(initial=0.0)), 0.0)
-    moved *= scale
-    local = moved.astype(np.float32)
-    return local, scale, bool(exact and np.array_equal(local, moved))
+        reach = 0.0
+        if len(vertices):
+            # Subtracting does not decrease where what is subtracted from grows.
+            low, high = (end.astype(np.float64) - rebase for end in _column_ends(vertices))
+            reach = max(-float(low.min()), float(high.max()), 0.0)
+        scale = scale_of(reach, 0.0)
+    # One more, for a library that reads whole vectors; what is handed out has only the vertices.
+    local = np.zeros((len(vertices) + 1, 3), np.float32)[:-1]
+    exact, moves = True, bool(rebase.any())
+    # Block by block, so that float64 stays in the cache: a scene may have millions of vertices.
+    scratch = np.empty((min(len(vertices), _BLOCK), 3))
+    for at in range(0, len(vertices), _BLOCK):
+        block, part = vertices[at : at + _BLOCK], local[at : at + _BLOCK]
+        moved = scratch[: len(block)]
+        np.subtract(block, rebase, out=moved)
+        exact = exact and (not moves or np.array_equal(moved + rebase, block))
+        moved *= scale
+        part[:] = moved
+        exact = exact and np.array_equal(part, moved)
+    return local, scale, exact
+
+
+def _column_ends(vertices: Float32) -> tuple[Float32, Float32]:
+    """The least and the greatest of each coordinate, (3,) each, of one vertex at least."""
+    # NumPy is slow along rows of three: many of them are made one.
+    wide = len(vertices) // _WIDE * _WIDE
+    ends = []
+    for best in (np.min, np.max):
+        some = best(vertices[:wide].reshape(-1, 3 * _WIDE), axis=0) if wide else vertices[:0]
+        ends.append(best(np.concatenate([some.reshape(-1, 3), vertices[wide:]]), axis=0))
+    return ends[0], ends[1]
 
 
 def own_corners(count: int) -> Int32:

@@ -128,7 +128,8 @@ class RayEngine(TruthEngine):
         local, self.scale, self.rebase_exact = local_vertices(scene.vertices, self.rebase)
         self._reach = float(np.abs(local).max(initial=0.0)) / self.scale
         if len(self._solid):
-            triangles = scene.triangles[self._solid]
+            all_solid = len(self._solid) == len(scene.triangles)
+            triangles = scene.triangles if all_solid else scene.triangles[self._solid]
             self._build(local, triangles)
             self._check_sight(local, triangles, np.arange(len(triangles), dtype=np.int32))
 

@@ -6,13 +6,14 @@ extension nobody has registered goes through trimesh. Readers are imported when 
 
 from __future__ import annotations
 
+import gc
 import inspect
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, wraps
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from visref.wording import did_you_mean
 if TYPE_CHECKING:
     import trimesh
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 FORMATS = "visref.scene_formats"
 # These hold cameras too; and their scene graph may mean its objects to be empty.
 GLTF = (".glb", ".gltf", ".vrm")
@@ -34,6 +38,23 @@ _ARCHIVES = (".zip", ".gz", ".bz2", ".xz", ".7z", ".tar", ".rar")
 
 # Numbers that overflow become vertices and cameras that are not finite, and those are refused.
 _quiet_overflow = np.errstate(over="ignore", invalid="ignore")
+
+
+def _no_collection(read: Callable[P, T]) -> Callable[P, T]:
+    """Let Python's collector of cycles rest meanwhile: a file's millions of small objects are there
+    to stay, and it would look at all of them again and again."""
+
+    @wraps(read)
+    def resting(*args: P.args, **kwargs: P.kwargs) -> T:
+        was_on = gc.isenabled()
+        gc.disable()
+        try:
+            return read(*args, **kwargs)
+        finally:
+            if was_on:
+                gc.enable()
+
+    return resting
 
 
 class Reader(Protocol):
@@ -52,6 +73,7 @@ class Reader(Protocol):
 
 
 @_quiet_overflow
+@_no_collection
 def load_scene(
     path: Path | str,
     *,

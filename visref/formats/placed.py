@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from visref.errors import InputError
 from visref.findings import Code
-from visref.frozen import frozen
+from visref.formats.place_kernels import place_triangles, place_vertices
+from visref.frozen import Fresh, frozen
 from visref.masks.instances import MaskRows, MaskTable, MeshMasks
 from visref.memory import Budget
 from visref.placing import origin_of, placed_boxes, rounded
@@ -31,11 +33,13 @@ from visref.scene import (
     unique_names,
 )
 
-# How many vertices are transformed at a time: bounds the float64 scratch memory to some 100 MB.
-_BLOCK_VERTICES = 1 << 20
+# How many masked triangles get their rows at a time: bounds the scratch memory to some 20 MB.
+_BLOCK_TRIANGLES = 1 << 20
 _MAX_INT32 = 2**31 - 1
 
 NO_MESH = -1
+# Nodes nested without end would take memory for their paths without end.
+LONG_PATH = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +153,9 @@ class Placed:
 
 
 def below(path: str, name: str) -> str:
-    """The path of what is called `name` below `path`; either may be empty. Below a path of 4,096
-    characters a new one starts: nodes nested without end would take memory without end."""
-    return f"{path}/{name}" if path and name and len(path) < 4096 else name or path
+    """The path of what is called `name` below `path`; either may be empty. Below a path of
+    `LONG_PATH` characters a new one starts."""
+    return f"{path}/{name}" if path and name and len(path) < LONG_PATH else name or path
 
 
 def compose(a: Float64, b: Float64) -> Float64:
@@ -198,39 +202,46 @@ def flatten(
         vertices=int(vertex_starts[-1]),
         triangles=int(starts[-1]),
     )
+    order = np.argsort(mesh_of_object, kind="stable")
+    ends = np.searchsorted(mesh_of_object[order], np.arange(len(placed.meshes) + 1))
+    users = [order[start:end] for start, end in pairwise(ends)]
     origin = origin_of(
         placed_boxes(
-            (mesh.positions, worlds[mesh_of_object == index])
-            for index, mesh in enumerate(placed.meshes)
+            (mesh.positions, worlds[some]) for mesh, some in zip(placed.meshes, users, strict=True)
         )
     )
-    vertices = np.empty((int(vertex_starts[-1]), 3), np.float32)
-    moved = np.zeros(len(vertices), np.float32)
-    triangles = np.empty((int(starts[-1]), 3), np.int32)
-    one_sided = np.zeros(len(triangles), np.bool_)
-    alpha = np.empty(len(triangles), np.uint8)
-    mask_rows = MaskRows(len(triangles))
+    vertex_count, count = int(vertex_starts[-1]), int(starts[-1])
+    made = [
+        Fresh((vertex_count, 3), np.float32),
+        Fresh(vertex_count, np.float32),
+        Fresh((count, 3), np.int32),
+        Fresh(count, np.bool_),
+        Fresh(count, np.uint8),
+    ]
+    vertices, moved, triangles, one_sided, alpha = (one.array for one in made)
+    mask_rows = MaskRows(count)
     mirrored = _determinants(worlds) < 0.0
-    order = np.argsort(mesh_of_object, kind="stable")
-    groups = np.searchsorted(mesh_of_object[order], np.arange(len(placed.meshes) + 1))
-    for index, mesh in enumerate(placed.meshes):
-        users = order[groups[index] : groups[index + 1]]
-        bases = mask_rows.add(mesh.masks, mirrored[users]) if mesh.masks is not None else None
-        block = max(1, _BLOCK_VERTICES // max(1, len(mesh.positions), len(mesh.triangles)))
-        for at in range(0, len(users), block):
-            chosen = users[at : at + block]
-            rows = vertex_starts[chosen, None] + np.arange(len(mesh.positions))
-            vertices[rows], moved[rows] = transformed(worlds[chosen], mesh.positions, origin)
-            rows = starts[chosen, None] + np.arange(len(mesh.triangles))
-            faces = mesh.triangles + vertex_starts[chosen, None, None]
-            flip = mirrored[chosen]
-            faces[flip] = faces[flip][:, :, ::-1]
-            triangles[rows] = faces
-            alpha[rows] = mesh.alpha
-            if mesh.masks is not None and bases is not None:
+    for mesh, some in zip(placed.meshes, users, strict=True):
+        place_vertices(
+            np.array(mesh.positions, np.float64, order="C"),
+            *(worlds, some, vertex_starts, origin),
+            *(vertices, moved, moved.view(np.int32)),
+        )
+        sides = np.array(mesh.one_sided, np.uint8) * np.uint8(cull_backfaces)
+        place_triangles(
+            np.array(mesh.triangles, np.int64, order="C"),
+            (sides, np.array(mesh.alpha, np.uint8)),
+            *(some, mirrored, vertex_starts, starts),
+            triangles,
+            (one_sided.view(np.uint8), alpha),
+        )
+        if mesh.masks is not None:
+            bases = mask_rows.add(mesh.masks, mirrored[some])
+            block = max(1, _BLOCK_TRIANGLES // max(1, len(mesh.triangles)))
+            for at in range(0, len(some), block):
+                rows = starts[some[at : at + block], None] + np.arange(len(mesh.triangles))
                 mask_rows.fill(rows, mesh.masks, bases[at : at + block])
-            if cull_backfaces:
-                one_sided[rows] = mesh.one_sided
+    vertices, moved, triangles, one_sided, alpha = (one.frozen() for one in made)
     masks = mask_rows.masks(placed.masks)
     finite = None
     names = unique_names(placed.names)

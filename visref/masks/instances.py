@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,14 @@ class MaskRows:
     """The rows of a scene's triangles, filled mesh by mesh."""
 
     def __init__(self, triangle_count: int) -> None:
-        self.row = np.full(triangle_count, -1, np.int32)
+        self._triangle_count = triangle_count
         self._corners: list[NDArray[Any]] = []
         self._count = 0
+
+    @cached_property
+    def row(self) -> NDArray[np.int32]:
+        """(t,) int32, of each triangle; made once something has one."""
+        return np.full(self._triangle_count, -1, np.int32)
 
     def add(self, masks: MeshMasks, mirrored: NDArray[np.bool_]) -> NDArray[np.int32]:
         """(k,) int32, where each of a mesh's k instances has its rows, for `fill`."""

@@ -14,7 +14,7 @@ from visref.errors import InputError
 from visref.files import Bytes, json_bytes, map_file, named_beside, parse_json
 from visref.formats.gltf.extensions import is_known
 from visref.formats.gltf.meshopt import compression, decoded
-from visref.formats.gltf.values import Json
+from visref.formats.gltf.values import Items, Json
 from visref.memory import Budget
 
 _GLB_MAGIC = b"glTF"
@@ -42,16 +42,16 @@ class Document:
         self.root = Json(parse_json(text.tobytes()), "")
         self._buffers: dict[int, Bytes] = {}
         self._decompressed: dict[int, Bytes] = {}
-        self._lists: dict[str, list[Json]] = {}
+        self._lists: dict[str, Items] = {}
         self._check_asset()
         self.used_extensions = self._check_extensions()
         self.unknown_extensions = [name for name in self.used_extensions if not is_known(name)]
 
-    def entries(self, kind: str) -> list[Json]:
+    def entries(self, kind: str) -> Items:
         """The file's top-level list `kind` ("nodes", "meshes", …), empty where it is absent."""
         if kind not in self._lists:
             found = self.root.get(kind)
-            self._lists[kind] = found.items() if found is not None else []
+            self._lists[kind] = found.items() if found is not None else Items([], kind)
         return self._lists[kind]
 
     def entry(self, kind: str, reference: Json) -> Json:

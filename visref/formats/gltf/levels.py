@@ -19,8 +19,10 @@ def read_levels(
     nodes = document.entries("nodes")
     levels: dict[int, list[int]] = {}
     finest_of: dict[int, int] = {}
-    for finest, node in enumerate(nodes):
-        extension = node.extension(_LEVELS)
+    for finest, value in enumerate(nodes.values):
+        if "extensions" not in value:
+            continue
+        extension = nodes[finest].extension(_LEVELS)
         if extension is None:
             continue
         levels[finest] = []

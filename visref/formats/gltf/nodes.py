@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from visref.errors import InputError
 from visref.formats.gltf.document import Document
 from visref.formats.gltf.levels import read_levels
-from visref.formats.gltf.values import Json
+from visref.formats.gltf.values import Items, Json
 from visref.formats.placed import compose
 from visref.scene import Float64, Int64
 
@@ -24,10 +25,11 @@ class Nodes:
 
     `order`: node indices depth-first, children in file order. `parent`: node -> parent, -1
     for a root. `translation` (n, 3), `rotation` (n, 4) as x y z w, `scale` (n, 3) float64 of
-    every node in the file; `matrix`: node -> (4, 4), in place of these where the file gives
-    one. `visible`: (n,) bool, what KHR_node_visibility says of each node itself; `hidden`: those
-    that it hides, with all below them. `levels`: the nodes of MSFT_lod's coarser levels of each
-    node that has some, finest first; their parent is that node's, and they follow its subtree.
+    every node in the file; `matrices`: (m, 4, 4) float64 of the nodes `with_matrix`, (m,) int64, in
+    place of these where the file gives one. `visible`: (n,) bool, what KHR_node_visibility says of
+    each node itself; `hidden`: those that it hides, with all below them. `levels`: the nodes of
+    MSFT_lod's coarser levels of each node that has some, finest first; their parent is that node's,
+    and they follow its subtree.
     """
 
     order: list[int]
@@ -35,17 +37,29 @@ class Nodes:
     translation: Float64
     rotation: Float64
     scale: Float64
-    matrix: dict[int, Float64]
+    with_matrix: Int64
+    matrices: Float64
     visible: NDArray[np.bool_]
     hidden: set[int]
     levels: dict[int, list[int]]
 
     @cached_property
+    def matrix(self) -> dict[int, Float64]:
+        """Node -> (4, 4) float64, where the file gives one."""
+        return dict(zip(self.with_matrix.tolist(), self.matrices, strict=True))
+
+    @cached_property
     def generations(self) -> list[Int64]:
         """The reached nodes by their distance from the root, each generation ascending."""
-        depth = np.full(len(self.parent), -1)
-        for node in self.order:
-            depth[node] = depth[self.parent[node]] + 1 if self.parent[node] >= 0 else 0
+        parent = np.array(self.parent, np.int64)
+        # Each round doubles how far up `above` looks, and `depth` counts the way there.
+        above, depth = parent, (parent >= 0).astype(np.int64)
+        while (above >= 0).any():
+            depth = depth + np.where(above >= 0, depth[above], 0)
+            above = np.where(above >= 0, above[above], -1)
+        reached = np.zeros(len(parent), np.bool_)
+        reached[self.order] = True
+        depth = np.where(reached, depth, -1)
         by_depth = np.argsort(depth, kind="stable")
         starts = np.searchsorted(depth[by_depth], np.arange(depth.max(initial=-1) + 2))
         return [by_depth[start:end] for start, end in pairwise(starts)]
@@ -65,6 +79,8 @@ class Nodes:
     def and_below(self, nodes: Collection[int]) -> NDArray[np.bool_]:
         """(n,) bool: the given nodes with all below them, as far as the scene reaches them."""
         result = np.zeros(len(self.parent), np.bool_)
+        if not nodes:
+            return result
         starts, ends = self.subtrees
         chosen = np.array([node for node in nodes if starts[node] >= 0], np.int64)
         if not len(chosen):
@@ -78,8 +94,7 @@ class Nodes:
     def parent_from_node(self) -> Float64:
         """(n, 4, 4) float64, each node's own transform."""
         result = trs_matrices(self.translation, self.rotation, self.scale)
-        for node, matrix in self.matrix.items():
-            result[node] = matrix
+        result[self.with_matrix] = self.matrices
         return result
 
     def world_from_node(self) -> Float64:
@@ -146,21 +161,80 @@ def read_nodes(document: Document) -> Nodes:
             nodes[root].fail("it is a root of the scene and another node's child")
     if len(set(waiting)) != len(waiting):
         raise InputError("a root is listed twice", place="scenes", fix="list each node once")
-    hidden = set()
-    visible = np.ones(len(nodes), np.bool_)
     while waiting:
         node = waiting.pop()
         order.append(node)
-        waiting.extend(reversed(levels.get(node, [])))
-        waiting.extend(reversed(children.get(node, [])))
-        visible[node] = _visible(nodes[node])
-        if parent[node] in hidden or not visible[node]:
-            hidden.add(node)
-    translation, scale = np.zeros((len(nodes), 3)), np.ones((len(nodes), 3))
-    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (len(nodes), 1))
+        if node in levels:
+            waiting.extend(reversed(levels[node]))
+        if node in children:
+            waiting.extend(reversed(children[node]))
+    visible = np.ones(len(nodes), np.bool_)
+    for node in order:
+        if "extensions" in nodes.values[node]:
+            visible[node] = _visible(nodes[node])
+    hidden = set()
+    if not visible.all():
+        for node in order:
+            if parent[node] in hidden or not visible[node]:
+                hidden.add(node)
+    own = _transforms_at_once(nodes.values, order) or _transforms(nodes, order)
+    return Nodes(order, parent, *own, visible, hidden, levels)
+
+
+# translation, rotation, scale, with_matrix and matrices, as in `Nodes`.
+_Transforms = tuple[Float64, Float64, Float64, Int64, Float64]
+_SIZES = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
+# What `Json.numbers` takes as it is.
+_PLAIN_BELOW = 1e300
+
+
+def _still(count: int) -> tuple[Float64, Float64, Float64]:
+    """Translation, rotation and scale that change nothing, of so many nodes."""
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))
+    return np.zeros((count, 3)), rotation, np.ones((count, 3))
+
+
+def _transforms_at_once(values: list[Any], order: list[int]) -> _Transforms | None:
+    """What the nodes of `order` say of themselves, a property of all nodes at once; None where
+    anything is not as it should be, which `_transforms` names, or bears."""
+    said: dict[str, tuple[list[int], list[Any]]] = {name: ([], []) for name in _SIZES}
+    matrix, *others = said.items()
+    for node in order:
+        value = values[node]
+        # A matrix stands in place of the others, which nobody looks at then.
+        for name, (some, lists) in (matrix,) if "matrix" in value else others:
+            if name in value:
+                some.append(node)
+                lists.append(value[name])
+    found: dict[str, tuple[Int64, Float64]] = {}
+    for name, (some, lists) in said.items():
+        if not ({list}.issuperset(map(type, lists)) and {_SIZES[name]}.issuperset(map(len, lists))):
+            return None
+        if not {int, float}.issuperset(map(type, chain.from_iterable(lists))):
+            return None
+        try:
+            numbers = np.fromiter(chain.from_iterable(lists), np.float64)
+        except OverflowError:
+            return None
+        if not (np.abs(numbers) < _PLAIN_BELOW).all():
+            return None
+        found[name] = np.array(some, np.int64), numbers.reshape(-1, _SIZES[name])
+    translation, rotation, scale = _still(len(values))
+    for name, target in (("translation", translation), ("rotation", rotation), ("scale", scale)):
+        target[found[name][0]] = found[name][1]
+    matrices = found["matrix"][1].reshape(-1, 4, 4).transpose(0, 2, 1)
+    if not have_length(found["rotation"][1]) or (matrices[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
+        return None
+    return translation, rotation, scale, found["matrix"][0], matrices
+
+
+def _transforms(nodes: Items, order: list[int]) -> _Transforms:
+    """What the nodes of `order` say of themselves, node by node. Raises InputError naming the
+    first place that is wrong."""
+    translation, rotation, scale = _still(len(nodes))
     matrices = {}
     for node in order:
-        value = nodes[node].value
+        value = nodes.values[node]
         if "matrix" in value:
             matrices[node] = _matrix(nodes[node]["matrix"])
             continue
@@ -173,41 +247,49 @@ def read_nodes(document: Document) -> Nodes:
             rotation[node] = member.numbers(4)
             if not have_length(rotation[node][None]):
                 member.fail("a rotation of zero or infinite length")
-    return Nodes(order, parent, translation, rotation, scale, matrices, visible, hidden, levels)
+    own = np.array(list(matrices.values())).reshape(-1, 4, 4)
+    return translation, rotation, scale, np.array(list(matrices), np.int64), own
 
 
-def _children(document: Document, nodes: list[Json]) -> tuple[dict[int, list[int]], list[int]]:
+def _children(document: Document, nodes: Items) -> tuple[dict[int, list[int]], list[int]]:
     children: dict[int, list[int]] = {}
-    parent = [-1] * len(nodes)
-    for index, node in enumerate(nodes):
-        listed = node.get("children")
-        if listed is None:
+    count = len(nodes)
+    parent = [-1] * count
+    for index, value in enumerate(nodes.values):
+        if type(value) is dict and "children" not in value:
             continue
-        children[index] = []
-        for reference in listed.items():
-            document.entry("nodes", reference)
-            child = reference.integer()
-            if parent[child] >= 0:
-                reference.fail(f"nodes[{child}] has a parent already: nodes[{parent[child]}]")
+        listed = nodes[index]["children"]
+        below = children[index] = []
+        for place, child in enumerate(listed.items().values):
+            if type(child) is not int or not 0 <= child < count or parent[child] >= 0:
+                reference = listed.items()[place]
+                document.entry("nodes", reference)
+                child = reference.integer()
+                if parent[child] >= 0:
+                    reference.fail(f"nodes[{child}] has a parent already: nodes[{parent[child]}]")
             parent[child] = index
-            children[index].append(child)
+            below.append(child)
     _refuse_cycle(nodes, parent)
     return children, parent
 
 
-def _refuse_cycle(nodes: list[Json], parent: list[int]) -> None:
+def _refuse_cycle(nodes: Items, parent: list[int]) -> None:
     """A node is in a cycle if following parents never reaches a root."""
-    safe = bytearray(len(nodes))
-    for start in range(len(nodes)):
-        trail, node = [], start
-        while node >= 0 and safe[node] == 0:
-            safe[node] = 1
-            trail.append(node)
-            node = parent[node]
-        if node >= 0 and safe[node] == 1:
-            nodes[node].fail("the node graph has a cycle: it is its own ancestor")
-        for node in trail:
-            safe[node] = 2
+    above = np.array(parent, np.int64)
+    # After k rounds `above` is the ancestor 2^k generations up: nobody has more than there are.
+    for _ in range(len(parent).bit_length()):
+        above = np.where(above >= 0, above[above], -1)
+        if not (above >= 0).any():
+            return
+    endless = np.flatnonzero(above >= 0)
+    if not len(endless):
+        return
+    seen: set[int] = set()
+    node = int(endless[0])
+    while node not in seen:
+        seen.add(node)
+        node = parent[node]
+    nodes[node].fail("the node graph has a cycle: it is its own ancestor")
 
 
 def _roots(document: Document, parent: list[int]) -> list[int]:

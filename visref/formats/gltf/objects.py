@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from pathlib import Path
+from sys import getsizeof
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from visref.formats.gltf.motion import Carrier
 from visref.formats.gltf.nodes import Nodes, have_length, read_nodes, trs_matrices
 from visref.formats.gltf.rigging import Rigging
 from visref.formats.gltf.values import Json
-from visref.formats.placed import NO_MESH, Placed, below, compose
-from visref.memory import Budget
+from visref.formats.placed import LONG_PATH, NO_MESH, Placed, below, compose
+from visref.memory import OBJECT_BYTES, TRIANGLE_BYTES, VERTEX_BYTES, Budget
 from visref.scene import Float64, Group, clean_name
 from visref.wording import counted
 
@@ -33,48 +34,132 @@ def read_gltf(path: Path, *, budget: Budget) -> Placed:
 
 def read_objects(document: Document) -> Placed:
     """The meshes and objects of the file's scene. Raises InputError naming the place."""
-    nodes = read_nodes(document)
-    world_from_node = nodes.world_from_node()
-    placed = Placed()
-    rigging = Rigging(document, nodes)
-    known: dict[tuple[int, int, tuple[float, ...]], tuple[int, int]] = {}
-    masks = MaskReader(document, placed.masks)
-    entries = document.entries("nodes")
-    # The nearest name at or above each node, and the path down to it.
-    named: dict[int, tuple[str, str]] = {}
-    firsts: list[int] = []
-    still_coordinates: list[int] = []
-    for node in nodes.order:
-        entry = entries[node]
-        firsts.append(len(placed.names))
-        above, path = named.get(nodes.parent[node], ("", ""))
-        named[node] = (_name(entry) or above, below(path, _name(entry)))
-        document.budget.claim("the nodes' paths", sys.getsizeof(named[node][1]))
+    return _Objects(document, read_nodes(document)).read()
+
+
+@dataclass(frozen=True)
+class _Plain:
+    """A mesh that a node may show with nothing else to be said: no skin, weights or extension, and
+    no clip that deforms it. `need`: what `_claim` asks for, in bytes."""
+
+    index: int
+    name: str
+    need: int
+
+
+class _Objects:
+    """Reads the objects of a file, node by node. What most of a million nodes are, a name, a place
+    and a mesh that is known, takes the way of `_run`; all others `_one`."""
+
+    def __init__(self, document: Document, nodes: Nodes) -> None:
+        self.document = document
+        self.nodes = nodes
+        self.entries = document.entries("nodes")
+        self.worlds = nodes.world_from_node()
+        self.placed = Placed()
+        self.rigging = Rigging(document, nodes)
+        self.masks = MaskReader(document, self.placed.masks)
+        self.known: dict[tuple[int, int, tuple[float, ...]], tuple[int, int]] = {}
+        self.plain: dict[int, _Plain] = {}
+        # Of each node the nearest name at or above it, and the path down to it; the last are those
+        # of a root's parent, which is -1.
+        self.names = [""] * (len(self.entries) + 1)
+        self.paths = list(self.names)
+        # Of each node of the order, and of its end, how many objects come before.
+        self.firsts: list[int] = []
+        self.still_coordinates: list[int] = []
+
+    def read(self) -> Placed:
+        placed, order, at = self.placed, self.nodes.order, 0
+        while at < len(order):
+            at = self._run(at)
+            if at < len(order):
+                self._one(order[at])
+                at += 1
+        self.firsts.append(len(placed.names))
+        placed.motion = self.rigging.motion()
+        placed.groups.extend(self._levels())
+        placed.notes.extend(self.masks.notes())
+        placed.notes.extend(
+            (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
+            for name in self.document.unknown_extensions
+        )
+        placed.notes.extend((Code.PARTLY_READ, text) for text in open_questions(self.document))
+        unplayed = self.rigging.animations.unplayed
+        placed.notes.extend(_unplayed(unplayed, self.still_coordinates))
+        return placed
+
+    def _run(self, at: int) -> int:
+        """Place the plain nodes of the order from `at` on; return where another kind of node, or
+        one that something is wrong with, or the end stops it."""
+        nodes, placed, budget = self.nodes, self.placed, self.document.budget
+        values, parent, names, paths = self.entries.values, nodes.parent, self.names, self.paths
+        hidden, still, plain = nodes.hidden, self.rigging.stands_still, self.plain
+        placed_names, placed_paths = placed.names, placed.paths
+        start, free = len(placed_names), budget.left
+        meshes, where, firsts = placed.mesh_of_object, placed.nodes, self.firsts
+        for stop in range(at, len(nodes.order)):
+            node = nodes.order[stop]
+            value, above = values[node], parent[node]
+            name, path = value.get("name", ""), paths[above]
+            if type(name) is not str:
+                break
+            down = f"{path}/{name}" if path and name and len(path) < LONG_PATH else name or path
+            size = getsizeof(down)
+            if "mesh" not in value:
+                if size > free:
+                    break
+                firsts.append(len(placed_names))
+                names[node], paths[node] = name or names[above], down
+                free -= size
+                continue
+            if "skin" in value or "weights" in value or "extensions" in value or not still[node]:
+                break
+            mesh = value["mesh"]
+            found = plain.get(mesh) if type(mesh) is int else None
+            if found is None or size + found.need > free:
+                break
+            own = down
+            if not name and found.name:
+                own = below(path, found.name)
+            shown = name or found.name or names[above]
+            if not own.isascii() or "\0" in own:
+                shown, own = clean_name(shown), clean_name(own)
+            firsts.append(len(placed_names))
+            names[node], paths[node] = name or names[above], down
+            placed_names.append(shown or "object")
+            placed_paths.append(own or shown or "object")
+            meshes.append(found.index)
+            where.append(node)
+            free -= size + OBJECT_BYTES
+        else:
+            stop = len(nodes.order)
+        budget.claim("its nodes", budget.left - free)
+        if len(placed_names) > start:
+            new = where[start:]
+            placed.world_from_object.append(self.worlds[new])
+            placed.hidden.extend([node in hidden for node in new] if hidden else [False] * len(new))
+            self.rigging.skinned.extend([False] * len(new))
+        return stop
+
+    def _one(self, node: int) -> None:
+        """Place any node."""
+        document, rigging, placed = self.document, self.rigging, self.placed
+        entry = self.entries[node]
+        self.firsts.append(len(placed.names))
+        above, path = (them[self.nodes.parent[node]] for them in (self.names, self.paths))
+        self.names[node], self.paths[node] = _name(entry) or above, below(path, _name(entry))
+        document.budget.claim("the nodes' paths", getsizeof(self.paths[node]))
         if "mesh" not in entry.value:
-            continue
+            return
         mesh = document.entry("meshes", entry["mesh"])
         skin = rigging.skin_of(entry)
         weights, own_weights = _weights(entry, mesh)
         key = (entry["mesh"].integer(), skin, tuple(weights))
-        if not rigging.shows(node):
-            index, deformer = NO_MESH, -1
-        elif key in known:
-            index, deformer = known[key]
-        else:
-            deforms = rigging.deforms(key[0], skin)
-            joints = rigging.world_from_mesh(skin, world_from_node)
-            read, made = read_mesh(document, mesh, weights, joints, masks, deforms)
-            index, deformer = len(placed.meshes), -1
-            placed.meshes.append(read)
-            if made is not None:
-                deformer = len(rigging.deformers)
-                rigging.deformers.append(made)
-                if rigging.morphs(key[0]) and morphs_masks(document, mesh):
-                    still_coordinates.append(key[0])
-            known[key] = index, deformer
-        _claim(document, placed, index, entry)
+        index, deformer = self._mesh(node, mesh, key)
+        need = _claim(document, placed, index, entry)
         # A skinned mesh stands where its joints are, wherever its node is.
-        world = world_from_node[node] if skin < 0 else np.eye(4)
+        world = self.worlds[node] if skin < 0 else np.eye(4)
         instances = _instances(document, entry)
         worlds = world[None] if instances is None else compose(world[None], instances)
         own = _name(entry) or _name(mesh)
@@ -96,20 +181,59 @@ def read_objects(document: Document) -> Placed:
             index,
             worlds,
             path=below(path, own),
-            group=instances is not None and node not in nodes.levels,
-            hidden=carrier.drawn and node in nodes.hidden,
+            group=instances is not None and node not in self.nodes.levels,
+            hidden=carrier.drawn and node in self.nodes.hidden,
             node=node,
         )
-    placed.motion = rigging.motion()
-    placed.groups.extend(_levels(document, nodes, named, [*firsts, len(placed.names)]))
-    placed.notes.extend(masks.notes())
-    placed.notes.extend(
-        (Code.PARTLY_READ, f"extension {name} is not known; it may move or hide geometry")
-        for name in document.unknown_extensions
-    )
-    placed.notes.extend((Code.PARTLY_READ, text) for text in open_questions(document))
-    placed.notes.extend(_unplayed(rigging.animations.unplayed, still_coordinates))
-    return placed
+        if skin < 0 and not own_weights and index != NO_MESH and not rigging.deforms(key[0], -1):
+            self.plain.setdefault(key[0], _Plain(index, _name(mesh), need))
+
+    def _mesh(
+        self, node: int, mesh: Json, key: tuple[int, int, tuple[float, ...]]
+    ) -> tuple[int, int]:
+        """The places of a node's mesh and of its deformer, which are read if they were not."""
+        rigging, placed = self.rigging, self.placed
+        if not rigging.shows(node):
+            return NO_MESH, -1
+        if key not in self.known:
+            number, skin, weights = key
+            deforms = rigging.deforms(number, skin)
+            joints = rigging.world_from_mesh(skin, self.worlds)
+            read, made = read_mesh(self.document, mesh, list(weights), joints, self.masks, deforms)
+            index, deformer = len(placed.meshes), -1
+            placed.meshes.append(read)
+            if made is not None:
+                deformer = len(rigging.deformers)
+                rigging.deformers.append(made)
+                if rigging.morphs(number) and morphs_masks(self.document, mesh):
+                    self.still_coordinates.append(number)
+            self.known[key] = index, deformer
+        return self.known[key]
+
+    def _levels(self) -> list[Group]:
+        """The groups of MSFT_lod."""
+        if not self.nodes.levels:
+            return []
+        starts, ends = self.nodes.subtrees
+
+        def objects(node: int) -> tuple[int, ...]:
+            return tuple(range(self.firsts[starts[node]], self.firsts[ends[node]]))
+
+        groups = []
+        for finest, coarser in self.nodes.levels.items():
+            if starts[finest] < 0 or not coarser:
+                continue
+            levels = tuple(objects(node) for node in (finest, *coarser))
+            members = tuple(number for level in levels for number in level)
+            entry = self.entries[finest]
+            own = _name(entry)
+            if not own and "mesh" in entry.value:
+                own = _name(self.document.entry("meshes", entry["mesh"]))
+            above, path = (them[self.nodes.parent[finest]] for them in (self.names, self.paths))
+            name = clean_name(own or above) or "object"
+            if members:
+                groups.append(Group(name, clean_name(below(path, own)) or name, members, levels))
+        return groups
 
 
 def _name(entry: Json) -> str:
@@ -126,8 +250,9 @@ def _weights(node: Json, mesh: Json) -> tuple[list[float], bool]:
     return [], False
 
 
-def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
-    """Refuse a node's instances before they are made, where their scene would not fit."""
+def _claim(document: Document, placed: Placed, index: int, node: Json) -> int:
+    """Refuse a node's instances before they are made, where their scene would not fit. Returns what
+    each of them needs, in bytes."""
     extension = node.extension(_INSTANCING)
     count = 1
     if extension is not None:
@@ -151,6 +276,7 @@ def _claim(document: Document, placed: Placed, index: int, node: Json) -> None:
     )
     # The triangles are claimed together, once all are known.
     document.budget.claim(what, objects=count, place=node.place)
+    return OBJECT_BYTES + vertices * VERTEX_BYTES + triangles * TRIANGLE_BYTES
 
 
 def _instances(document: Document, node: Json) -> Float64 | None:
@@ -174,33 +300,6 @@ def _instances(document: Document, node: Json) -> Float64 | None:
         attributes["ROTATION"].fail("a rotation of zero or infinite length")
     scale = found.get("SCALE", np.ones((count, 3)))
     return trs_matrices(translation, rotation, scale)
-
-
-def _levels(
-    document: Document, nodes: Nodes, named: dict[int, tuple[str, str]], firsts: list[int]
-) -> list[Group]:
-    """The groups of MSFT_lod. `named`: the name at or above each node, and its path; `firsts`: of
-    each node of the order, and of its end, how many objects come before."""
-    starts, ends = nodes.subtrees
-
-    def objects(node: int) -> tuple[int, ...]:
-        return tuple(range(firsts[starts[node]], firsts[ends[node]]))
-
-    groups = []
-    for finest, coarser in nodes.levels.items():
-        if starts[finest] < 0 or not coarser:
-            continue
-        levels = tuple(objects(node) for node in (finest, *coarser))
-        members = tuple(number for level in levels for number in level)
-        entry = document.entries("nodes")[finest]
-        own = _name(entry)
-        if not own and "mesh" in entry.value:
-            own = _name(document.entry("meshes", entry["mesh"]))
-        above, path = named.get(nodes.parent[finest], ("", ""))
-        name = clean_name(own or above) or "object"
-        if members:
-            groups.append(Group(name, clean_name(below(path, own)) or name, members, levels))
-    return groups
 
 
 def _unplayed(pointers: list[str], still: list[int]) -> list[tuple[Code, str]]:

@@ -33,6 +33,8 @@ class Rigging:
         self._moved = nodes.and_below(self._reach.moved)
         self._switched = nodes.and_below(self._reach.switched)
         self._shown = self._ever_shown()
+        # (n,) whether each node is shown at some time, and no clip moves it, shows or hides it.
+        self.stands_still: list[bool] = (self._shown & ~self._moved & ~self._switched).tolist()
         self._deforming: set[tuple[int, int]] = set()
         # Meshes whose weights some clip animates.
         self._morphing = set(self._reach.morphed_meshes)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import reprlib
-from typing import Any, NoReturn
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn, overload
 
 from visref.errors import InputError
 
@@ -46,10 +47,10 @@ class Json:
             self.fail("this is not a JSON object")
         return list(self.value)
 
-    def items(self) -> list[Json]:
+    def items(self) -> Items:
         if not isinstance(self.value, list):
             self.fail("this is not a list")
-        return [Json(value, f"{self.place}[{i}]") for i, value in enumerate(self.value)]
+        return Items(self.value, self.place)
 
     def integer(self, low: int = 0, high: int = 2**53) -> int:
         value = self.value
@@ -88,3 +89,30 @@ class Json:
         if not isinstance(self.value, bool):
             self.fail(f"{reprlib.repr(self.value)} is not true or false")
         return self.value
+
+
+class Items(Sequence[Json]):
+    """The elements of a list of the file, `values`, each with its place once it is asked for: of a
+    million most are only looked at."""
+
+    __slots__ = ("place", "values")
+
+    def __init__(self, values: list[Any], place: str) -> None:
+        self.values = values
+        self.place = place
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @overload
+    def __getitem__(self, index: int) -> Json: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Json]: ...
+    def __getitem__(self, index: int | slice) -> Json | list[Json]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self.values)))]
+        return Json(self.values[index], f"{self.place}[{index}]")
+
+    def __iter__(self) -> Iterator[Json]:
+        for index, value in enumerate(self.values):
+            yield Json(value, f"{self.place}[{index}]")

@@ -1,0 +1,184 @@
+"""What a user waits for: `visref run`, `visref check`, and starting either."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from benchmarks.measuring import Job, Skipped, Spent, Turns, command
+from benchmarks.scenes import Sizes, write_blocks, write_wall
+
+GENERATED = "city:scale=0.3"
+
+
+@pytest.fixture(scope="session")
+def programs(request: pytest.FixtureRequest) -> dict[str, Path]:
+    """`visref` as it is here, and where `--before` names one as it was there."""
+    result = {"": Path(sys.executable).with_name("visref")}
+    before = request.config.getoption("--before")
+    if before is not None:
+        result["before: "] = before
+    return result
+
+
+@pytest.fixture(scope="session")
+def scene(
+    request: pytest.FixtureRequest, programs, tmp_path_factory, sizes: Sizes
+) -> tuple[object, list[object]]:
+    """The scene that is run and checked, and the words that give its path."""
+    given = request.config.getoption("--scene")
+    if given is None:
+        return (GENERATED if sizes.check_frames > 10 else "city:scale=0.01"), []
+    path = tmp_path_factory.mktemp("path") / "orbit.path.json"
+    size = "x".join(map(str, sizes.image))
+    command(programs[""], "path", "orbit", given, "--frames", 120, "--size", size, "--out", path)
+    return given, ["--path", path]
+
+
+def seen(program: Path, words: list[object], folder: Path) -> tuple[Path, Path]:
+    """A truth file, and the recorded visible sets of a perfect culler."""
+    truth, drawn = folder / "truth.parquet", folder / "drawn.jsonl"
+    command(program, "truth", *words, "--out", truth)
+    table = pq.read_table(truth, columns=["frame", "object"])
+    visible: dict[int, list[int]] = {}
+    for frame, number in zip(*(column.to_pylist() for column in table.columns), strict=True):
+        visible.setdefault(frame, []).append(number)
+    lines = [json.dumps({"frame": frame, "visible": ids}) for frame, ids in visible.items()]
+    drawn.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return truth, drawn
+
+
+def checking(
+    program: Path, words: list[object], drawn: Path, folder: Path, *more: object, status: int = 0
+) -> Job:
+    out = folder / "run"
+    return lambda: command(
+        program, "check", *words, "--visible", drawn, *more, "--out", out, status=status
+    )
+
+
+def per_frame(spent: Mapping[str, Spent], many: str, one: str, frames: int) -> float:
+    """Milliseconds of processor time of each frame beyond the first."""
+    beyond = spent[many].median("cpu") - spent[one].median("cpu")
+    return 1e3 * beyond / max(1, frames - 1)
+
+
+def test_run_by_workers(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> None:
+    cullers = [
+        word for name in ("none", "occlusion-query", "occupancy-map") for word in ("--culler", name)
+    ]
+    jobs: dict[str, Job | Skipped] = {}
+    words = [scene[0], *scene[1], "--frames", f"0:{sizes.run_frames}", *cullers, "--pictures", 0]
+    for title, program in programs.items():
+        for workers, what in ((1, "1 worker"), (2, "2 workers")):
+            jobs[f"{title}{what}"] = lambda p=program, w=workers: command(
+                p, "run", *words, "--workers", w, "--out", tmp_path / "run"
+            )
+    name = f"three cullers, {sizes.run_frames} frames of {_called(scene[0])}"
+    turns.run("run", name, jobs, rounds=2, warm=False, clock="wall")
+
+
+def test_clean_check(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> None:
+    frames = min(sizes.check_frames, 60 if not scene[1] else 120)
+    words = [scene[0], *scene[1]]
+    truth, drawn = seen(programs[""], [*words, "--frames", f"0:{frames}"], tmp_path)
+    jobs: dict[str, Job | Skipped] = {}
+    for title, program in programs.items():
+        for what, end, more in (
+            (f"{frames} frames", frames, ()),
+            (f"{frames} frames, truth given", frames, ("--truth", truth)),
+            ("1 frame", 1, ()),
+        ):
+            some = [*words, "--frames", f"0:{end}"]
+            jobs[f"{title}{what}"] = checking(
+                program, some, drawn, tmp_path, *more, "--pictures", 0
+            )
+    spent = turns.run("check", f"a clean culler of {_called(scene[0])}", jobs, rounds=2, warm=False)
+    for title in programs:
+        ms = per_frame(spent, f"{title}{frames} frames", f"{title}1 frame", frames)
+        turns.say(**{f"{title}ms per frame beyond start-up": ms})
+
+
+def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
+    scene, path = write_blocks(tmp_path, sizes.judged_triangles)
+    words: list[object] = [scene, "--path", path]
+    truth, drawn = seen(programs[""], words, tmp_path)
+    many = 24
+    jobs: dict[str, Job | Skipped] = {}
+    for title, program in programs.items():
+        for end in (many, 1):
+            some = [*words, "--frames", f"0:{end}", "--workers", 1, "--pictures", 0]
+            count = "1 frame" if end == 1 else f"{end} frames"
+            jobs[f"{title}{count}"] = checking(program, some, drawn, tmp_path)
+            jobs[f"{title}{count}, truth given"] = checking(
+                program, some, drawn, tmp_path, "--truth", truth
+            )
+    name = f"a clean culler, {sizes.judged_triangles:,} triangles"
+    spent = turns.run("judging", name, jobs, rounds=1, warm=False)
+    for title in programs:
+        for given in ("", ", truth given"):
+            ms = per_frame(spent, f"{title}{many} frames{given}", f"{title}1 frame{given}", many)
+            turns.say(**{f"{title}ms per frame{given}": ms})
+
+
+def test_many_misses(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
+    scene, path = write_wall(tmp_path, sizes.misses)
+    words: list[object] = [scene, "--path", path, "--workers", 1, "--pictures", 0]
+    nothing = tmp_path / "nothing.jsonl"
+    lines = [json.dumps({"frame": frame, "visible": []}) for frame in range(8)]
+    nothing.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    jobs: dict[str, Job | Skipped] = {}
+    for title, program in programs.items():
+        for end in (3, 1):
+            jobs[f"{title}{end} {'frames' if end > 1 else 'frame'}"] = checking(
+                program, [*words, "--frames", f"0:{end}"], nothing, tmp_path, status=1
+            )
+    name = f"{sizes.misses:,} objects missed in each frame"
+    spent = turns.run("misses", name, jobs, rounds=1, warm=False)
+    for title in programs:
+        ms = per_frame(spent, f"{title}3 frames", f"{title}1 frame", 3)
+        turns.say(**{f"{title}ms per frame beyond the first": ms})
+
+
+def test_start(programs, tmp_path, turns: Turns) -> None:
+    scene, path = write_wall(tmp_path, 12)
+    words: list[object] = [scene, "--path", path, "--frames", "0:1"]
+    _, drawn = seen(programs[""], words, tmp_path)
+    jobs: dict[str, Job | Skipped] = {}
+    for title, program in programs.items():
+        jobs[f"{title}visref --help"] = lambda p=program: command(p, "--help")
+        jobs[f"{title}tiny check"] = checking(program, words, drawn, tmp_path)
+    turns.run("start", "what is compiled is kept", jobs, rounds=5)
+
+
+def test_start_in_a_fresh_place(programs, tmp_path, turns: Turns, quick: bool) -> None:
+    """Nothing is compiled yet, and after `visref warm` all of it is."""
+    if quick:
+        pytest.skip("it compiles everything")
+    scene, path = write_wall(tmp_path, 12)
+    words: list[object] = [scene, "--path", path, "--frames", "0:1"]
+    _, drawn = seen(programs[""], words, tmp_path)
+    jobs: dict[str, Job | Skipped] = {}
+    for number, (title, program) in enumerate(programs.items()):
+        out = tmp_path / "run"
+        check = (program, "check", *words, "--visible", drawn, "--out", out)
+        empty, warmed = (
+            {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / f"{kind}{number}")}
+            for kind in ("empty", "warmed")
+        )
+        jobs[f"{title}tiny check, nothing compiled"] = lambda c=check, e=empty: command(
+            *c, environment=e
+        )
+        jobs[f"{title}visref warm"] = lambda p=program, e=warmed: command(p, "warm", environment=e)
+        jobs[f"{title}tiny check after it"] = lambda c=check, e=warmed: command(*c, environment=e)
+    turns.run("start", "a fresh place", jobs, rounds=1, warm=False)
+
+
+def _called(scene: object) -> str:
+    return scene.stem if isinstance(scene, Path) else str(scene)
