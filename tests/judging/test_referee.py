@@ -535,10 +535,16 @@ def test_drawing_the_visible_alone_keeps_every_promise_and_builds_no_engine(tmp_
 # Records.
 
 
-def recording(folder, *cullers, recalled=None):
+def recording(folder, *cullers, recalled=None, superfluous_rows=False):
     folder.mkdir()
     recorder = RunWriter(
-        folder, SCENE, PATH, engine="exact", settings={"frames": "0:3"}, picture_frames=[1]
+        folder,
+        SCENE,
+        PATH,
+        engine="exact",
+        settings={"frames": "0:3"},
+        picture_frames=[1],
+        superfluous_rows=superfluous_rows,
     )
     outcome = run(*cullers, listeners=[recorder], recorded=recalled)
     recorder.finish(outcome)
@@ -549,9 +555,10 @@ def half():
     return Draws(*range(0, SCENE.object_count, 2))
 
 
-def test_run_folder_holds_what_the_run_found(tmp_path):
+@pytest.mark.parametrize("all_rows", [False, True])
+def test_run_folder_holds_what_the_run_found(tmp_path, all_rows):
     folder = tmp_path / "run"
-    outcome = recording(folder, Draws(), half())
+    outcome = recording(folder, Draws(), half(), superfluous_rows=all_rows)
     verdict = json.loads((folder / "verdict.json").read_text())
     expected = json.loads(json.dumps(verdict_json(outcome, SCENE)))
     expected["cullers"]["draws#2"]["worst"]["view"] = ""
@@ -567,9 +574,17 @@ def test_run_folder_holds_what_the_run_found(tmp_path):
             assert sum(row[name] for row in own) == total == verdict["cullers"][record.spec][name]
     objects = pq.read_table(folder / "objects.parquet").to_pylist()
     for record in outcome.cullers:
-        kinds = [row["kind"] for row in objects if row["culler"] == record.spec]
-        assert kinds.count("superfluous") == record.totals.superfluous
+        own = [row for row in objects if row["culler"] == record.spec]
+        kinds = [row["kind"] for row in own]
         assert kinds.count("confirmed") == record.totals.confirmed
+        # What was drawn for nothing is listed in the frames picked for pictures, or in all.
+        of_frame = {
+            row["frame"]: row["superfluous"] for row in rows if row["culler"] == record.spec
+        }
+        assert of_frame[0] > 0 < of_frame[1]
+        for frame, counted in of_frame.items():
+            listed = [r for r in own if r["frame"] == frame and r["kind"] == "superfluous"]
+            assert len(listed) == (counted if all_rows or frame == 1 else 0)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["scene"]["sha256"] == SCENE.digest
     assert manifest["samples"] == [{"": camera.definition()} for camera in PATH]

@@ -202,7 +202,7 @@ def _go_through(
             review.look(frame, cut, seen)
         while following is not None and following[0].frame == frame:
             row, kept = following
-            stop = start + part.told(row)
+            stop = start + sum(part.told(row))
             mine = table.slice(start, stop - start)
             start, following = stop, next(rows, None)
             if row.culler not in used:
@@ -236,7 +236,7 @@ def _values(row: FrameRow) -> dict[str, Any]:
 def _check_rows(part: PartFolder, table: pa.Table) -> None:
     """That objects.parquet has the rows of each verdict together, ordered as frames.parquet is."""
     rows = part.run.frames
-    counts = [part.told(row) for row in rows]
+    counts = [sum(part.told(row)) for row in rows]
     fits = sum(counts) == len(table)
     for name in ("culler", "frame", "view"):
         if not fits:

@@ -19,6 +19,7 @@ from visref.judging.bounds import BoundsTooSmall
 from visref.judging.summary import Caster, Facts, Moved
 from visref.picking import Shard, Stretch
 from visref.recordings.truth_file import TruthRows, read_rows
+from visref.run_folder.checks import Told
 from visref.run_folder.columns import table_inside
 from visref.run_folder.facts import read_motion
 from visref.run_folder.inside import file_inside, json_inside
@@ -94,16 +95,17 @@ class PartFolder:
         """The frames of this part."""
         return tuple(self.said.shard.of(self.said.frames))
 
-    def told(self, row: FrameRow) -> int:
+    def told(self, row: FrameRow) -> Told:
         """How many rows of objects.parquet are a verdict's."""
         listed = row.frame in self.said.pictures or self.run.manifest.settings.get(SUPERFLUOUS_ROWS)
         hidden = row.superfluous if listed else row.superfluous_confirmed or 0
-        return row.missed + (row.partly_missed or 0) + row.undecided + hidden
+        return Told(row.missed + (row.partly_missed or 0) + row.undecided, hidden)
 
     def objects(self) -> pa.Table:
         """objects.parquet. Raises InputError where it is spoilt."""
-        rows = sum(map(self.told, self.run.frames))
-        return read_objects(self.folder, self.run.manifest, rows).cast(OBJECTS_SCHEMA)
+        told = [self.told(row) for row in self.run.frames]
+        most = Told(sum(one.missed for one in told), sum(one.superfluous for one in told))
+        return read_objects(self.folder, self.run.manifest, most).cast(OBJECTS_SCHEMA)
 
     def cells(self) -> list[dict[str, Any]]:
         """part.parquet, a row for each of `run.frames`. Raises InputError where it is spoilt."""

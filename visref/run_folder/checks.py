@@ -6,6 +6,7 @@ nobody can see from a record.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -41,7 +42,7 @@ MAX_PHASES = 32
 MAX_OBJECT_ROWS = 100_000_000
 
 _INT64 = (1 << 63) - 1
-_IN_OBJECTS = ("missed", "partly_missed", "undecided", "superfluous")
+_MISSED = ("missed", "partly_missed", "undecided")
 
 
 def check_is_run(folder: Path) -> None:
@@ -160,15 +161,30 @@ def check_timings(folder: Path, manifest: Manifest, table: pa.Table) -> None:
         raise InputError("a time of no culler", source=str(file), place="culler", fix=FIX)
 
 
-def told_rows(frames: pa.Table) -> int:
-    """How many rows objects.parquet has by the counts of frames.parquet."""
-    return sum(sum(cell or 0 for cell in frames[name].to_pylist()) for name in _IN_OBJECTS)
+class Told(NamedTuple):
+    """How many rows objects.parquet may have by the counts of frames.parquet: of what was missed,
+    and of what was drawn for nothing, not all of which need be listed."""
+
+    missed: int
+    superfluous: int
 
 
-def check_objects(folder: Path, manifest: Manifest, table: pa.Table) -> None:
+def told_rows(frames: pa.Table) -> Told:
+    """By the table of frames."""
+    missed, superfluous = (
+        sum(sum(cell or 0 for cell in frames[name].to_pylist()) for name in names)
+        for names in (_MISSED, ("superfluous",))
+    )
+    return Told(missed, superfluous)
+
+
+def check_objects(folder: Path, manifest: Manifest, table: pa.Table, told: Told) -> None:
     """That rows are of cullers, frames and views of the manifest, of objects, units and triangles
-    that there are and of samples within their view."""
+    that there are and of samples within their view, and no more than was counted."""
     file = folder / OBJECTS
+    for_nothing = pc.sum(pc.equal(table["kind"], ObjectKind.SUPERFLUOUS.value)).as_py() or 0
+    if for_nothing > told.superfluous or len(table) - for_nothing > told.missed:
+        raise InputError("more rows than were counted", source=str(file), place="kind", fix=FIX)
     check_among(table, "frame", manifest.samples, file, FIX)
     check_among(table, "culler", manifest.cullers, file, FIX)
     check_among(table, "kind", frozenset(ObjectKind), file, FIX)

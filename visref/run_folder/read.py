@@ -17,6 +17,7 @@ from visref.judging.status import Exit
 from visref.run_folder.checks import (
     MAX_OBJECT_ROWS,
     MAX_PHASES,
+    Told,
     check_frames,
     check_is_run,
     check_objects,
@@ -269,7 +270,7 @@ def read_run(folder: Path, *, objects: bool = True) -> RunFolder:
     )
 
 
-def read_objects(folder: Path, manifest: Manifest, rows: int) -> pa.Table:
+def read_objects(folder: Path, manifest: Manifest, told: Told) -> pa.Table:
     """The table of objects of a run folder whose frames tell of so many rows. Raises InputError if
     it is spoilt."""
     table = table_inside(
@@ -280,9 +281,9 @@ def read_objects(folder: Path, manifest: Manifest, rows: int) -> pa.Table:
         FIX,
         required=frozenset({"culler", "frame", "kind"}),
         repeated=OBJECTS_REPEATED,
-        most=min(MAX_OBJECT_ROWS, rows),
+        most=min(MAX_OBJECT_ROWS, sum(told)),
     )
-    check_objects(folder, manifest, table)
+    check_objects(folder, manifest, table, told)
     return table
 
 
