@@ -66,7 +66,7 @@ def test_a_check_with_a_miss_compiles_nothing_after_it(warmed, tmp_path):
 
 def test_what_was_compiled_and_is_gone_is_compiled_again_and_known_to_be_left(copied, tmp_path):
     assert said("-c", LEFT, cache=copied).split() == []
-    for file in copied.glob("visref/visref.run_folder.witnesses-*/*.nbc"):
+    for file in copied.glob("visref/visref.run_folder.along-*/*.nbc"):
         file.unlink()
     # The part that judges, and whatever else had loaded that module.
     assert "judging" in said("-c", LEFT, cache=copied).split()

@@ -86,13 +86,16 @@ def origin_is_not_subtracted(patch: Patch) -> None:
 @fault(0)
 def vertices_are_rounded_before_the_origin(patch: Patch) -> None:
     """Far out, the reader rounds to float32 before it subtracts the origin."""
-    transformed = placed.transformed
+    place_vertices = placed.place_vertices
 
-    def rounded(worlds: Any, positions: Any, origin: Any) -> Any:
-        points, moved = transformed(worlds, positions, np.zeros(3))
-        return (points - origin.astype(np.float32)).astype(np.float32), moved * 0
+    def rounded(positions: Any, worlds: Any, objects: Any, starts: Any, origin: Any,
+                vertices: Any, moved: Any, *rest: Any) -> None:  # fmt: skip
+        place_vertices(positions, worlds, objects, starts, np.zeros(3), vertices, moved, *rest)
+        rows = starts[objects, None] + np.arange(len(positions))
+        vertices[rows] -= origin.astype(np.float32)
+        moved[rows] = 0
 
-    patch.setattr(placed, "transformed", rounded)
+    patch.setattr(placed, "place_vertices", rounded)
 
 
 def _states(patch: Patch, change: Callable[..., Any]) -> None:

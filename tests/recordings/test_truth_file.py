@@ -157,7 +157,7 @@ def _sealed(file, change):
     """Spoil a file and seal it again, as a writer with a fault would."""
     table = change(pq.read_table(file))
     facts = json.loads(table.schema.metadata[b"visref"])
-    facts["digest"] = truth_file._digest(table, facts)
+    facts["digest"] = truth_file._digest([table], facts)
     pq.write_table(table.replace_schema_metadata({b"visref": json.dumps(facts).encode()}), file)
 
 

@@ -142,6 +142,7 @@ def write_run(
     engine: str = "embree",
     pictures: Sequence[int] = (0, 3),
     truth: type[TruthEngine] = Painter,
+    superfluous_rows: bool = False,
 ) -> Path:
     """Judge the cullers with the painter's truth and leave a run folder that says `engine`."""
     folder.mkdir(parents=True)
@@ -153,6 +154,7 @@ def write_run(
         engine=engine,
         settings={"cull_backfaces": False},
         picture_frames=pictures,
+        superfluous_rows=superfluous_rows,
     )
     outcome = Referee(world, lambda: truth(world)).run(cameras, range(frames), cullers, [recorder])
     recorder.finish(outcome)
@@ -178,6 +180,7 @@ def write_runs(root: Path) -> dict[str, Path]:
                 ("triangles", Scripted(range(12), units=triangle_units())),
                 ("falls", Scripted(EVERYTHING, fails_at=2)),
             ],
+            superfluous_rows=True,
         ),
         "clean": write_run(
             root / "clean",

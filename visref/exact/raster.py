@@ -506,7 +506,7 @@ def rasterise(
         tile_start = count
         z[LOW:HIGH], z[HIGH:OWN], z[OWN:COLUMN], z[LEAST:BUFFER] = (
             np.inf,
-            -np.inf,
+            np.inf,
             NOT_WANTED,
             np.inf,
         )
@@ -518,6 +518,7 @@ def rasterise(
                 if wanted.size == 0 or wanted[y, x]:
                     place = ((y - top) << TILE_SHIFT) + x - left
                     z[LOW + place] = floor[y, x] if collect else -np.inf
+                    z[HIGH + place] = -np.inf
                     z[OWN + place] = -1
                     block = ((y - top) >> BLOCK_SHIFT) << (TILE_SHIFT - BLOCK_SHIFT)
                     block += (x - left) >> BLOCK_SHIFT
@@ -586,5 +587,6 @@ def rasterise(
                     owner[y, x] = max(int(z[OWN + place]), -1)
                     if floor.size:
                         floor[y, x] = z[LOW + place]
-                        ceiling[y, x] = z[HIGH + place]
+                        unwanted = z[OWN + place] == NOT_WANTED
+                        ceiling[y, x] = -np.inf if unwanted else z[HIGH + place]
     return len(tiles), int(count)
