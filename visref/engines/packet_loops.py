@@ -204,9 +204,9 @@ def fill(rays, across, up, top, lens):  # type: ignore[no-untyped-def]
 
 
 @njit(makes_arrays=False)
-def sift(lanes, words, sure, owners, sure_from, sure_to):  # type: ignore[no-untyped-def]
+def sift(lanes, words, sure, sure_from, sure_to):  # type: ignore[no-untyped-def]
     """Which rays met something steeply, within the range whatever was rounded? To `sure`, the
-    side that they met, 0 for the others. Nobody owns anything yet."""
+    side that they met, 0 for the others."""
     for lane in range(len(lanes)):
         # In float64, so that no product underflows.
         nx = np.float64(words[NORMAL, lane])
@@ -221,7 +221,6 @@ def sift(lanes, words, sure, owners, sure_from, sure_to):  # type: ignore[no-unt
         steep = (along * along >= least) & (t >= sure_from) & (t <= sure_to)
         side = FRONT if along < 0.0 else BACK
         sure[lane] = side if steep else 0
-        owners[lane] = BACKGROUND
 
 
 @njit(inline="always")
@@ -331,15 +330,19 @@ def cast(
                     fours[ORIGIN + i, row] = ray_fours[i, row, block]
                     fours[DIRECTION + i, row] = ray_fours[3 + i, row, block]
             meet(scenes, packet, first, places)
-            sift(lanes, words, sure, owners, sure_from, sure_to)
-            doubts = 0
+            met, doubts = 0, 0
             for lane in range(len(lanes)):
-                place = places[lane]
-                if place >= 0:
-                    if sure[lane] & plain[place]:
-                        owners[lane] = triangle_of_place[place]
-                    else:
-                        doubts += 1
+                owners[lane] = BACKGROUND
+                met += places[lane] >= 0
+            if met:
+                sift(lanes, words, sure, sure_from, sure_to)
+                for lane in range(len(lanes)):
+                    place = places[lane]
+                    if place >= 0:
+                        if sure[lane] & plain[place]:
+                            owners[lane] = triangle_of_place[place]
+                        else:
+                            doubts += 1
             if doubts > 0:
                 for i in range(3):
                     for lane in range(len(lanes)):
