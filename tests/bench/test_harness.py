@@ -21,11 +21,13 @@ def test_page_is_made_of_the_json_in_the_repository():
     assert PAGE.read_text(encoding="utf-8") == page(sorted(HISTORY.glob("*.json")))
 
 
-def test_history_holds_each_kind_machine_commit_and_versions():
+def test_history_holds_known_kinds_machine_commit_and_versions():
     for file in sorted(HISTORY.glob("*.json")):
         run = json.loads(file.read_text(encoding="utf-8"))
         kinds = {one["extra_info"]["kind"] for one in run["benchmarks"]}
-        assert kinds == set(KINDS) - {"table"}, file.name
+        # A run may be of some kinds alone: the page says what the last one measured.
+        assert kinds, file.name
+        assert kinds <= set(KINDS) - {"table"}, file.name
         assert run["commit_info"]["id"]
         machine = run["machine_info"]
         assert not machine["quick"]
