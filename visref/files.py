@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import stat
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -297,6 +298,24 @@ def open_file(path: Path) -> BinaryIO:
     if stat.S_ISDIR(mode):
         raise InputError("this is a folder, not a file", fix="give the file itself")
     raise InputError("this is a pipe, a device or a socket", fix="give an ordinary file")
+
+
+def read_toml(file: Path, most: int, what: str) -> tuple[bytes, dict[str, Any]]:
+    """The bytes of a TOML file, `most` of them at most, and what they say. `what` it is, is for
+    the message: "a policy".
+
+    Raises InputError, without the file's name.
+    """
+    with open_file(file) as opened:
+        data = opened.read(most + 1)
+    if len(data) > most:
+        raise InputError(f"{what} of more than {most} bytes", fix="check the file")
+    try:
+        return data, tomllib.loads(data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise InputError("this is not UTF-8 text", fix="check that it is the right file") from error
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise InputError(f"not valid TOML: {error}", fix="mend the syntax there") from error
 
 
 def named_beside(file: Path, named: str) -> Path:

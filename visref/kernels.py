@@ -112,15 +112,6 @@ def nearest_of_objects(
             nearest[o] = min(nearest[o], depth[s])
 
 
-@njit(makes_arrays=False)
-def owned_triangles(triangle: NDArray[Any], decided: NDArray[Any], owns: NDArray[Any]) -> None:
-    """Mark in `owns`, (t,) bool, every triangle that owns a decided sample. `triangle`: (samples,)
-    int32 owners, negative for none. `decided`: (samples,) bool."""
-    for s in range(triangle.size):
-        if triangle[s] >= 0 and decided[s]:
-            owns[triangle[s]] = True
-
-
 # What `judge_samples` says of a sample at which something was left out: nothing, or all that it
 # shows is lost for certain, or whether anything is lost hangs on an alpha mask.
 KEPT, LOST, UNDECIDED = 0, 1, 2

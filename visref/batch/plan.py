@@ -7,7 +7,6 @@ schema cannot tell: two jobs of one name.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from visref.errors import InputError
-from visref.files import open_file
+from visref.files import read_toml
 from visref.wording import did_you_mean
 
 FIX = "see docs/cluster.md"
@@ -71,22 +70,9 @@ def read_batch(file: Path | str) -> list[Job]:
     """The jobs in a TOML file, in its order: those of [[job]], then those of [[matrix]]. Raises
     InputError naming the file and the place in it."""
     try:
-        with open_file(Path(file)) as opened:
-            data = opened.read(_MOST_BYTES + 1)
-        if len(data) > _MOST_BYTES:
-            raise InputError(f"a batch of more than {_MOST_BYTES} bytes", fix="check the file")
-        return jobs_of(_parsed(data))
+        return jobs_of(read_toml(Path(file), _MOST_BYTES, "a batch")[1])
     except InputError as error:
         raise error.at(source=str(file)) from error
-
-
-def _parsed(data: bytes) -> dict[str, Any]:
-    try:
-        return tomllib.loads(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError("this is not UTF-8 text", fix="check that it is the right file") from error
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"not valid TOML: {error}", fix="mend the syntax there") from error
 
 
 def jobs_of(value: object) -> list[Job]:

@@ -425,8 +425,8 @@ class RayEngine(TruthEngine):
             return (*(column[kept] for column in found), state[kept])
 
         sample, which, z, error, state = _joined(self._in_bands(_whole(grid), work))
-        order = np.lexsort((which, z, sample))
-        solid = order[state[order] == SOLID]
+        # By sample, front to back: so each band is, and the bands go down the image.
+        solid = np.flatnonzero(state == SOLID)
         at, first = np.unique(sample[solid], return_index=True)
         nearest = solid[first]
         nearer = z[nearest] < depths(triangle[at], at)
@@ -434,7 +434,7 @@ class RayEngine(TruthEngine):
         triangle[at] = which[nearest]
         behind = np.full(len(triangle), np.inf)
         behind[at] = z[nearest] + error[nearest]
-        open_ = order[(state[order] == BETWEEN) & (z - error <= behind[sample])[order]]
+        open_ = np.flatnonzero((state == BETWEEN) & (z - error <= behind[sample]))
         doubt = Doubt.of(sample[open_], which[open_])
         least = np.minimum.reduceat((z - error)[open_], doubt.offsets[:-1]) if len(doubt) else z[:0]
         return doubt, least

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, date, datetime
 from glob import escape
@@ -19,7 +18,7 @@ from types import MappingProxyType
 from typing import Any
 
 from visref.errors import InputError
-from visref.files import open_file
+from visref.files import read_toml
 from visref.findings import Code, Finding, Severity
 from visref.judging.judge import MissKind
 from visref.judging.outcome import RunOutcome
@@ -50,25 +49,13 @@ def read_policy(file: Path | str, *, today: date | None = None) -> Policy:
     UTC. Raises InputError naming the file and the place in it."""
     file = Path(file)
     try:
-        with open_file(file) as opened:
-            data = opened.read(_MOST_BYTES + 1)
-        if len(data) > _MOST_BYTES:
-            raise InputError(f"a policy of more than {_MOST_BYTES} bytes", fix="check the file")
-        policy = policy_of(_parsed(data))
+        data, value = read_toml(file, _MOST_BYTES, "a policy")
+        policy = policy_of(value)
     except InputError as error:
         raise error.at(source=str(file)) from error
     digest = hashlib.sha256(data).hexdigest()
     day = today or datetime.now(UTC).date()
     return Policy(**{**vars(policy), "today": day, "source": str(file), "sha256": digest})
-
-
-def _parsed(data: bytes) -> dict[str, Any]:
-    try:
-        return tomllib.loads(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError("this is not UTF-8 text", fix="check that it is the right file") from error
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise InputError(f"not valid TOML: {error}", fix="mend the syntax there") from error
 
 
 def policy_of(value: object) -> Policy:

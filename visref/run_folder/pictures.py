@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from visref import kernels
 from visref.camera import Camera
 from visref.judging.frame import SettledFrame
 from visref.judging.judge import FrameVerdict
@@ -171,8 +170,7 @@ def _shade(scene: Scene, truth: FrameTruth) -> Float32:
     if not hit.any():
         return image
     owns = np.zeros(scene.triangle_count, np.bool_)
-    flat = np.ascontiguousarray(triangle).reshape(-1)
-    kernels.owned_triangles(flat, np.ones(flat.size, np.bool_), owns)
+    owns[triangle[hit]] = True
     owners = np.flatnonzero(owns)
     slot = np.zeros(scene.triangle_count, np.int32)
     slot[owners] = np.arange(len(owners), dtype=np.int32)
