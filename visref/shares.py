@@ -21,7 +21,7 @@ from visref.alignment import misaligned
 from visref.causes.evidence import Evidence
 from visref.causes.search import find_causes
 from visref.culler import Culler
-from visref.engines import check_engine, make_engine
+from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
 from visref.inputs import Inputs
 from visref.judging.again import Answers, Difference, ask, mark_unsteady
@@ -234,6 +234,8 @@ class _Writing:
             listener.on_verdict(job, judged)
 
     def on_frame_done(self, frame: int) -> None:
+        # While there is an engine that may be lent.
+        self._look_at_inputs()
         for listener in self._kept:
             listener.on_frame_done(frame)
 
@@ -297,13 +299,19 @@ class _Writing:
             shutil.copyfile(self._asked.truth, self._folder / TRUTH)
 
     def _put_first(self, outcome: RunOutcome) -> None:
-        """Say what is to be said of the inputs, which is found once."""
+        """Say what is to be said of the inputs."""
+        self._look_at_inputs().put_first(outcome)
+
+    def _look_at_inputs(self) -> InputFindings:
+        """What is to be said of the inputs, which is found once."""
         if self._of_inputs is None:
-            found = _of_the_input(self._inputs, self._cullers, self._asked.if_misaligned)
+            found = _of_the_input(
+                self._inputs, self._cullers, self._asked.if_misaligned, self._referee.caster
+            )
             found.notes += self._inputs.notes
             found.recorded += self._recorded.findings if self._recorded else ()
             self._of_inputs = found
-        self._of_inputs.put_first(outcome)
+        return self._of_inputs
 
 
 def name_the_causes(inputs: Inputs, evidence: Evidence, outcome: RunOutcome) -> None:
@@ -340,15 +348,18 @@ def _asked_again(
 
 
 def _of_the_input(
-    inputs: Inputs, cullers: Sequence[tuple[str, Culler]], if_misaligned: Misaligned
+    inputs: Inputs,
+    cullers: Sequence[tuple[str, Culler]],
+    if_misaligned: Misaligned,
+    lent: TruthEngine | None,
 ) -> InputFindings:
-    """What is said of recordings that fit another input."""
+    """What is said of recordings that fit another input. `lent`: an engine that is there."""
     found = InputFindings()
     for name, culler in cullers:
         if not isinstance(culler, Replay):
             continue
         finding, by_input_alone = misaligned(
-            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads
+            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads, lent=lent
         )
         if finding is None:
             continue

@@ -78,13 +78,15 @@ def best_alignment(
     recorded: VisibleSets,
     *,
     threads: int | None = None,
+    lent: TruthEngine | None = None,
 ) -> Alignment | None:
     """The hypothesis under which a recording fits the path, relative to the scene's origin; None
-    where it fits as given, where none makes it fit, or where several do about as well."""
+    where it fits as given, where none makes it fit, or where several do about as well. `lent`: an
+    engine that is there already; it is not posed."""
     cells = list(_cells(timeline.still, path, recorded))
     frames = len({cell.place for cell in cells})
     with ExitStack() as closing:
-        world = _World(timeline, path, threads)
+        world = _World(timeline, path, threads, lent)
         closing.callback(world.close)
         given = [world.agreement(_AS_GIVEN, cell) for cell in cells]
         total = sum((one for one in given if one is not None), Agreement())
@@ -131,6 +133,7 @@ def _outdoes(left: int, other: int, share: float) -> bool:
     return left <= share * other and left + LEAST_WRONG <= other
 
 
+_ENGINE = "embree"
 _AS_GIVEN = Hypothesis("as given", "", "")
 
 
@@ -198,9 +201,16 @@ def _cells(scene: Scene, path: CameraPath, recorded: VisibleSets) -> Iterator[Ce
 class _World:
     """The scene over time, and who sees what of it: every answer is kept."""
 
-    def __init__(self, timeline: Timeline, path: CameraPath, threads: int | None) -> None:
+    def __init__(
+        self,
+        timeline: Timeline,
+        path: CameraPath,
+        threads: int | None,
+        lent: TruthEngine | None,
+    ) -> None:
         self.path = path
         self.still = timeline.still
+        self._lent = lent if lent is not None and lent.name == _ENGINE else None
         self._timeline = timeline
         self._threads = threads
         self._engines: dict[bool, tuple[TruthEngine, Scene]] = {}
@@ -252,9 +262,11 @@ class _World:
 
     def _engine(self, scene: Scene, turned: bool) -> TruthEngine:
         """An engine that has met this scene."""
+        if self._lent is not None and self._lent.scene is scene and not turned:
+            return self._lent
         if turned not in self._engines:
             still = _turned(self.still) if turned else self.still
-            self._engines[turned] = make_engine("embree", still, threads=self._threads), self.still
+            self._engines[turned] = make_engine(_ENGINE, still, threads=self._threads), self.still
         engine, met = self._engines[turned]
         if met is not scene:
             engine.pose(_turned(scene) if turned else scene)

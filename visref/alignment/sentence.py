@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from visref.alignment.search import Alignment, best_alignment
 from visref.camera_path import CameraPath
+from visref.engines import TruthEngine
 from visref.findings import Code, Finding
 from visref.recordings.visible_sets import VisibleSets
 from visref.timeline import Timeline
@@ -17,10 +18,11 @@ def misaligned(
     recorded: VisibleSets,
     *,
     threads: int | None = None,
+    lent: TruthEngine | None = None,
 ) -> tuple[Finding | None, bool]:
     """The finding about a recording, `name` in reports, if there is one; and whether it can only be
-    the input, since no engine errs that way by itself."""
-    found = best_alignment(timeline, path, recorded, threads=threads)
+    the input, since no engine errs that way by itself. `lent`: as of `best_alignment`."""
+    found = best_alignment(timeline, path, recorded, threads=threads, lent=lent)
     if found is None:
         return None, False
     return Finding(Code.MISALIGNED, sentence(found), name), not found.hypothesis.engine

@@ -354,6 +354,8 @@ class Referee:
 
     def __post_init__(self) -> None:
         self.facts = Facts()
+        # Of the run that is under way, once it has cast; between frames nobody needs its arrays.
+        self.caster: TruthEngine | None = None
 
     def run(
         self,
@@ -405,6 +407,7 @@ class Referee:
                 review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
             for frame in judged:
                 self._judge(sitting, frame, review, listeners)
+                self.caster = sitting.caster
                 for listener in listeners:
                     listener.on_frame_done(frame)
                 if parting is not None and frame != judged[-1] and parting.due(frame):
@@ -415,6 +418,7 @@ class Referee:
                     sitting.moved.clear()
             findings = examine()
         finally:
+            self.caster = None
             sitting.close()
         return concluded(findings)
 

@@ -3,8 +3,8 @@ its own that goes with the process. So a recording of any length takes a few byt
 
 from __future__ import annotations
 
-import io
 import os
+import struct
 import tempfile
 import weakref
 from collections.abc import Iterable
@@ -18,6 +18,8 @@ from visref.scene import Float64, Int32
 # Beyond this a temporary file holds it all.
 _IN_MEMORY = 64 << 20
 _LIST, _BITS = 0, 1
+# Before an array: how long its kind's name is, and how many dimensions it has.
+_HEAD = struct.Struct("<BB")
 
 
 class Spool:
@@ -61,18 +63,27 @@ class Spool:
         return numbers, boxes.reshape(count, 2, 3)
 
     def put_arrays(self, arrays: Iterable[NDArray[Any]]) -> tuple[int, int]:
-        """Keep arrays, each with its kind and shape; returns where."""
-        with io.BytesIO() as data:
-            for array in arrays:
-                np.lib.format.write_array(data, array, allow_pickle=False)
-            return self._put(data.getvalue())
+        """Keep arrays of numbers or bools, each with its kind and shape; returns where."""
+        data = b""
+        for array in arrays:
+            # NumPy's own header is text, and takes as long to read as all the rest.
+            kind = array.dtype.str.encode()
+            data += _HEAD.pack(len(kind), array.ndim) + kind
+            data += np.array(array.shape, "<i8").tobytes() + array.tobytes()
+        return self._put(data)
 
     def get_arrays(self, at: tuple[int, int]) -> list[NDArray[Any]]:
         """The arrays that were put there."""
-        found = []
-        with io.BytesIO(self._get(at)) as data:
-            while data.tell() < at[1]:
-                found.append(np.lib.format.read_array(data, allow_pickle=False))
+        data, place, found = self._get(at), 0, []
+        while place < len(data):
+            letters, dimensions = _HEAD.unpack_from(data, place)
+            place += _HEAD.size + letters
+            kind = np.dtype(data[place - letters : place].decode())
+            shape = np.frombuffer(data, "<i8", dimensions, place)
+            place += shape.nbytes
+            array = np.frombuffer(data, kind, int(shape.prod()), place).reshape(shape).copy()
+            place += array.nbytes
+            found.append(array)
         return found
 
     def _put(self, data: bytes) -> tuple[int, int]:

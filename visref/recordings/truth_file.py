@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -213,12 +213,23 @@ def _digest(parts: Sequence[_Columns], facts: dict[str, Any]) -> str:
             for part in parts:
                 digest.update(pc.binary_length(part[name]).to_numpy().astype("<i4").tobytes())
             for part in parts:
-                digest.update("".join(part[name].to_pylist()).encode())
+                for letters in _letters(part[name]):
+                    digest.update(letters)
         else:
             for part in parts:
                 values = part[name].to_numpy()
                 digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
     return digest.hexdigest()
+
+
+def _letters(texts: pa.Array | pa.ChunkedArray) -> Iterator[memoryview]:
+    """The bytes of a column of texts, one after another, as they lie in memory (UTF-8)."""
+    for array in texts.chunks if isinstance(texts, pa.ChunkedArray) else [texts]:
+        _valid, offsets, letters = array.buffers()
+        if letters is None or not len(array):
+            continue
+        at = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+        yield memoryview(letters)[at[0] : at[-1]]
 
 
 def path_digest(path: CameraPath) -> str:
