@@ -72,11 +72,18 @@ class Holders:
         a negative one is none; whether each of these is in a unit that is `drawn`, (u,) bool."""
         if not len(triangles):
             return True
+        here = np.zeros_like(marked)
         if self.are_objects:
-            units = self.of[triangles[triangles >= 0]]
-            marked[units] = True
-            return bool(drawn[units].all())
-        return bool(_mark(triangles, self.of, self.first, self.several, drawn, marked))
+            here[self.of[triangles[triangles >= 0]]] = True
+            whole = True
+        else:
+            # What one unit holds is nearly all: so its loop has nothing else to wait for.
+            others = _mark_alone(triangles, self.of, here)
+            whole = not others or bool(
+                _mark_others(triangles, self.of, self.first, self.several, drawn, marked)
+            )
+        marked |= here
+        return whole and not (here & ~drawn).any()
 
     def sizes_there(self, scene: Scene) -> Int64:
         """(u,) int64, how many of each unit's triangles are there in a scene, which is one of the
@@ -171,7 +178,22 @@ class UnitsSeen:
 
 
 @njit()
-def _mark(
+def _mark_alone(triangles: NDArray[Any], of: NDArray[Any], marked: NDArray[Any]) -> int:
+    """Mark the units that hold some of the triangles alone; how many others there are, which no
+    unit holds or several do."""
+    others = 0
+    for t in triangles:
+        if t >= 0:
+            unit = of[t]
+            if unit >= 0:
+                marked[unit] = True
+            else:
+                others += 1
+    return others
+
+
+@njit()
+def _mark_others(
     triangles: NDArray[Any],
     of: NDArray[Any],
     first: NDArray[Any],
@@ -179,23 +201,15 @@ def _mark(
     drawn: NDArray[Any],
     marked: NDArray[Any],
 ) -> bool:
-    """`Holders.mark`."""
+    """Mark the units that share some of the triangles; whether one of each triangle's is drawn."""
     all_drawn = True
-    last = -1
     for t in triangles:
-        # Neighbours are often of one triangle.
-        if t < 0 or t == last:
+        if t < 0 or of[t] >= 0:
             continue
-        last = t
-        unit = of[t]
-        if unit >= 0:
-            marked[unit] = True
-            all_drawn = all_drawn and drawn[unit]
-            continue
+        row = -2 - of[t]
         here = False
-        if unit < -1:
-            for j in range(first[-2 - unit], first[-1 - unit]):
-                marked[several[j]] = True
-                here = here or drawn[several[j]]
+        for j in range(first[row], first[row + 1]) if row >= 0 else range(0):
+            marked[several[j]] = True
+            here = here or drawn[several[j]]
         all_drawn = all_drawn and here
     return all_drawn
