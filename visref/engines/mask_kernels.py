@@ -8,11 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.engines.ray_kernels import SampleGrid, Triangles, corner
-from visref.engines.splat_kernels import Hits
-from visref.masks.hits import state_at
+from visref.engines.ray_kernels import (
+    SampleGrid,
+    Triangles,
+    corner,
+    counts,
+    depth_interval,
+    dot,
+    facet_of,
+    minus,
+)
+from visref.engines.splat_kernels import Hits, edge, meets, window_of
+from visref.masks.hits import UNIT, state_at
 from visref.masks.lookup import BETWEEN, HOLE, SOLID
-from visref.masks.store import MaskArrays
+from visref.masks.store import MaskArrays, Masks
 
 
 @njit()
@@ -56,54 +65,134 @@ def front_to_back(
     return order, starts
 
 
+def shown(
+    which: NDArray[np.int32],
+    mesh: Triangles,
+    grid: SampleGrid,
+    window: tuple[int, int, int, int],
+    owner: NDArray[np.int32],
+    masks: Masks,
+    axes: NDArray[np.float64],
+    limit: NDArray[np.float64],
+) -> tuple[Hits, NDArray[np.uint8]]:
+    """Hits of masked triangles in `window` (as of `splat_kernels.splat`) that are SOLID or BETWEEN,
+    and which: all of them that may be seen, and of those that lie behind a SOLID one or the
+    opaque `owner`, (samples,) int32, for certain such as were met too early.
+
+    `which`: (k,) int32, the triangles, best from near to far. `axes`: (4, 3) float64, e, F, R, U.
+    `limit`: (samples,) float64, NaN in the window: beyond what depth nothing is seen, in the end.
+    """
+    parts: list[tuple[Hits, NDArray[np.uint8]]] = []
+    begin, room = 0, 1 << 14
+    while True:
+        hits = Hits(
+            np.empty(room, np.int64), np.empty(room, np.int32), np.empty(room), np.empty(room)
+        )
+        state = np.empty(room, np.uint8)
+        begin, count = _shown(
+            which,
+            begin,
+            mesh,
+            grid,
+            window,
+            owner,
+            masks.arrays,
+            masks.row,
+            axes,
+            limit,
+            hits,
+            state,
+        )
+        parts.append((Hits._make(column[:count] for column in hits), state[:count]))
+        if begin == len(which):
+            break
+        # A triangle may have a hit at each sample of the window.
+        room = max(2 * room, (window[1] - window[0]) * (window[3] - window[2]))
+    columns = zip(*(hits for hits, _ in parts), strict=True)
+    return (
+        Hits._make(np.concatenate(column) for column in columns),
+        np.concatenate([state for _, state in parts]),
+    )
+
+
+@njit(inline="always")
+def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
+    """A point's view depth, less what rounding may have added, in `p`, which is relative to the eye,
+    and in the axes, with room to spare."""
+    f = grid.axes[4]
+    size = abs(p[0] * f[0]) + abs(p[1] * f[1]) + abs(p[2] * f[2])
+    return dot(p, f) - 64.0 * UNIT * size
+
+
 @njit(error_model="numpy", makes_arrays=False)
-def states(
+def _shown(
+    which: NDArray[Any],
+    begin: int,
+    mesh: Triangles,
+    grid: SampleGrid,
+    window: tuple[int, int, int, int],
+    owner: NDArray[Any],
     masks: MaskArrays,
     row_of_triangle: NDArray[Any],
     axes: NDArray[Any],
-    mesh: Triangles,
-    grid: SampleGrid,
+    limit: NDArray[Any],
     hits: Hits,
-    order: NDArray[Any],
-    starts: NDArray[Any],
-    behind: NDArray[Any],
     state: NDArray[Any],
-) -> None:
-    """SOLID, HOLE or BETWEEN of hits in order (`front_to_back`), into `state`, (h,) uint8: as far
-    as the first that is SOLID and before the owner, and what rounding may put before that. What
-    lies further back counts for nothing, and is a HOLE.
+) -> tuple[int, int]:
+    """`shown` of the triangles from `begin` on, into `hits` and `state`, as far as there is room:
+    the index of the first triangle that is left, and how many hits there are.
 
     `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
-    then it is BETWEEN. `axes`: (4, 3) float64, e, F, R, U. `behind`: one float64 per sample of the
-    window, its owner's depth.
+    then it is BETWEEN.
     """
-    sample, triangle, depth, bound = hits
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
     width = len(grid.column_a)
     perspective = grid.perspective
-    for i in range(len(starts) - 1):
-        limit, solid = np.inf, False
-        for j in range(starts[i], starts[i + 1]):
-            k = order[j]
-            state[k] = HOLE
-            if depth[k] - bound[k] > limit:
-                continue
-            t = triangle[k]
-            row = row_of_triangle[t]
-            found = BETWEEN
-            if row >= 0:
-                found = state_at(
-                    masks,
-                    row,
-                    axes,
-                    grid.column_a[sample[k] % width],
-                    grid.row_b[sample[k] // width],
-                    perspective,
-                    corner(mesh, t, 0),
-                    corner(mesh, t, 1),
-                    corner(mesh, t, 2),
-                )
-            state[k] = found
-            if found == SOLID and not solid:
-                solid = True
-                if depth[k] < behind[i]:
-                    limit = depth[k] + bound[k]
+    count = 0
+    for index in range(begin, len(which)):
+        t = which[index]
+        v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
+        p0, p1, p2 = minus(v0, eye), minus(v1, eye), minus(v2, eye)
+        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        if count + (x1 - x0) * (y1 - y0) > len(state):
+            return index, count
+        edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
+        facet = facet_of(mesh, grid, t)
+        row = row_of_triangle[t]
+        nearest = min(
+            _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
+        )
+        for y in range(y0, y1):
+            b = grid.row_b[y]
+            for x in range(x0, x1):
+                s = y * width + x
+                least = limit[s]
+                if nearest > least:
+                    continue
+                a = grid.column_a[x]
+                if not meets(edges, facet, mesh, grid, t, a, b):
+                    continue
+                z, error = depth_interval(facet, grid, a, b)
+                if least != least:
+                    least = np.inf
+                    if owner[s] >= 0:
+                        behind, slack = depth_interval(facet_of(mesh, grid, owner[s]), grid, a, b)
+                        least = behind + slack
+                    limit[s] = least
+                if z - error > least or not counts(grid, z, a, b):
+                    continue
+                found = BETWEEN
+                if row >= 0:
+                    found = state_at(masks, row, axes, a, b, perspective, v0, v1, v2)
+                if found == HOLE:
+                    continue
+                if found == SOLID:
+                    limit[s] = min(least, z + error)
+                hits.sample[count], hits.triangle[count] = s, t
+                hits.depth[count], hits.bound[count] = z, error
+                state[count] = found
+                count += 1
+    return len(which), count

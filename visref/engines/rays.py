@@ -55,7 +55,7 @@ from visref.engines.known_samples import (
 )
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
-from visref.masks.lookup import BETWEEN, HOLE, SOLID
+from visref.masks.lookup import BETWEEN, SOLID
 from visref.masks.store import Masks
 from visref.placing import origin_of, somewhere
 from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
@@ -411,33 +411,37 @@ class RayEngine(TruthEngine):
 
         axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
         masks = self.scene.masks or Masks.none(self.scene.triangle_count)
+        front_to_back = self._masked[self._by_depth(self._masked, grid)]
+        limit = np.full(len(triangle), np.nan)
 
         def work(part: tuple[int, int, int, int]) -> Layers:
-            found = splat_kernels.layers(self._masked, self._mesh, grid, part, triangle, True)
-            order, starts = mask_kernels.front_to_back(found, part, camera.width)
-            samples = np.arange(part[2] * camera.width, part[3] * camera.width, dtype=np.int64)
-            behind = depths(triangle[samples], samples)
-            state = np.empty(len(order), np.uint8)
-            mask_kernels.states(
-                masks.arrays, masks.row, axes, self._mesh, grid, found, order, starts, behind, state
+            found, state = mask_kernels.shown(
+                front_to_back, self._mesh, grid, part, triangle, masks, axes, limit
             )
-            kept = order[state[order] != HOLE]
-            return (*(column[kept] for column in found), state[kept])
+            order, _ = mask_kernels.front_to_back(found, part, camera.width)
+            return (*(column[order] for column in found), state[order])
 
         sample, which, z, error, state = _joined(self._in_bands(_whole(grid), work))
         # By sample, front to back: so each band is, and the bands go down the image.
         solid = np.flatnonzero(state == SOLID)
         at, first = np.unique(sample[solid], return_index=True)
+        behind = np.full(len(triangle), np.inf)
+        if len(at):
+            # In whatever order they were met, nothing beyond this was left out too soon.
+            behind[at] = np.minimum.reduceat((z + error)[solid], first)
         nearest = solid[first]
         nearer = z[nearest] < depths(triangle[at], at)
-        at, nearest = at[nearer], nearest[nearer]
-        triangle[at] = which[nearest]
-        behind = np.full(len(triangle), np.inf)
-        behind[at] = z[nearest] + error[nearest]
+        triangle[at[nearer]] = which[nearest[nearer]]
         open_ = np.flatnonzero((state == BETWEEN) & (z - error <= behind[sample]))
         doubt = Doubt.of(sample[open_], which[open_])
         least = np.minimum.reduceat((z - error)[open_], doubt.offsets[:-1]) if len(doubt) else z[:0]
         return doubt, least
+
+    def _by_depth(self, which: Int32, grid: SampleGrid) -> Int64:
+        """Triangles in the order of their nearest corners' depths, about."""
+        corners = self._mesh.vertices[self._mesh.triangles[which]]
+        depth = ((corners - grid.axes[0]) @ grid.axes[4]).min(axis=1)
+        return np.argsort(depth, kind="stable")
 
     def _blend(
         self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]

@@ -26,7 +26,7 @@ from visref.engines.ray_kernels import (
 
 
 @njit(inline="always")
-def _edge(grid, pi, pj):  # type: ignore[no-untyped-def]
+def edge(grid, pi, pj):  # type: ignore[no-untyped-def]
     """The edge's function of (a, b): (constant, a's, b's). Its sign says on which side of the
     edge a ray passes. Exactly antisymmetric in pi and pj, so that no sample slips between
     two triangles that share an edge."""
@@ -84,7 +84,7 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
+def meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
     """Whether a ray meets the closed triangle, from a side that counts."""
     e0, e1, e2 = edges
     s0 = e0[0] + (a * e0[1] + b * e0[2])
@@ -97,7 +97,7 @@ def _meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _window_of(grid, corners, window):  # type: ignore[no-untyped-def]
+def window_of(grid, corners, window):  # type: ignore[no-untyped-def]
     """`_rectangle`, cut to `window`."""
     x0, x1, y0, y1 = _rectangle(grid, corners)
     return max(x0, window[0]), min(x1, window[1]), max(y0, window[2]), min(y1, window[3])
@@ -123,17 +123,17 @@ def splat(
         p0 = minus(corner(mesh, t, 0), eye)
         p1 = minus(corner(mesh, t, 1), eye)
         p2 = minus(corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
+        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
-        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
+        edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
         facet = facet_of(mesh, grid, t)
         for y in range(y0, y1):
             b = grid.row_b[y]
             for x in range(x0, x1):
                 s = y * width + x
                 a = grid.column_a[x]
-                if not mark[s] or not _meets(edges, facet, mesh, grid, t, a, b):
+                if not mark[s] or not meets(edges, facet, mesh, grid, t, a, b):
                     continue
                 z = depth_interval(facet, grid, a, b)[0]
                 if z < depth[s] and counts(grid, z, a, b):
@@ -200,18 +200,18 @@ def _layers(
         p0 = minus(corner(mesh, t, 0), eye)
         p1 = minus(corner(mesh, t, 1), eye)
         p2 = minus(corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = _window_of(grid, (p0, p1, p2), window)
+        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
         if count + (x1 - x0) * (y1 - y0) > len(hits.sample):
             return index, count
-        edges = (_edge(grid, p0, p1), _edge(grid, p1, p2), _edge(grid, p2, p0))
+        edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
         facet = facet_of(mesh, grid, t)
         for y in range(y0, y1):
             b = grid.row_b[y]
             for x in range(x0, x1):
                 a = grid.column_a[x]
-                if not _meets(edges, facet, mesh, grid, t, a, b):
+                if not meets(edges, facet, mesh, grid, t, a, b):
                     continue
                 z, error = depth_interval(facet, grid, a, b)
                 if not counts(grid, z, a, b):
@@ -233,7 +233,7 @@ def _covers(mesh, grid, t, corners, a, b):  # type: ignore[no-untyped-def]
     """Whether a ray meets the closed triangle, from a side that counts."""
     low, high = np.inf, -np.inf
     for k in range(3):
-        e = _edge(grid, corners[k], corners[(k + 1) % 3])
+        e = edge(grid, corners[k], corners[(k + 1) % 3])
         s = e[0] + (a * e[1] + b * e[2])
         low, high = min(low, s), max(high, s)
     denominator = plane(facet_of(mesh, grid, t), grid, a, b)[1]
