@@ -117,7 +117,7 @@ def shown(
 
 @njit(inline="always")
 def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
-    """A point's view depth, less what rounding may have added, in `p`, which is relative to the eye,
+    """A view depth, less what rounding may have added; in `p` too, which is relative to the eye,
     and in the axes, with room to spare."""
     f = grid.axes[4]
     size = abs(p[0] * f[0]) + abs(p[1] * f[1]) + abs(p[2] * f[2])
