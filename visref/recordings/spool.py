@@ -37,12 +37,12 @@ class Spool:
         if len(numbers) and 4 * len(numbers) > int(numbers[-1]) // 8 + 1:
             flags = np.zeros(int(numbers[-1]) + 1, np.bool_)
             flags[numbers] = True
-            return self._put(bytes([_BITS]) + np.packbits(flags).tobytes())
-        return self._put(bytes([_LIST]) + numbers.astype("<i4").tobytes())
+            return self.put_bytes(bytes([_BITS]) + np.packbits(flags).tobytes())
+        return self.put_bytes(bytes([_LIST]) + numbers.astype("<i4").tobytes())
 
     def get_set(self, at: tuple[int, int]) -> Int32:
         """The set that was put there, (k,) int32 ascending."""
-        data = self._get(at)
+        data = self.get_bytes(at)
         if data[0] == _BITS:
             flags = np.unpackbits(np.frombuffer(data, np.uint8, offset=1))
             return np.flatnonzero(flags).astype(np.int32)
@@ -50,11 +50,11 @@ class Spool:
 
     def put_boxes(self, numbers: Int32, boxes: Float64) -> tuple[int, int]:
         """Keep boxes, (k, 2, 3) float64, and whose they are, (k,) int32; returns where."""
-        return self._put(numbers.astype("<i4").tobytes() + boxes.astype("<f8").tobytes())
+        return self.put_bytes(numbers.astype("<i4").tobytes() + boxes.astype("<f8").tobytes())
 
     def get_boxes(self, at: tuple[int, int]) -> tuple[Int32, Float64]:
         """The boxes that were put there, and whose they are."""
-        data = self._get(at)
+        data = self.get_bytes(at)
         count = len(data) // (4 + 48)
         numbers = np.frombuffer(data, "<i4", count).astype(np.int32)
         boxes = np.frombuffer(data, "<f8", 6 * count, 4 * count).astype(np.float64)
@@ -65,17 +65,18 @@ class Spool:
         with io.BytesIO() as data:
             for array in arrays:
                 np.lib.format.write_array(data, array, allow_pickle=False)
-            return self._put(data.getvalue())
+            return self.put_bytes(data.getvalue())
 
     def get_arrays(self, at: tuple[int, int]) -> list[NDArray[Any]]:
         """The arrays that were put there."""
         found = []
-        with io.BytesIO(self._get(at)) as data:
+        with io.BytesIO(self.get_bytes(at)) as data:
             while data.tell() < at[1]:
                 found.append(np.lib.format.read_array(data, allow_pickle=False))
         return found
 
-    def _put(self, data: bytes) -> tuple[int, int]:
+    def put_bytes(self, data: bytes) -> tuple[int, int]:
+        """Keep some bytes; returns where."""
         at = self._end
         self._file.seek(at)
         self._file.write(data)
@@ -85,7 +86,8 @@ class Spool:
             self._on_disk = hasattr(os, "pread")
         return at, len(data)
 
-    def _get(self, at: tuple[int, int]) -> bytes:
+    def get_bytes(self, at: tuple[int, int]) -> bytes:
+        """The bytes that were put there."""
         place, length = at
         if self._on_disk:
             # A copy of this process has the same file, and one place in it for both.

@@ -23,7 +23,7 @@ from visref.picking import Stretch
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
-from visref.run_folder.cuts import MAX_OBJECTS, CutKeeper
+from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
     FORMAT,
@@ -146,8 +146,7 @@ class RunWriter:
             put = self._spool.put_set(np.sort(judged.drawn_units))
             keeper = self._cuts.get(job.spec)
             if keeper is None:
-                objects = MAX_OBJECTS if self._part is None else None
-                keeper = self._cuts[job.spec] = CutKeeper(WITNESSES_PER_CULLER, objects)
+                keeper = self._cuts[job.spec] = CutKeeper(WITNESSES_PER_CULLER)
             open_ = self._part is not None and record.frame in self._part.open
             keeper.add(record.frame, verdict.misses, judged.settled, open_=open_)
             for one in judged.settled:
@@ -171,9 +170,6 @@ class RunWriter:
     def finish(self, outcome: RunOutcome, part: Part | None = None) -> None:
         """Write everything that is left to write, of the `part` that this became, or of the whole
         run."""
-        if part is None:
-            for kept in self._cuts.values():
-                kept.limit(MAX_OBJECTS)
         self._part = part
         folder = self._folder
         write_rows(folder / FRAMES, self._frames, FRAMES_SCHEMA)
