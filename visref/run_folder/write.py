@@ -54,6 +54,8 @@ from visref.visibility import FrameTruth, ObjectVisibility
 # Half of a surrogate pair, as JSON writes one and as Python's texts hold one that has no other.
 _SURROGATE = re.compile(r"\\ud[89a-f]")
 _LONE = re.compile("[\ud800-\udfff]")
+# What is held in memory of what was drawn where something was missed; the rest goes to disk.
+_IN_MEMORY = 4 << 20
 
 
 class RunWriter:
@@ -105,7 +107,7 @@ class RunWriter:
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
         self._drawn: dict[str, tuple[Units, dict[tuple[int, str], tuple[int, int]]]] = {}
-        self._spool = Spool()
+        self._spool = Spool(_IN_MEMORY)
         # By culler what is kept around its misses.
         self._cuts: dict[str, CutKeeper] = {}
 
