@@ -6,7 +6,6 @@ one."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,6 +18,7 @@ from visref.causes.search import HYPOTHESES
 from visref.causes.sights import At, Hypothesis, Moments, Sights
 from visref.conformance.building import Case, Mesh, box, camera, pixel_panel, pixel_point, together
 from visref.engines.exact import ExactEngine
+from visref.recordings.spool import Spool
 from visref.timeline import Timeline
 
 Place = tuple[int, str]
@@ -92,9 +92,8 @@ def at(build: Callable[[], Stage]) -> At:
 
 def answer(stage: Stage, place: Place) -> Answer:
     scene = stage.case.scene
-    flags = np.zeros(scene.object_count, np.bool_)
-    flags[[scene.id_of_name[name] for name in stage.drawn[place]]] = True
-    return Answer(*place, zlib.compress(np.packbits(flags).tobytes()), np.zeros(0, np.int32))
+    drawn = np.array([scene.id_of_name[name] for name in stage.drawn[place]], np.int32)
+    return Answer.of(*place, drawn, np.zeros(0, np.int32), Spool())
 
 
 def names(asked: At, flags) -> set[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import replace
 from itertools import combinations
 
@@ -18,6 +17,7 @@ from visref.conformance.building import box, case, panel, pixel_panel
 from visref.culler import Promise
 from visref.engines.exact import ExactEngine
 from visref.judging.outcome import CullerRecord
+from visref.recordings.spool import Spool
 from visref.scene import Group
 from visref.timeline import Timeline
 
@@ -169,18 +169,12 @@ def listed(drawn, count, *, missed=(), built=None):
     )
     every = []
     for frame, ids in enumerate(drawn):
-        flags = np.zeros(count, np.bool_)
-        flags[list(ids)] = True
         lost = np.array(missed[frame] if missed else (), np.int32)
-        every.append(Answer(frame, "", pack(flags), lost))
+        every.append(Answer.of(frame, "", np.array(list(ids), np.int32), lost, Spool()))
     units = made.scene.object_units()
     answers = Answers(units, every)
     asked = at_of(made, answers)
     return asked, answers
-
-
-def pack(flags):
-    return zlib.compress(np.packbits(flags).tobytes())
 
 
 def at_of(made, answers):

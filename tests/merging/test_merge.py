@@ -69,6 +69,54 @@ def test_merged_shards_are_the_run(kind, count, policy, tmp_path):
     assert differing(*whole_and_merged(tmp_path, switched, kind, count, **given)) == []
 
 
+@pytest.mark.parametrize(("kind", "count"), [("objects", 3), ("objects", FRAMES), ("units", 2)])
+def test_merged_shards_of_more_misses_than_are_surrounded_are_the_run(
+    kind, count, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("visref.run_folder.witnesses.WITNESSES_PER_CULLER", 1)
+    monkeypatch.setattr("visref.run_folder.witnesses.SURROUNDED_OBJECTS", 1)
+    monkeypatch.setattr("visref.run_folder.write.WITNESSES_PER_CULLER", 1)
+    monkeypatch.setattr("visref.run_folder.cuts.VERDICT_CUTS", 1)
+    given = {"policy": POLICIES["late"]}
+    whole, merged = whole_and_merged(tmp_path, switched, kind, count, **given)
+    assert differing(whole, merged) == []
+    lines = [
+        json.loads(line)
+        for file in sorted((merged / "witnesses").iterdir())
+        for line in file.read_text().splitlines()
+    ]
+    told = [("surroundings" in one, one["facts"]["gap_px"] is not None) for one in lines]
+    assert set(told) == {(True, True), (False, False)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "count"), [("objects", switched, 3), ("units", switched, 2),
+                                  ("views", stereo, 2)]
+)  # fmt: skip
+def test_merged_shards_that_list_all_superfluous_are_the_run(kind, inputs, count, tmp_path):
+    given = {"superfluous_rows": True, "pictures": 1}
+    whole, merged = whole_and_merged(tmp_path, inputs, kind, count, **given)
+    assert differing(whole, merged) == []
+    run = read_run(merged)
+    assert _superfluous_rows(merged) == sum(row.superfluous for row in run.frames)
+    few = tmp_path / "few"
+    judge_to_folder(inputs(), cullers(kind), few, pictures=1)
+    assert 0 < _superfluous_rows(few) < _superfluous_rows(merged)
+
+
+def _superfluous_rows(folder):
+    kinds = pq.read_table(folder / "objects.parquet", columns=["kind"])["kind"].to_pylist()
+    return kinds.count("superfluous")
+
+
+def test_a_part_that_lists_all_superfluous_is_not_of_a_run_that_does_not(tmp_path):
+    for number in (1, 2):
+        given = {"shard": Shard(number, 2), "superfluous_rows": number == 2}
+        judge_to_folder(switched(), cullers("objects"), tmp_path / f"part-{number}", **given)
+    with pytest.raises(InputError, match="part-2: it was run with other settings"):
+        merge_runs([tmp_path / "part-1", tmp_path / "part-2"], tmp_path / "out")
+
+
 def test_without_the_scene_merged_shards_are_the_run_but_for_its_causes(tmp_path):
     whole, merged = whole_and_merged(tmp_path, switched, "objects", 2)
     merge_runs([tmp_path / "part-1", tmp_path / "part-2"], tmp_path / "without")

@@ -47,6 +47,14 @@ def test_any_number_of_workers_leaves_the_same_bytes(kind, workers, inputs, tmp_
     assert sorted(os.listdir(tmp_path)) == ["many", "one"]
 
 
+@pytest.mark.parametrize("kind", ["objects", "units"])
+def test_all_superfluous_rows_are_the_same_by_any_number_of_workers(kind, tmp_path):
+    given = {"superfluous_rows": True, "pictures": 1}
+    judge_to_folder(switched(), cullers(kind), tmp_path / "one", **given)
+    by(3, tmp_path / "many", kind, **given)
+    assert differing(tmp_path / "one", tmp_path / "many") == []
+
+
 class Dies(Forgets):
     """Ends its process in the fourth frame."""
 

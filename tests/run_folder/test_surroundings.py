@@ -223,13 +223,17 @@ def test_nothing_makes_a_record_larger_than_is_said() -> None:
     assert (cells_of(record, "truth")[lost] == miss.object).all()
 
 
-def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
+@pytest.mark.parametrize("most", [4, 2])
+def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object(most, monkeypatch) -> None:
+    monkeypatch.setattr("visref.run_folder.cuts.VERDICT_CUTS", most)
     rng = np.random.default_rng(11)
     scene = scene_of_squares(*np.linspace(0.0, 1.0, 12))
     camera = Camera(look_at((0, 0, 10.0), (0, 0, 0)), 4, 2, near=1.0, far=99.0, ymag=1.0)
     buffer = VisibilityBuffer(np.zeros((2, 4), np.int32), np.full((2, 4), 9.0))
     frame = settled(scene, FrameTruth(camera, "hand", buffer), scene.object_units(), [])
-    keeper, every = CutKeeper(5), []
+    # What was forgotten is given back at once.
+    monkeypatch.setattr("visref.run_folder.cuts._FORGOTTEN", 0)
+    keeper, every = CutKeeper(2), []
     for number in range(30):
         among = (MissKind.CONFIRMED, MissKind.LATE, MissKind.TIE)
         kinds = [among[place] for place in rng.integers(0, 3, 4)]
@@ -238,9 +242,10 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
             for o, kind in zip(rng.choice(12, 4, replace=False), kinds, strict=True)
         )
         keeper.add(number, Misses.of(misses), (frame,))
-        every += [(number, miss) for miss in misses]
+        worst = sorted(misses, key=lambda miss: (-miss.samples, miss.object))
+        every += [(number, miss) for miss in worst[:most]]
     every.sort(key=lambda one: (-one[1].samples, one[0], one[1].object))
-    wanted = {(number, miss.object) for number, miss in every[:5]}
+    wanted = {(number, miss.object) for number, miss in every[:2]}
     convicted: set[int] = set()
     for number, miss in every:
         if miss.kind is MissKind.CONFIRMED and miss.object not in convicted:
@@ -249,6 +254,8 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object() -> None:
     kept = {(number, miss.object) for number, miss in every if keeper.get(number, "", miss.object)}
     assert kept == wanted
     assert len(wanted) < len(every)
+    for number, obj in kept:
+        assert keeper.get(number, "", obj).triangle.tolist() == buffer.triangle.tolist()
 
 
 def test_readers_know_how_far_a_margin_is_told() -> None:

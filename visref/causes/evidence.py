@@ -3,7 +3,6 @@ which objects were missed."""
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,6 +14,7 @@ from visref.judging.judge import FrameVerdict, MissKind
 from visref.judging.outcome import FrameRecord
 from visref.judging.referee import JudgedFrame
 from visref.picking import evenly_picked
+from visref.recordings.spool import Spool
 from visref.scene import Int32, Int64, Units
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -22,28 +22,38 @@ from visref.visibility import FrameTruth, ObjectVisibility
 CLEAN = 16
 
 
+# What is held in memory of all answers; what goes beyond it goes to disk.
+_IN_MEMORY = 4 << 20
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A culler's answer that was judged. `packed`: the units drawn, a bit each, compressed.
-    `missed`: (k,) int32, the objects that it loses samples of, ascending."""
+    """A culler's answer that was judged: what was drawn and missed lies in `spool`, read again by
+    whoever looks at it. `loses`: how many objects it loses samples of."""
 
     frame: int
     view: str
-    packed: bytes
-    missed: Int32
+    loses: int
+    spool: Spool
+    places: tuple[tuple[int, int], tuple[int, int]]
 
     @classmethod
-    def of(cls, record: FrameRecord, drawn: Int32, units: int) -> Answer:
-        """From a verdict and the ids of the units drawn, of so many."""
-        flags = np.zeros(units, np.bool_)
-        flags[drawn] = True
-        packed = zlib.compress(np.packbits(flags).tobytes(), 1)
-        return cls(record.frame, record.view, packed, convicted(record.verdict))
+    def of(cls, frame: int, view: str, drawn: Int32, missed: Int32, spool: Spool) -> Answer:
+        """`drawn`: the ids of the units drawn, (k,) int32; `missed`: the objects that it loses
+        samples of, (m,) int32 ascending."""
+        places = spool.put_set(np.sort(drawn)), spool.put_set(missed)
+        return cls(frame, view, len(missed), spool, places)
 
     def drawn(self, units: int) -> NDArray[np.bool_]:
         """(units,) bool."""
-        bits = np.frombuffer(zlib.decompress(self.packed), np.uint8)
-        return np.unpackbits(bits, count=units).astype(np.bool_)
+        flags = np.zeros(units, np.bool_)
+        flags[self.spool.get_set(self.places[0])] = True
+        return flags
+
+    @property
+    def missed(self) -> Int32:
+        """(k,) int32, the objects that it loses samples of, ascending."""
+        return self.spool.get_set(self.places[1])
 
 
 @dataclass(eq=False)
@@ -55,11 +65,11 @@ class Answers:
 
     @property
     def lossy(self) -> list[Answer]:
-        return [answer for answer in self.every if len(answer.missed)]
+        return [answer for answer in self.every if answer.loses]
 
     def some_clean(self) -> list[Answer]:
         """Some of those that lost nothing, evenly spread."""
-        clean = [answer for answer in self.every if not len(answer.missed)]
+        clean = [answer for answer in self.every if not answer.loses]
         return [clean[i] for i in evenly_picked(len(clean), CLEAN)]
 
     @cached_property
@@ -78,11 +88,13 @@ class Evidence:
 
     def __init__(self) -> None:
         self.answers: dict[str, Answers] = {}
+        self._spool = Spool(_IN_MEMORY)
 
     def add(self, spec: str, units: Units, record: FrameRecord, drawn: Int32) -> None:
         """A verdict, and the ids of the units drawn, (k,) int32."""
         kept = self.answers.setdefault(spec, Answers(units))
-        kept.every.append(Answer.of(record, drawn, units.count))
+        missed = convicted(record.verdict)
+        kept.every.append(Answer.of(record.frame, record.view, drawn, missed, self._spool))
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         pass

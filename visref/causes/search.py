@@ -195,15 +195,17 @@ def _covering(answers: Sequence[Answer], most: int) -> list[Answer]:
     if len(answers) <= most:
         return list(answers)
     picked = set(evenly_picked(len(answers), most // 2).tolist())
-    covered = {obj for i in picked for obj in answers[i].missed.tolist()}
-    objects = [set(answer.missed.tolist()) for answer in answers]
+    covered = np.zeros(max(int(one.missed[-1]) + 1 for one in answers), np.bool_)
+    for i in picked:
+        covered[answers[i].missed] = True
     while len(picked) < most:
-        gain = [0 if i in picked else len(one - covered) for i, one in enumerate(objects)]
+        # One by one, as of a long run all together are too many to be held.
+        gain = [int(np.count_nonzero(~covered[one.missed])) for one in answers]
         if not any(gain):
             break
         best = int(np.argmax(gain))
         picked.add(best)
-        covered |= objects[best]
+        covered[answers[best].missed] = True
     return [answers[i] for i in sorted(picked)]
 
 

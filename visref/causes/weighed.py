@@ -200,7 +200,7 @@ def _told(looked: Sequence[Looked], clean: Sequence[Looked]) -> Told:
         left=all_of(lambda one: one.left),
         again=all_of(lambda one: one.again),
         boxes=all_of(lambda one: one.boxes),
-        lossy=all_of(lambda one: np.full(len(one.ids), bool(len(one.answer.missed)))),
+        lossy=all_of(lambda one: np.full(len(one.ids), bool(one.answer.loses))),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,14 @@ import pyarrow.parquet as pq
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
-from visref.judging.losses import worst_places
-from visref.judging.misses import MissKind
 from visref.judging.outcome import CullerRecord, RunOutcome, verdict_json
 from visref.merging.belonging import in_order
 from visref.merging.joining import Cell, Joined, join
 from visref.merging.reading import FIX, PartFolder, read_part
 from visref.merging.truths import check_truths
 from visref.provenance import machine
+from visref.recordings.spool import Spool
 from visref.recordings.truth_file import read_rows, write_joined
-from visref.run_folder.cuts import MAX_OBJECTS
 from visref.run_folder.groups import RowGroups
 from visref.run_folder.inside import file_inside, lines_inside
 from visref.run_folder.layout import (
@@ -43,12 +41,12 @@ from visref.run_folder.layout import (
     WITNESSES,
     slug,
 )
-from visref.run_folder.miss_facts import box_too_small, causes_json
+from visref.run_folder.miss_facts import OF_SURROUNDINGS, box_too_small, causes_json
 from visref.run_folder.motion import motion_json
 from visref.run_folder.objects import name_causes
 from visref.run_folder.part import PicturePlan
 from visref.run_folder.rows import Motion, MovedObject
-from visref.run_folder.witnesses import WITNESSES_PER_CULLER, choose
+from visref.run_folder.witnesses import choose
 from visref.run_folder.write import frames_json, samples_json, write_json, write_rows
 
 _Place = tuple[int, str, int]
@@ -172,8 +170,11 @@ class _Merging:
 
     def _write_witnesses(self, record: CullerRecord, joined: Joined) -> None:
         by_view, surrounded = choose(record)
-        kept = _kept(record)
-        known = self._witnesses(record.spec, joined.ends[record.spec])
+        wanted = {
+            (frame, view, one.object) for (frame, view), its in by_view.items() for one in its
+        }
+        spool = Spool()
+        known = self._witnesses(record.spec, joined.ends[record.spec], wanted, spool)
         (self._folder / WITNESSES).mkdir(exist_ok=True)
         file = self._folder / WITNESSES / f"{slug(record.spec)}.jsonl"
         with file.open("w", encoding="utf-8") as lines:
@@ -186,28 +187,35 @@ class _Merging:
                             source=str(self._parts[0].folder),
                             fix=FIX,
                         )
-                    witness = {**known[place], "kind": miss.kind.value}
+                    witness = {**json.loads(spool.get_bytes(known[place])), "kind": miss.kind.value}
                     witness["causes"] = causes_json(record, frame, view, miss.object)
                     witness["facts"] = {
                         **witness.get("facts", {}),
                         "age": miss.age,
                         "box_too_small": box_too_small(record, miss.object),
                     }
-                    if place not in surrounded or not kept(place):
+                    if place not in surrounded:
                         witness.pop("surroundings", None)
+                        witness["facts"] |= dict.fromkeys(OF_SURROUNDINGS)
                     lines.write(json.dumps(witness, sort_keys=True) + "\n")
 
-    def _witnesses(self, spec: str, end: int) -> dict[_Place, dict[str, Any]]:
-        found: dict[_Place, dict[str, Any]] = {}
+    def _witnesses(
+        self, spec: str, end: int, wanted: Set[_Place], spool: Spool
+    ) -> dict[_Place, tuple[int, int]]:
+        """Where in `spool` the lines are of the witnesses `wanted`, which it puts there."""
+        found: dict[_Place, tuple[int, int]] = {}
         name = f"{WITNESSES}/{slug(spec)}.jsonl"
         for part in self._parts[:end]:
             if not (part.folder / name).exists():
                 continue
             for place, line in lines_inside(part.folder, name, FIX):
                 try:
-                    found[line["frame"], line["view"], line["object"]] = line
+                    its = line["frame"], line["view"], line["object"]
+                    is_wanted = its in wanted
                 except (KeyError, TypeError) as error:
                     raise part.error("it is no witness", f"{name}, {place}") from error
+                if is_wanted:
+                    found[its] = spool.put_bytes(json.dumps(line).encode())
         return found
 
     def _manifest(self, joined: Joined) -> dict[str, Any]:
@@ -236,28 +244,6 @@ class _Merging:
             "motion": motion_json(_motion(self._parts)),
             "machine": machine(),
         }
-
-
-def _kept(record: CullerRecord) -> Callable[[_Place], bool]:
-    """Whether the surroundings of a miss are kept, of more objects than a run keeps them of: see
-    `visref.run_folder.cuts.CutKeeper`."""
-    first: dict[int, None] = {}
-    for row in record.frames:
-        if len(first) > MAX_OBJECTS:
-            break
-        misses = row.verdict.misses
-        first |= dict.fromkeys(misses.columns.object[misses.are(MissKind.CONFIRMED)].tolist())
-    if len(first) <= MAX_OBJECTS:
-        return lambda place: True
-    arrived = set(list(first)[:MAX_OBJECTS])
-    worst = set(_worst(record))
-    return lambda place: place[2] in arrived or place in worst
-
-
-def _worst(record: CullerRecord) -> Iterator[_Place]:
-    for row, place in worst_places(record.frames, WITNESSES_PER_CULLER):
-        miss = record.frames[row].verdict.misses[place]
-        yield record.frames[row].frame, miss.view, miss.object
 
 
 def _motion(parts: Sequence[PartFolder]) -> Motion | None:

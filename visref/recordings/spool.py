@@ -39,12 +39,12 @@ class Spool:
         if len(numbers) and 4 * len(numbers) > int(numbers[-1]) // 8 + 1:
             flags = np.zeros(int(numbers[-1]) + 1, np.bool_)
             flags[numbers] = True
-            return self._put(bytes([_BITS]) + np.packbits(flags).tobytes())
-        return self._put(bytes([_LIST]) + numbers.astype("<i4").tobytes())
+            return self.put_bytes(bytes([_BITS]) + np.packbits(flags).tobytes())
+        return self.put_bytes(bytes([_LIST]) + numbers.astype("<i4").tobytes())
 
     def get_set(self, at: tuple[int, int]) -> Int32:
         """The set that was put there, (k,) int32 ascending."""
-        data = self._get(at)
+        data = self.get_bytes(at)
         if data[0] == _BITS:
             flags = np.unpackbits(np.frombuffer(data, np.uint8, offset=1))
             return np.flatnonzero(flags).astype(np.int32)
@@ -52,11 +52,11 @@ class Spool:
 
     def put_boxes(self, numbers: Int32, boxes: Float64) -> tuple[int, int]:
         """Keep boxes, (k, 2, 3) float64, and whose they are, (k,) int32; returns where."""
-        return self._put(numbers.astype("<i4").tobytes() + boxes.astype("<f8").tobytes())
+        return self.put_bytes(numbers.astype("<i4").tobytes() + boxes.astype("<f8").tobytes())
 
     def get_boxes(self, at: tuple[int, int]) -> tuple[Int32, Float64]:
         """The boxes that were put there, and whose they are."""
-        data = self._get(at)
+        data = self.get_bytes(at)
         count = len(data) // (4 + 48)
         numbers = np.frombuffer(data, "<i4", count).astype(np.int32)
         boxes = np.frombuffer(data, "<f8", 6 * count, 4 * count).astype(np.float64)
@@ -70,11 +70,11 @@ class Spool:
             kind = array.dtype.str.encode()
             data += _HEAD.pack(len(kind), array.ndim) + kind
             data += np.array(array.shape, "<i8").tobytes() + array.tobytes()
-        return self._put(data)
+        return self.put_bytes(data)
 
     def get_arrays(self, at: tuple[int, int]) -> list[NDArray[Any]]:
         """The arrays that were put there."""
-        data, place, found = self._get(at), 0, []
+        data, place, found = self.get_bytes(at), 0, []
         while place < len(data):
             letters, dimensions = _HEAD.unpack_from(data, place)
             place += _HEAD.size + letters
@@ -86,7 +86,8 @@ class Spool:
             found.append(array)
         return found
 
-    def _put(self, data: bytes) -> tuple[int, int]:
+    def put_bytes(self, data: bytes) -> tuple[int, int]:
+        """Keep some bytes; returns where."""
         at = self._end
         self._file.seek(at)
         self._file.write(data)
@@ -96,7 +97,8 @@ class Spool:
             self._on_disk = hasattr(os, "pread")
         return at, len(data)
 
-    def _get(self, at: tuple[int, int]) -> bytes:
+    def get_bytes(self, at: tuple[int, int]) -> bytes:
+        """The bytes that were put there."""
         place, length = at
         if self._on_disk:
             # A copy of this process has the same file, and one place in it for both.

@@ -4,6 +4,10 @@ A *cut* is a lattice of at most `SURROUNDED_CELLS` samples in each direction tha
 witness and what the object lost, with as much again around it. It keeps the truth's own owners,
 sample by sample; nothing is filtered. `visref.run_folder.surroundings` makes of it what a witness's
 line says.
+
+Which misses have a cut is said by their own verdict alone (`most_lost`), whatever was judged before
+it. So a run and its parts keep the same: the worst miss of an object over the run is the worst of
+its part too, and is among its verdict's `VERDICT_CUTS` in both or in neither.
 """
 
 from __future__ import annotations
@@ -18,12 +22,17 @@ from numpy.typing import NDArray
 
 from visref.judging.frame import SettledFrame
 from visref.judging.misses import Miss, Misses, MissKind
+from visref.recordings.spool import Spool
 from visref.run_folder.layout import SURROUNDED_CELLS
 from visref.scene import Int32, Int64
 
-# Of so many objects that a culler is convicted of the worst miss has its surroundings kept; it
-# takes about a kilobyte.
-MAX_OBJECTS = 4096
+# So many misses of a verdict, those that lose most, may have their surroundings kept: about a
+# kilobyte and a third of a millisecond each. Not fewer than `WITNESSES_PER_CULLER`: a miss that is
+# among so many of a run is among so many of its verdict.
+VERDICT_CUTS = 256
+# What was forgotten is on disk still, up to so many bytes, or as many as what is not.
+_FORGOTTEN = 16 << 20
+_IN_MEMORY = 4 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +183,12 @@ def _lattice(lost: Int64, witness: int, side: int, step: int = 0) -> tuple[int, 
     return phase + first * step, step
 
 
-def _with_place(values: Int64, index: int) -> Int64:
-    """The values with -1 for each that they lack up to a place."""
-    more = index + 1 - len(values)
-    return np.append(values, np.full(max(more, len(values)), -1)) if more > 0 else values
+def most_lost(misses: Misses, most: int | None = None) -> Int64:
+    """The places, ascending, of the misses of a verdict that lose most samples, of whatever kind;
+    of equals those of the lower objects: `VERDICT_CUTS`, or so many."""
+    columns = misses.columns
+    order = np.lexsort((columns.object, -columns.samples))
+    return np.sort(order[: VERDICT_CUTS if most is None else most])
 
 
 Key = tuple[int, int, int, int]
@@ -185,19 +196,19 @@ Place = tuple[int, str, int]
 
 
 class CutKeeper:
-    """Keeps the cuts that a culler's witnesses may need: of the `worst` misses, by samples lost,
-    and of the worst confirmed miss of each of at most `objects` objects (None: of all)."""
+    """Keeps the cuts that a culler's witnesses may need: of the misses that are among `most_lost`
+    of their verdict those of the `worst`, by samples lost, and the worst confirmed one of each
+    object."""
 
-    def __init__(self, worst: int, objects: int | None = MAX_OBJECTS) -> None:
+    def __init__(self, worst: int) -> None:
         self._worst = worst
-        self._objects = objects
         self._top: list[tuple[Key, Place]] = []
         self._best: dict[int, tuple[Key, Place]] = {}
-        # By object the samples that its best loses, -1 where it has none.
-        self._most = np.zeros(0, np.int64)
-        self._cuts: dict[Place, bytes] = {}
+        self._cuts: dict[Place, tuple[int, int]] = {}
         self._open: set[Place] = set()
         self._added = 0
+        self._spool = Spool(_IN_MEMORY)
+        self._written = self._live = 0
 
     def add(
         self,
@@ -207,13 +218,13 @@ class CutKeeper:
         *,
         open_: bool = False,
     ) -> None:
-        """Add a frame's misses, each in one of the settled views. `open_`: of which a policy may
+        """Add a verdict's misses, each in one of the settled views. `open_`: of which a policy may
         yet accept some that are confirmed, so that they are kept, and no others for them forgotten.
         """
         views = {one.truth.camera.view: FrameCuts(one) for one in settled}
         before = self._added
         self._added += len(misses)
-        some = np.flatnonzero(self._may_be_kept(misses, open_))
+        some = most_lost(misses)
         for place, miss in zip(some.tolist(), misses.picked(some), strict=True):
             if miss.view not in views:
                 continue
@@ -223,64 +234,43 @@ class CutKeeper:
             )
             is_top = len(self._top) < self._worst or entry < self._top[-1]
             confirmed = miss.kind is MissKind.CONFIRMED
-            is_best = (
-                confirmed
-                and not open_
-                and (
-                    entry < self._best[miss.object]
-                    if miss.object in self._best
-                    else self._objects is None or len(self._best) < self._objects
-                )
-            )
+            known = self._best.get(miss.object)
+            is_best = confirmed and not open_ and (known is None or entry < known)
             is_open = confirmed and open_
             if not (is_top or is_best or is_open):
                 continue
             if is_open:
                 self._open.add(entry[1])
-            self._cuts[entry[1]] = views[miss.view].of(miss).packed()
+            self._keep(entry[1], views[miss.view].of(miss).packed())
             left = []
             if is_top:
                 insort(self._top, entry)
                 left += self._top[self._worst :]
                 del self._top[self._worst :]
             if is_best:
-                left += [self._best[miss.object]] if miss.object in self._best else []
+                left += [known] if known is not None else []
                 self._best[miss.object] = entry
-                self._most = _with_place(self._most, miss.object)
-                self._most[miss.object] = miss.samples
             for other in left:
                 self._forget(other)
 
-    def _may_be_kept(self, misses: Misses, open_: bool) -> NDArray[np.bool_]:
-        """(k,) bool, of these misses those that may be: of a frame that loses most of a scene, few.
-        Outward: `add` looks at each of them."""
-        columns = misses.columns
-        if not len(columns.object):
-            return np.zeros(0, np.bool_)
-        may = misses.are(MissKind.CONFIRMED)
-        if not open_:
-            most = _with_place(self._most, int(columns.object.max()))[columns.object]
-            room = self._objects is None or len(self._best) < self._objects
-            may &= ((most < 0) & room) | ((most >= 0) & (columns.samples > most))
-        if len(self._top) < self._worst:
-            least = np.sort(columns.samples)[::-1][: self._worst][-1]
-        else:
-            least = -self._top[-1][0][0]
-        found: NDArray[np.bool_] = may | (columns.samples >= least)
-        return found
+    def _keep(self, place: Place, cut: bytes) -> None:
+        if self._written - self._live > max(_FORGOTTEN, self._live):
+            spool = Spool(_IN_MEMORY)
+            self._cuts = {
+                other: spool.put_bytes(self._spool.get_bytes(at))
+                for other, at in self._cuts.items()
+            }
+            self._spool, self._written = spool, self._live
+        self._cuts[place] = self._spool.put_bytes(cut)
+        self._written += len(cut)
+        self._live += len(cut)
 
     def _forget(self, entry: tuple[Key, Place]) -> None:
         best = self._best.get(entry[1][2]) == entry
         if entry not in self._top and not best and entry[1] not in self._open:
-            del self._cuts[entry[1]]
-
-    def limit(self, objects: int) -> None:
-        """Forget what would not have been kept of so many objects, where none was `open_`."""
-        kept = {entry[1] for entry in self._top}
-        kept.update(entry[1] for entry in list(self._best.values())[:objects])
-        self._cuts = {place: cut for place, cut in self._cuts.items() if place in kept}
+            self._live -= self._cuts.pop(entry[1])[1]
 
     def get(self, frame: int, view: str, obj: int) -> Cut | None:
         """The cut of a miss, None where it was not kept."""
-        data = self._cuts.get((frame, view, obj))
-        return None if data is None else Cut.unpacked(data)
+        at = self._cuts.get((frame, view, obj))
+        return None if at is None else Cut.unpacked(self._spool.get_bytes(at))

@@ -13,20 +13,21 @@ GROUP_ROWS = 1 << 17
 
 
 class RowGroups:
-    """A Parquet file that is written as rows come, a group at a time."""
+    """A Parquet file that is written as rows come, a group of so many at a time."""
 
-    def __init__(self, file: Path, schema: pa.Schema) -> None:
+    def __init__(self, file: Path, schema: pa.Schema, group: int = GROUP_ROWS) -> None:
         self._file = file
         self._schema = schema
         self._pending: list[pa.Table] = []
         self._rows = 0
+        self._group = group
         self._writer: pq.ParquetWriter | None = None
 
     def add(self, table: pa.Table) -> None:
         self._pending.append(table)
         self._rows += len(table)
-        while self._rows >= GROUP_ROWS:
-            self._write(GROUP_ROWS)
+        while self._rows >= self._group:
+            self._write(self._group)
 
     def close(self) -> None:
         """Write what is left, and the file if there was nothing at all."""
@@ -40,6 +41,6 @@ class RowGroups:
             self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd")
         # How a table is put together shows in a file's bytes.
         table = pa.concat_tables([self._schema.empty_table(), *self._pending]).combine_chunks()
-        self._writer.write_table(table.slice(0, rows).combine_chunks(), row_group_size=GROUP_ROWS)
+        self._writer.write_table(table.slice(0, rows).combine_chunks(), row_group_size=self._group)
         rest = table.slice(rows)
         self._pending, self._rows = [rest], len(rest)

@@ -17,6 +17,9 @@ from visref.scene import OBJECT, Int32, Int64, Scene
 from visref.visibility import hit_depths
 from visref.wording import counted, legible
 
+# The facts that are told of what was kept around a miss, and null where nothing was.
+OF_SURROUNDINGS = ("depth_min", "depth_max", "gap_px", "in_front")
+
 
 def miss_facts(
     scene: Scene, camera: Camera, record: CullerRecord, miss: Miss, cut: Cut | None
@@ -39,10 +42,7 @@ def miss_facts(
         "near": camera.near,
         "age": miss.age,
         "box_too_small": box_too_small(record, miss.object),
-        "depth_min": None,
-        "depth_max": None,
-        "gap_px": None,
-        "in_front": None,
+        **dict.fromkeys(OF_SURROUNDINGS),
     }
     if cut is not None and cut.lost.any():
         facts |= _around(scene, camera, miss, cut)

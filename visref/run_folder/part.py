@@ -35,6 +35,9 @@ from visref.visibility import FrameTruth, ObjectVisibility
 
 PART_FORMAT = "visref-part"
 PART_VERSION = 1
+# Verdicts that are held before they are written. Of one that misses 50,000 of finer units than
+# objects, a row takes a megabyte.
+_VERDICTS = 16
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ class PartKeeper:
         self._folder = folder
         self._scene = scene
         self._path = path
-        self._cells = RowGroups(folder / PART_CELLS, PART_SCHEMA)
+        self._cells = RowGroups(folder / PART_CELLS, PART_SCHEMA, _VERDICTS)
         self._missed: set[int] = set()
         self._units: dict[str, Units] = {}
 

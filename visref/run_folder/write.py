@@ -23,7 +23,7 @@ from visref.picking import Stretch
 from visref.provenance import machine, versions
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TruthTable, path_digest
-from visref.run_folder.cuts import MAX_OBJECTS, CutKeeper
+from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
     FORMAT,
@@ -54,6 +54,8 @@ from visref.visibility import FrameTruth, ObjectVisibility
 # Half of a surrogate pair, as JSON writes one and as Python's texts hold one that has no other.
 _SURROGATE = re.compile(r"\\ud[89a-f]")
 _LONE = re.compile("[\ud800-\udfff]")
+# What is held in memory of what was drawn where something was missed; the rest goes to disk.
+_IN_MEMORY = 4 << 20
 
 
 class RunWriter:
@@ -105,7 +107,7 @@ class RunWriter:
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
         self._drawn: dict[str, tuple[Units, dict[tuple[int, str], tuple[int, int]]]] = {}
-        self._spool = Spool()
+        self._spool = Spool(_IN_MEMORY)
         # By culler what is kept around its misses.
         self._cuts: dict[str, CutKeeper] = {}
 
@@ -146,8 +148,7 @@ class RunWriter:
             put = self._spool.put_set(np.sort(judged.drawn_units))
             keeper = self._cuts.get(job.spec)
             if keeper is None:
-                objects = MAX_OBJECTS if self._part is None else None
-                keeper = self._cuts[job.spec] = CutKeeper(WITNESSES_PER_CULLER, objects)
+                keeper = self._cuts[job.spec] = CutKeeper(WITNESSES_PER_CULLER)
             open_ = self._part is not None and record.frame in self._part.open
             keeper.add(record.frame, verdict.misses, judged.settled, open_=open_)
             for one in judged.settled:
@@ -171,9 +172,6 @@ class RunWriter:
     def finish(self, outcome: RunOutcome, part: Part | None = None) -> None:
         """Write everything that is left to write, of the `part` that this became, or of the whole
         run."""
-        if part is None:
-            for kept in self._cuts.values():
-                kept.limit(MAX_OBJECTS)
         self._part = part
         folder = self._folder
         write_rows(folder / FRAMES, self._frames, FRAMES_SCHEMA)
