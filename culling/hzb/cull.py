@@ -1,4 +1,4 @@
-"""Culling by a pyramid of depth, wholly on the GPU (`gl.box_commands`)."""
+"""Culling by a pyramid of depth, wholly on the GPU (`boxes.commands`)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from visref.camera import Camera
 from visref.culler import QueryStats
 from visref.scene import Float64
-from visref_culling.gl.box_commands import LOOKED_UP, BoxCommands, Decided, view_bytes
+from visref_culling.boxes.commands import LOOKED_UP, BoxCommands, Decided, view_bytes
 from visref_culling.gl.device import Device, Target
 from visref_culling.gl.geometry import Geometry
 from visref_culling.gl.view import View

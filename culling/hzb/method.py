@@ -7,8 +7,8 @@ in Games: in two passes on the GPU, which Bevy, niagara and Nanite do too.
 In two passes, first what is likely to be visible is drawn: what the last frame saw
 (`first=set`), or what the last frame's pyramid does not hide, looked up from where its camera
 stood (`first=pyramid`). A pyramid is built of that depth; then all other units are looked up in
-it, and what it does not hide is drawn. What is drawn first is a choice of occluders, drawn with this
-frame's camera where they are in it: neither a cut nor anything that moves makes the method unsafe.
+it, and what it does not hide is drawn. What is drawn first is a choice of occluders, drawn with
+this frame's camera where they are in it: neither a cut nor anything that moves makes it unsafe.
 
 `last-frame-hzb` ends after the first of the two, as many engines do: what the last frame's pyramid
 hides is not drawn. What has come into view since is late by a frame: it is approximate, and says
@@ -23,11 +23,12 @@ so.
 Departures:
 
 - The units are the scene's objects, not clusters of triangles.
-- Depth is 0 at near and 1 at far, and the pyramid keeps the farthest; engines mostly reverse both.
-- Level 0 has the image's size and each level rounds down; the last texel of an odd row holds three.
-- A box's depth and rectangle come from the inflated box (`boxes.conservative`), in double precision,
-  and depths that compare equal are visible. A box across the near plane is visible without a
-  lookup, and so is one that reaches out of the image that the last frame saw.
+- Depth is 0 at near and 1 at far, and the pyramid keeps the farthest; engines mostly reverse that.
+- Level 0 has the image's size, each other half of it, rounded down; the last texel of an odd row
+  holds three.
+- A box's depth and rectangle come from the inflated box (`boxes.conservative`), in double
+  precision, and depths that compare equal are visible. A box across the near plane is visible
+  without a lookup, and so is one that reaches out of the image that the last frame saw.
 - What a frame with nothing to look back to (the first, or after a cut) draws by the last frame's
   pyramid is all that is in the frustum.
 """

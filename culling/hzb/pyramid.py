@@ -35,11 +35,15 @@ class DepthPyramid:
         base["depth_buffer"] = 0
         self.texture.bind_to_image(0, read=False, write=True)
         self._run(base, 0)
-        reduce = self.shader(LEVEL)
+        self.reduce()
+
+    def reduce(self) -> None:
+        """The levels above level 0, which is as it is."""
+        step = self.shader(LEVEL)
         for level in range(1, self.levels):
             self.texture.bind_to_image(0, read=True, write=False, level=level - 1)
             self.texture.bind_to_image(1, read=False, write=True, level=level)
-            self._run(reduce, level)
+            self._run(step, level)
 
     def shader(self, name: str) -> moderngl.ComputeShader:
         return self.device.compute(name)

@@ -1,4 +1,4 @@
-"""N-buffer culling wholly on the GPU (`gl.box_commands`)."""
+"""N-buffer culling wholly on the GPU (`boxes.commands`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from visref.culler import QueryStats
 from visref.scene import Float64
-from visref_culling.gl.box_commands import BoxCommands, Decided, view_bytes
+from visref_culling.boxes.commands import BoxCommands, Decided, view_bytes
 from visref_culling.gl.device import Device, Target
 from visref_culling.gl.geometry import Geometry
 from visref_culling.gl.view import View
