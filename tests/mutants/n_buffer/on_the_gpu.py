@@ -46,13 +46,13 @@ _EDITS: dict[str, tuple[str, str, str, list[tuple[str, str]], str]] = {
              "return ivec4(ivec2(first), max(ivec2(last) - 1, min(ivec2(first), ivec2(last))));")],
            ""),
     "G5": ("EuclideanDistanceOnTheGPU", "The distance of the nearest point is compared.", PIERCED,
-           [("double ndc = to_window.x * nearest + to_window.y;",
+           [("double depth = window_depth(nearest);",
              "nearest = length(max(max(low, -high), dvec3(0.0lf)));\n"
-             "    double ndc = to_window.x * nearest + to_window.y;")], ""),
+             "    double depth = window_depth(nearest);")], ""),
     "G6": ("DepthOfTheCentreOnTheGPU", "The box's centre stands for its nearest point.", LEANING,
-           [("double ndc = to_window.x * nearest + to_window.y;",
+           [("double depth = window_depth(nearest);",
              "nearest = 0.5lf * dot(depth_row.xyz, low + high);\n"
-             "    double ndc = to_window.x * nearest + to_window.y;")], ""),
+             "    double depth = window_depth(nearest);")], ""),
     "G7": ("SixteenBitsOnTheGPU", "Depth enters the levels in 16 bits, rounded to nearest.",
            PIERCED,
            [("vec4(depth)", "vec4(round(depth * 65535.0) / 65535.0)")], "n_buffer_base.comp"),
