@@ -31,7 +31,9 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
 from statistics import NormalDist
@@ -60,10 +62,23 @@ def block_length(frames: Sequence[int]) -> int:
     return max(1, min(length, count // 2))
 
 
+_seed = ContextVar("seed", default=0)
+
+
+@contextmanager
+def resampling(seed: int) -> Iterator[None]:
+    """Inside, intervals are resampled with another seed; 0 is the usual one."""
+    before = _seed.set(seed)
+    try:
+        yield
+    finally:
+        _seed.reset(before)
+
+
 @lru_cache(maxsize=32)
-def _draws(walk: str, count: int, length: int) -> NDArray[np.int32]:
+def _draws(seed: int, walk: str, count: int, length: int) -> NDArray[np.int32]:
     """(RESAMPLES, count) places in the sample, in blocks of `length`."""
-    rng = np.random.default_rng([SEED, zlib.crc32(walk.encode()), count, length])
+    rng = np.random.default_rng([SEED, seed, zlib.crc32(walk.encode()), count, length])
     starts = rng.integers(count, size=(RESAMPLES, -(-count // length), 1))
     places = (starts + np.arange(length)) % count
     return places.reshape(RESAMPLES, -1)[:, :count].astype(np.int32)
@@ -244,7 +259,7 @@ class Series:
         length = block_length(self.frames)
 
         def resampled() -> Floats:
-            return figure(self.values[_draws(self.walk, count, length)])
+            return figure(self.values[_draws(_seed.get(), self.walk, count, length)])
 
         return Estimate(float(figure(self.values)), resampled, count // length)
 
