@@ -81,14 +81,16 @@ def test_baselines_with_options_are_baselines_and_one_that_was_not_run_has_no_sh
     assert nothing.rows["occupancy-map"]["depth_tests"].value == 1000
 
 
-def test_means_are_over_the_frames_that_all_were_judged_on():
+def test_means_are_over_all_frames_and_a_culler_that_broke_down_has_none():
     run = run_folder({
         "none": [row(0, depth_tests=100), row(1, depth_tests=300)],
-        "n-buffer": [row(1, depth_tests=60)],
+        "n-buffer": [row(0, depth_tests=60), row(1, depth_tests=40)],
+        "falls": [row(1, depth_tests=60)],
     })  # fmt: skip
     found = savings(run)
-    assert found.frames == 1
-    assert found.rows["n-buffer"]["depth_tests"].shares == {"none": 0.2}
+    assert found.frames == 2
+    assert found.rows["n-buffer"]["depth_tests"].shares == {"none": 0.25}
+    assert "falls" not in found.rows
 
 
 def test_a_counter_that_misses_a_frame_is_not_measured():

@@ -1,9 +1,9 @@
 """What each culler costs and saves in pixels, lookups, queries, triangles and draws, beside `none`
 and `frustum` where the same run judged them.
 
-Fragments are counted where they were asked for (`visref run --fragments`); what was not counted is
-None. All numbers are means over the frames that every culler of the run was judged on, views of a
-frame together.
+Fragments are counted where they were asked for (`visref run --fragments`); what was not counted in
+every judged frame, as by a culler that broke down, is None. All numbers are means over frames,
+views of a frame together.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ class Amount:
 
 @dataclass(frozen=True)
 class Savings:
-    """`rows`: by culler, by quantity's key. `baselines`: which were judged in this run, by the
-    culler's name. `frames`: how many frames the means are over."""
+    """`rows`: by culler, by quantity's key; a culler of which nothing was counted has none.
+    `baselines`: which were judged in this run, by the culler's name. `frames`: how many frames the
+    means are over."""
 
     rows: Mapping[str, Mapping[str, Amount]]
     baselines: Mapping[str, str]
@@ -86,7 +87,7 @@ def savings(run: RunFolder) -> Savings | None:
     cullers = [culler for culler in run.cullers if run.frames_of[culler]]
     if not cullers:
         return None
-    frames = set.intersection(*({row.frame for row in run.frames_of[one]} for one in cullers))
+    frames = set(run.frame_numbers)
     baselines = {
         kind: next(culler for culler in cullers if _kind(culler) == kind)
         for kind in BASELINES
@@ -108,6 +109,11 @@ def savings(run: RunFolder) -> Savings | None:
             for quantity in QUANTITIES
         }
         for culler in cullers
+    }
+    rows = {
+        culler: row
+        for culler, row in rows.items()
+        if any(amount.value is not None for amount in row.values())
     }
     found = Savings(rows, baselines, len(frames))
     return found if found.quantities else None
