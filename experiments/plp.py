@@ -8,7 +8,7 @@ frame by frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -247,7 +247,7 @@ def preparation(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         read = partial(load_scene, file)
         (load_ms,) = quickest_ms(read, rounds=1)
     octree = build(scene, LEAVES[0])
-    jobs = {
+    jobs: dict[str, Callable[[], object]] = {
         "octree_ms": partial(build, scene, LEAVES[0]),
         "neighbours_ms": octree.links,
         "area_ms": partial(by_area, scene, octree),
