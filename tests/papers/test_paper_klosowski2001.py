@@ -10,11 +10,13 @@ from tests.support.run_values import run_folder
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.cli import main as cli
+from visref.inputs import open_scene
 from visref.papers import klosowski2001 as paper
 from visref.papers.contents import Basis
 from visref.papers.klosowski2001 import EXT, TABLE_3, TOWER, spec
 from visref.registry import make_culler
 from visref.scene import Scene
+from visref_culling.plp.octree import build
 from visref_experiments import plp
 
 
@@ -234,6 +236,41 @@ def test_quality_is_the_share_of_visible_triangles_that_the_budget_draws(monkeyp
         "budgets": [0, 10**6],
         "found": [[0.0, 0.0], [1.0, 1.0]],
     }
+
+
+@pytest.mark.gl
+def test_the_sweep_tries_each_leaf_and_solidity_on_a_tenth_of_the_triangles(monkeypatch):
+    monkeypatch.setattr(plp, "SWEEP_LEAVES", (1_000, 20))
+    found = plp.leaves(boxes(50), small_path())
+    assert found["budget"] == 60
+    assert set(found["sweep"]) == {"area", "count"}
+    for rows in found["sweep"].values():
+        assert [row["leaf"] for row in rows] == [1_000, 20]
+        # One cell holds all; small ones hold more than the budget together.
+        assert rows[0]["cells"] == 1 < rows[1]["cells"]
+        assert rows[0]["found"] == [1.0, 1.0]
+        assert rows[0]["wrong"] == [0.0, 0.0]
+        assert 0.0 < rows[1]["found"][0] < 1.0
+        assert 0.0 < rows[1]["wrong"][0] < 1.0
+
+
+@pytest.mark.gl
+def test_the_whole_takes_at_least_a_frame_of_each_budget(monkeypatch):
+    monkeypatch.setattr(plp, "TIME_BUDGETS", (10, 1_000))
+    found = plp.times(boxes(50), small_path())
+    assert found["budgets"] == [10, 1_000]
+    for key in ("plp_ms", "cplp_ms"):
+        assert np.shape(found[key]) == (2, 2)
+        assert np.min(found[key]) > 0.0
+
+
+@pytest.mark.gl
+def test_preparation_is_timed_step_by_step_from_the_scenes_file():
+    scene, _, _ = open_scene("soda_hall:scale=0.1,frames=1")
+    found = plp.preparation(scene, small_path())
+    assert (found["leaf"], found["cells"]) == (5_000, build(scene, 5_000).leaf_count)
+    steps = [f"{step}_ms" for step in ("load", "octree", "neighbours", "area", "count")]
+    assert all(found[step] > 0.0 for step in steps)
 
 
 @pytest.mark.gl
