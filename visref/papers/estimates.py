@@ -27,7 +27,7 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache, reduce
 from statistics import NormalDist
 from typing import Any
 
@@ -92,19 +92,25 @@ def students_quantile(share: float, freedom: int) -> float:
 class Estimate:
     """A figure of ours.
 
-    `value`: of the frames that were judged. `resamples`: (RESAMPLES,) float64, of resampled frames;
-    None for what is no figure of frames, a single count or measurement, which has no interval.
-    `blocks`: how many independent blocks the frames make, the fewest where figures are joined.
+    `value`: of the frames that were judged. `resampled`: gives the figure of resampled frames,
+    (RESAMPLES,) float64, and is asked once, where an interval is; None for what is no figure of
+    frames, a single count or measurement, which has no interval. `blocks`: how many independent
+    blocks the frames make, the fewest where figures are joined.
 
     Arithmetic with numbers and other estimates gives estimates. Raises ZeroDivisionError where a
     quotient's denominator is zero.
     """
 
     value: float
-    resamples: Floats | None = None
+    resampled: Callable[[], Floats] | None = None
     blocks: int = 0
 
-    @property
+    @cached_property
+    def resamples(self) -> Floats | None:
+        """(RESAMPLES,) float64: the figure of resampled frames."""
+        return None if self.resampled is None else self.resampled()
+
+    @cached_property
     def interval(self) -> tuple[float, float] | None:
         """The interval's ends, None where there is none; endless where one block cannot tell, or a
         resample has no figure."""
@@ -147,19 +153,20 @@ def single(value: float) -> Estimate:
 
 def _joined(of: Callable[..., Any], first: Estimate, *others: Estimate | float) -> Estimate:
     """A function of two figures at a time, resample by resample."""
-    value, resamples, blocks = first.value, first.resamples, first.blocks
-    for one in others:
-        other = one if isinstance(one, Estimate) else single(one)
-        if resamples is not None or other.resamples is not None:
-            ours, theirs = (
-                np.full(RESAMPLES, alone) if drawn is None else drawn
-                for alone, drawn in ((value, resamples), (other.value, other.resamples))
-            )
-            with np.errstate(divide="ignore", invalid="ignore"):
-                resamples = np.asarray(of(ours, theirs))
-        value = float(of(value, other.value))
-        blocks = min((b for b in (blocks, other.blocks) if b), default=0)
-    return Estimate(value, resamples, blocks)
+    parts = [first, *(one if isinstance(one, Estimate) else single(one) for one in others)]
+    value = float(reduce(of, (one.value for one in parts)))
+    if all(one.resampled is None for one in parts):
+        return single(value)
+
+    def resampled() -> Floats:
+        drawn = (
+            np.full(RESAMPLES, one.value) if one.resamples is None else one.resamples
+            for one in parts
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(reduce(of, drawn))
+
+    return Estimate(value, resampled, min(one.blocks for one in parts if one.blocks))
 
 
 def least(*figures: Estimate) -> Estimate:
@@ -211,13 +218,19 @@ class Series:
         if not count or self.values.shape != (count,):
             raise ValueError(f"{self.values.shape} values of {count} frames")
         length = block_length(self.frames)
-        drawn = self.values[_draws(self.walk, count, length)]
-        return Estimate(float(figure(self.values)), figure(drawn), count // length)
+
+        def resampled() -> Floats:
+            return figure(self.values[_draws(self.walk, count, length)])
+
+        return Estimate(float(figure(self.values)), resampled, count // length)
 
     @staticmethod
     def _reflected(figure: Estimate) -> Estimate:
-        assert figure.resamples is not None
-        return Estimate(figure.value, 2.0 * figure.value - figure.resamples, figure.blocks)
+        def resampled() -> Floats:
+            assert figure.resamples is not None
+            return 2.0 * figure.value - figure.resamples
+
+        return Estimate(figure.value, resampled, figure.blocks)
 
 
 def series(values: Sequence[float], frames: Sequence[int], walk: str = "") -> Series:
