@@ -50,7 +50,7 @@ QUALITY_BUDGETS = (10_000, 25_000, 50_000, 100_000)
 
 # Of the scene's triangles, for the sweep over the leaves' size.
 SWEEP_BUDGET = 0.1
-SWEEP_LEAVES = (10_000, 5_000, 2_500, 1_250, 625)
+SWEEP_LEAVES = (5_000, 2_500, 1_250, 625)
 SOLIDITIES = ("area", "count")
 
 # Table 3's.
@@ -221,19 +221,19 @@ def times(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     assert path is not None
     cameras = list(path)
     result: dict[str, Any] = {"budgets": list(TIME_BUDGETS), "plp_ms": [], "cplp_ms": []}
+    cullers = {"plp_ms": PLPCulling(), "cplp_ms": ConservativePLPCulling()}
+    for culler in cullers.values():
+        culler.prepare(scene)
     for budget in TIME_BUDGETS:
-        cullers = {"plp_ms": PLPCulling(budget=budget),
-                   "cplp_ms": ConservativePLPCulling(budget=budget)}  # fmt: skip
-        for culler in cullers.values():
-            culler.prepare(scene)
-            culler.cull(cameras[0])
-        by_frame = [
-            {key: culler.cull(camera).stats.ms["frame"] for key, culler in cullers.items()}
-            for camera in cameras
-        ]
         for key, culler in cullers.items():
-            result[key].append([of_frame[key] for of_frame in by_frame])
-            culler.close()
+            culler.budget = budget
+            culler.cull(cameras[0])
+            result[key].append([])
+        for camera in cameras:
+            for key, culler in cullers.items():
+                result[key][-1].append(culler.cull(camera).stats.ms["frame"])
+    for culler in cullers.values():
+        culler.close()
     return result
 
 
