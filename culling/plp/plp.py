@@ -41,7 +41,7 @@ from visref_culling.boxes.conservative import cut_by_plane
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.shared_geometry import Marks, SharedGeometry
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from visref_culling.plp.octree import Links, Octree, build
+from visref_culling.plp.octree import Links, Octree, octree_of
 from visref_culling.plp.solidity import by_area, by_count
 from visref_culling.plp.traversal import FrontTraversal, near_corners
 
@@ -100,6 +100,10 @@ class PLPCulling(GLCuller):
         """No: the octree's cells are the units, and where a triangle moves it is in other cells."""
         return False
 
+    def bounds(self) -> None:
+        """None: a cell's box holds what its triangles have inside it and no more; the rest of them
+        is in other cells. It is no box that contains what the unit draws."""
+
     def open(self, camera: Camera) -> Frame:
         assert self.geometry is not None
         self.geometry.begin()
@@ -112,7 +116,7 @@ class PLPCulling(GLCuller):
     # The steps.
 
     def octree_of(self, scene: Scene) -> Octree:
-        return build(scene, self.leaf)
+        return octree_of(scene, self.leaf)
 
     def units_of(self, scene: Scene) -> Units:
         self.octree = self.octree_of(scene)

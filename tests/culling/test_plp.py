@@ -14,14 +14,18 @@ from tests.support.shares import share
 from visref.camera import Camera, look_at
 from visref.conformance import assert_conforms, conformance_checks
 from visref.culler import Promise, QueryStats
+from visref.engines import make_engine
 from visref.errors import InputError
+from visref.findings import Code
+from visref.judging.referee import Referee
+from visref.judging.status import Exit
 from visref.registry import make_culler
 from visref.scene import Scene
 from visref_culling.boxes.conservative import inflated, round_outward
 from visref_culling.gl.device import State, device
 from visref_culling.gl.view import View
 from visref_culling.plp import ConservativePLPCulling, PLPCulling
-from visref_culling.plp.octree import MAX_GROWTH, STEPS, build
+from visref_culling.plp.octree import MAX_GROWTH, STEPS, build, octree_of
 from visref_culling.plp.solidity import by_area, by_count
 from visref_culling.queries.histogram import HistogramQueries
 from visref_culling.queries.item_buffer_query import ItemBufferQueries, runs
@@ -80,6 +84,18 @@ def test_octree_tiles_its_root_and_holds_each_triangle_wherever_it_passes(seed, 
         for point in [*(weights @ corners[triangle]), *corners[triangle]]:
             inside = ((point >= octree.bounds[:, 0]) & (point <= octree.bounds[:, 1])).all(axis=1)
             assert all(triangle in held[cell] for cell in np.flatnonzero(inside))
+
+
+def test_a_scenes_octree_is_built_once_for_each_limit_and_nobody_can_change_it():
+    scene, other = crowd(1), crowd(1)
+    made = octree_of(scene, 12)
+    assert octree_of(scene, 12) is made
+    assert octree_of(scene, 20) is not made
+    assert octree_of(other, 12) is not made
+    assert np.array_equal(octree_of(other, 12).bounds, made.bounds)
+    for array in (made.bounds, made.corner, made.width, made.children):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
 
 
 @pytest.mark.parametrize("limit", [3, 12])
@@ -488,6 +504,20 @@ def test_more_budget_means_fewer_rounds_and_fewer_extra_triangles():
         estimate.close()
     assert rounds[0] > rounds[1] > rounds[2]
     assert extra[0] > extra[1] > extra[2]
+
+
+@pytest.mark.gl
+def test_cells_are_not_taken_for_boxes_that_hold_their_triangles():
+    """Walls go through many cells; that no cell's box holds them whole is no fault."""
+    dataset = soda_hall(scale=0.1, frames=1).resized(64, 64)
+    scene = scene_of(dataset)
+    referee = Referee(scene, lambda: make_engine("embree", scene))
+    cullers = [("cplp", ConservativePLPCulling(leaf=200, budget=100))]
+    outcome = referee.run(dataset.path, [0], cullers)
+    octree = cullers[0][1].octree
+    assert (scene.bounds_of(octree.units)[:, 1] > octree.bounds[:, 1]).any()
+    assert outcome.exit is Exit.NO_VIOLATION
+    assert Code.BOUNDS_TOO_SMALL not in {finding.code for finding in outcome.findings}
 
 
 def test_names_options_and_promises():
