@@ -104,6 +104,8 @@ def test_a_cost_where_a_saving_should_be_has_its_sign():
     worse = savings(run_of(none=NONE, cplp=MAP | {"triangles_drawn": 1500}))
     assert amount_text(worse.rows["cplp"]["triangles_saved"]) == "−500 (−50.0 %)"
     assert amount_text(Amount(None, {"none": None})) == "–"
+    assert amount_text(Amount(0.0, {"none": 0.0, "frustum": 0.0})) == "0"
+    assert amount_text(Amount(0.0, {"none": 0.0, "frustum": -3.0})) == "0 (0 %, −300 %)"
 
 
 def test_units_of_another_kind_are_not_held_against_objects():

@@ -111,9 +111,9 @@ def value_text(amount: Amount) -> str:
 
 
 def shares_text(amount: Amount) -> str:
-    """The shares of the baselines, in their order; empty where there is none."""
-    known = [signed_percent(share) for share in amount.shares.values() if share is not None]
-    return ", ".join(known)
+    """The shares of the baselines, in their order; empty where there is nothing to share."""
+    known = [share for share in amount.shares.values() if share is not None]
+    return ", ".join(map(signed_percent, known)) if any(known) else ""
 
 
 def signed_percent(share: float) -> str:
