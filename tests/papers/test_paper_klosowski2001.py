@@ -64,17 +64,17 @@ def test_back_faces_are_culled_in_the_papers_models():
 EVERY_WAY = {culler: {} for culler in ways_of_asking.CULLERS}
 
 
-def run_of(by_culler, source="soda_hall", triangles=1_087_452, ms=10.0, ms_of=None):
-    """A run folder's content of two frames of 100 by 50 samples, from counters by culler, and
+def run_of(by_culler, source="soda_hall", triangles=1_087_452, ms=10.0, ms_of=None, count=2):
+    """A run folder's content of so many frames of 100 by 50 samples, from counters by culler, and
     milliseconds a frame."""
     frames = {
-        culler: [{"frame": k, **{n: v + k for n, v in counters.items()}} for k in (0, 1)]
+        culler: [{"frame": k, **{n: v + k for n, v in counters.items()}} for k in range(count)]
         for culler, counters in by_culler.items()
     }
     timings = [
         {"culler": culler, "frame": k, "phase": "frame", "ms": (ms_of or {}).get(culler, ms)}
         for culler in by_culler
-        for k in (0, 1)
+        for k in range(count)
     ]
     return run_folder(frames, timings, source=source, triangles=triangles, units=1_198)
 
@@ -260,20 +260,20 @@ def test_ways_of_asking_are_compared_at_one_budget_and_at_their_best():
     assert grade_of(tables, "cPLP-IB is considerably faster") is Grade.HOLDS
 
 
-def tower(tests, asked, **settings):
+def tower(tests, asked, frames=2, **settings):
     counted = {
         culler: {"depth_tests": tests[name], "query_fragments": asked[name]}
         for name, culler in TOWER.items()
         if name in tests
     }
-    run = run_of(counted, source="skyscraper")
+    run = run_of(counted, source="skyscraper", count=frames)
     return replace(run, manifest=replace(run.manifest, settings=settings))
 
 
 def test_depth_complexity_counts_the_queries_own_tests_in_one_view_and_along_the_path():
     tests = {FRUSTUM: 200_000, JUDGED: 50_000}
     asked = {FRUSTUM: 0, JUDGED: 10_000}
-    view = tower(tests, asked, cull_backfaces=True)
+    view = tower(tests, asked, frames=1, cull_backfaces=True)
     path = tower({FRUSTUM: 200_000, JUDGED: 100_000}, {FRUSTUM: 0, JUDGED: 10_000})
     (table,) = (
         t
@@ -294,6 +294,8 @@ def test_depth_complexity_counts_the_queries_own_tests_in_one_view_and_along_the
     (claim,), (own,) = table.claims, table.own
     assert claim.ours.value == pytest.approx(4.0, abs=1e-3)
     assert own.ours.value == pytest.approx(2.0, abs=1e-3)
+    # One view is judged as it is, without other frames' interval.
+    assert (claim.interval, own.interval is None) == (None, False)
     assert (claim.grade, own.grade) == (Grade.HOLDS, Grade.IN_DIRECTION)
 
 

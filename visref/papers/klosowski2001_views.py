@@ -20,11 +20,13 @@ from visref.papers.contents import (
     Published,
     Row,
     Sense,
+    Series,
     Table,
     least,
     printed_curve,
     ratio_of,
     series,
+    single,
 )
 from visref.papers.culler_frames import culler_frames
 from visref.papers.klosowski2001_ways import FASTEST_BUDGET, LEAF_TRIANGLES, value_of
@@ -118,9 +120,15 @@ def _tests(run: RunFolder | None) -> tuple[dict[str, Estimate], dict[str, Estima
         for name, culler in TOWER.items():
             if culler in run.frames_of:
                 one = culler_frames(run, culler)
-                asking[name] = one.series("query_fragments").mean() / pixels
-                tests[name] = one.series("depth_tests").mean() / pixels
+                asking[name] = _mean(one.series("query_fragments")) / pixels
+                tests[name] = _mean(one.series("depth_tests")) / pixels
     return tests, asking
+
+
+def _mean(counted: Series) -> Estimate:
+    """Over frames; of one view it is the count itself, which stands for no others."""
+    mean = counted.mean()
+    return mean if len(counted.frames) > 1 else single(mean.value)
 
 
 def _over(one: Estimate | None, other: Estimate | None) -> Estimate | None:
