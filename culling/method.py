@@ -167,7 +167,7 @@ class GLCuller(UsesDevice, Culler):
     def decide(self, frame: Frame) -> None:
         """Draw what may be visible, each unit at most once."""
 
-    def bounds(self) -> Float64:
+    def bounds(self) -> Float64 | None:
         """(u, 2, 3) float64 world boxes, one per unit."""
         return self.unit_boxes
 

@@ -1,6 +1,7 @@
 """Office furniture with as many triangles as modellers give it, as soups by material.
 
-Each piece stands on y = 0 around the origin, its front towards +z; lengths are metres.
+Each piece stands on y = 0 around the origin, its front towards +z; lengths are metres. All of it is
+closed solids, but for the materials of `SHEETS`.
 """
 
 from __future__ import annotations
@@ -38,18 +39,27 @@ _COLOURS = {
     "leaf": (0.12, 0.30, 0.10),
     "clay": (0.52, 0.28, 0.18),
     "light": (0.95, 0.93, 0.84),
+    "shade": (0.95, 0.93, 0.84),
 }
 
+# Seen from both sides: leaves, glass, a lamp's shade.
+SHEETS = frozenset({"leaf", "screen", "shade"})
 
-def mesh(name: str, parts: Parts) -> Mesh:
-    """The parts as one mesh, on the grid; every surface is seen from both sides."""
+
+def mesh(name: str, parts: Parts, *, solid: bool = False) -> Mesh:
+    """The parts as one mesh, on the grid. Every surface is seen from both sides; with `solid`, only
+    those of `SHEETS` are, and all others, which are closed, from outside alone."""
     return Mesh(
         name,
         tuple(
             Primitive(
                 snap(vertices).astype(np.float32),
                 faces.astype(np.uint32),
-                Material(material, (*_COLOURS[material], 1.0)),
+                Material(
+                    material,
+                    (*_COLOURS[material], 1.0),
+                    double_sided=not solid or material in SHEETS,
+                ),
             )
             for material, (vertices, faces) in parts.items()
         ),
@@ -188,7 +198,8 @@ def floor_lamp() -> Parts:
     shade = lathe([(0.24, 1.4), (0.22, 1.5), (0.18, 1.6), (0.12, 1.7)], 32, caps="")
     return {
         "metal": foot,
-        "light": merge([shade, moved(_scaled(icosphere(2), (0.05,) * 3), (0, 1.52, 0))]),
+        "shade": shade,
+        "light": moved(_scaled(icosphere(2), (0.05,) * 3), (0, 1.52, 0)),
     }
 
 

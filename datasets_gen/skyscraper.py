@@ -3,12 +3,15 @@
 The counterpart of Greene's skyscraper, with which Klosowski and Silva ("Efficient Conservative
 Visibility Culling Using the Prioritized-Layered Projection Algorithm", 2001, section 4) measure
 depth complexity. Theirs is a steel frame; this one is laid out here: floors of 3 x 3
-modules, six above each other, each of nine rooms whose doors stand in line.
+modules, six above each other, each of nine rooms whose doors stand in line. Slabs, walls, girders
+and furniture are closed solids, whose back faces nobody sees; leaves and glass are sheets with two
+sides.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +30,8 @@ STOREY_M = 3.5
 WELL_M = 1.5  # half-width of the hole in the slab
 ROOM_M = 4.0
 SEATS = ((-4.0, -4.0), (0.0, -4.0), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))
+
+_solid = partial(furniture.mesh, solid=True)
 
 
 def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
@@ -56,9 +61,9 @@ def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
 def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, float, float], int]]:
     """The objects of a module: (label, mesh, place, quarter turns)."""
     stock = {
-        "desk": furniture.mesh("desk", furniture.desk()),
-        "computer": furniture.mesh("computer", furniture.computer()),
-        "chair": furniture.mesh("chair", furniture.visitor_chair()),
+        "desk": _solid("desk", furniture.desk()),
+        "computer": _solid("computer", furniture.computer()),
+        "chair": _solid("chair", furniture.visitor_chair()),
     }
     pieces = [("frame", _frame(), (0.0, 0.0, 0.0), 0), ("rail", _rail(), (0.0, 0.0, 0.0), 0)]
     pieces += [("walls", _walls(), (0.0, 0.0, 0.0), turns) for turns in (0, 1)]
@@ -69,7 +74,7 @@ def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, floa
             step = quarter_turn(turns) @ [0.0, 0.0, 0.8 if label == "chair" else 0.0]
             turned = turns + 2 if label == "chair" else turns
             pieces.append((f"{label}{k}", mesh, (x + step[0], 0.0, z + step[2]), turned))
-    plant = furniture.mesh("plant", furniture.plant(rng, 70))
+    plant = _solid("plant", furniture.plant(rng, 70))
     pieces.append(("plant", plant, (2.2, 0.0, 2.2), 0))
     return pieces
 
@@ -99,9 +104,7 @@ def _frame() -> Mesh:
             box([-half, y, z - 0.05], [half, y + 0.05, z + 0.05])
             for y in (STOREY_M - 0.7, STOREY_M - 0.35)
         ]
-    return furniture.mesh(
-        "frame", {"floor": merge(slab), "wall": merge(columns), "metal": merge(lattice)}
-    )
+    return _solid("frame", {"floor": merge(slab), "wall": merge(columns), "metal": merge(lattice)})
 
 
 def _rail() -> Mesh:
@@ -114,7 +117,7 @@ def _rail() -> Mesh:
     for e in (-WELL_M, WELL_M):
         bars.append(box([-WELL_M, 1.0, e - 0.03], [WELL_M, 1.06, e + 0.03]))
         bars.append(box([e - 0.03, 1.0, -WELL_M], [e + 0.03, 1.06, WELL_M]))
-    return furniture.mesh("rail", {"metal": merge(bars)})
+    return _solid("rail", {"metal": merge(bars)})
 
 
 def _walls() -> Mesh:
@@ -128,7 +131,7 @@ def _walls() -> Mesh:
             for z0, z1, y in ((low, middle - 0.6, 0.0), (middle + 0.6, low + ROOM_M, 0.0),
                               (middle - 0.6, middle + 0.6, 2.2)):  # fmt: skip
                 parts.append(box([x - 0.06, y, z0], [x + 0.06, top, z1]))
-    return furniture.mesh("walls", {"wall": merge(parts)})
+    return _solid("walls", {"wall": merge(parts)})
 
 
 def _partition() -> Mesh:
@@ -137,7 +140,7 @@ def _partition() -> Mesh:
         box([-1.2, 0.0, -0.65], [1.2, 1.75, -0.58]),
         box([-1.2, 0.0, -0.58], [-1.13, 1.75, 1.0]),
     ]
-    return furniture.mesh("partition", {"cloth": merge(screens)})
+    return _solid("partition", {"cloth": merge(screens)})
 
 
 def _path(floors: int, frames: int) -> CameraPath:

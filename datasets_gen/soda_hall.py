@@ -6,12 +6,15 @@ The counterpart of the third floor of Berkeley's Soda Hall, of which Klosowski a
 octree leaves of fewer than 5,000, and a path of 500 frames from the right to the left. Theirs is
 a survey of a building; this one is laid out here: a corridor through all copies, with screens
 across it that are open at one side in turn, offices along both of its sides, and doors open.
+Walls, floors and furniture are closed solids, whose back faces nobody sees; leaves, glass and lamp
+shades are sheets with two sides.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 
@@ -35,6 +38,8 @@ EYE_HEIGHT_M = 1.625
 
 # How far ahead along the path the eye looks, and over how much of it the gaze is averaged.
 LOOK_AHEAD_M = 1.5
+
+_solid = partial(furniture.mesh, solid=True)
 
 
 def soda_hall(*, seed: int = 0, scale: float = 1.0, frames: int = 500) -> Dataset:
@@ -66,7 +71,7 @@ def soda_hall(*, seed: int = 0, scale: float = 1.0, frames: int = 500) -> Datase
             )
         )
     ends = tuple(
-        Node(f"end{k}", furniture.mesh("end", {"wall": _across(x)}))
+        Node(f"end{k}", _solid("end", {"wall": _across(x)}))
         for k, x in enumerate((0.0, COPIES * length))
     )
     return Dataset("soda_hall", (*copies, *ends), _path(offices, frames))
@@ -98,7 +103,7 @@ def _stock(rng: np.random.Generator) -> dict[str, Mesh]:
     for k in range(3):
         pieces[f"shelf{k}"] = furniture.bookshelf(rng)
         pieces[f"plant{k}"] = furniture.plant(rng)
-    return {name: furniture.mesh(name, parts) for name, parts in pieces.items()}
+    return {name: _solid(name, parts) for name, parts in pieces.items()}
 
 
 def _shell(offices: int) -> Mesh:
@@ -129,7 +134,7 @@ def _shell(offices: int) -> Mesh:
         walls.append(box([x - half, 0.0, sides[0]], [x + half, HEIGHT_M, sides[1]]))
     floor = box([0.0, -0.25, -outer], [length, 0.0, outer])
     ceiling = box([0.0, HEIGHT_M, -outer], [length, HEIGHT_M + 0.25, outer])
-    return furniture.mesh("shell", {"wall": merge(walls), "floor": floor, "ceiling": ceiling})
+    return _solid("shell", {"wall": merge(walls), "floor": floor, "ceiling": ceiling})
 
 
 def _office(

@@ -1,13 +1,17 @@
-"""What cPLP's ways of asking cost on this machine, and how good PLP's estimate is.
+"""What cPLP's ways of asking cost on this machine, how good PLP's estimate is, and what it and its
+preparation take.
 
-Klosowski, Silva 2001, section 4. Each time is the quickest of several rounds after one that warms
-up: whatever else the machine does only adds to it.
+Klosowski, Silva 2001, section 4. Each time of a single step is the quickest of several rounds after
+one that warms up: whatever else the machine does only adds to it. Times along the path are given
+frame by frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import moderngl
@@ -16,12 +20,17 @@ import numpy as np
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.culler import QueryStats
-from visref.scene import Float32, Scene
+from visref.formats import load_scene
+from visref.inputs import scene_file
+from visref.scene import Float32, Int32, Scene
 from visref_culling.boxes.conservative import inflated, needs_no_query, round_outward
 from visref_culling.gl.device import State, Target, device
 from visref_culling.gl.view import View
 from visref_culling.item_buffer_engine import ItemBufferEngine
+from visref_culling.plp.cplp import ConservativePLPCulling
+from visref_culling.plp.octree import build
 from visref_culling.plp.plp import PLPCulling
+from visref_culling.plp.solidity import by_area, by_count
 from visref_culling.queries.histogram import HistogramQueries
 from visref_culling.queries.item_buffer_query import ItemBufferQueries
 from visref_culling.queries.occlusion_query import BoxQueries
@@ -38,6 +47,14 @@ BUDGET = 25_000
 FRAMES = 6  # of the path, among which the largest front is looked for
 
 QUALITY_BUDGETS = (10_000, 25_000, 50_000, 100_000)
+
+# Of the scene's triangles, for the sweep over the leaves' size.
+SWEEP_BUDGET = 0.1
+SWEEP_LEAVES = (5_000, 2_500, 1_250, 625)
+SOLIDITIES = ("area", "count")
+
+# Table 3's.
+TIME_BUDGETS = (1_000, 10_000, 25_000, 50_000, 75_000, 100_000)
 
 ROUNDS = 5
 
@@ -149,18 +166,92 @@ def quality(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     owns a pixel of the rasteriser's own unculled picture."""
     assert scene is not None
     assert path is not None
+    owners = _owners(scene, path)
+    found = [_estimated(scene, path, owners, budget=budget)["found"] for budget in QUALITY_BUDGETS]
+    return {"budgets": list(QUALITY_BUDGETS), "found": found}
+
+
+def leaves(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
+    """PLP alone on a tenth of the triangles, by the leaves' size and what solidity is taken from:
+    by frame, the share of the visible triangles that it draws, and of the pixels that it gets
+    wrong."""
+    assert scene is not None
+    assert path is not None
+    owners = _owners(scene, path)
+    budget = round(SWEEP_BUDGET * scene.triangle_count)
+    sweep = {
+        solidity: [
+            {"leaf": leaf}
+            | _estimated(scene, path, owners, budget=budget, leaf=leaf, solidity=solidity)
+            for leaf in SWEEP_LEAVES
+        ]
+        for solidity in SOLIDITIES
+    }
+    return {"budget": budget, "sweep": sweep}
+
+
+def _owners(scene: Scene, path: CameraPath) -> list[Int32]:
+    """By frame, the triangle at each pixel of the rasteriser's unculled picture, -1 for none."""
     engine = ItemBufferEngine(scene)
     owners = [engine.frame(camera).buffer.triangle for camera in path]
-    seen = [np.unique(owner[owner >= 0]) for owner in owners]
     engine.close()
-    found = []
-    for budget in QUALITY_BUDGETS:
-        culler = PLPCulling(budget=budget)
-        units = culler.prepare(scene)
-        shares = []
-        for camera, visible in zip(path, seen, strict=True):
-            drawn = units.mask(culler.cull(camera).unit_ids, scene.triangle_count)
-            shares.append(float(drawn[visible].mean()) if len(visible) else 1.0)
+    return owners
+
+
+def _estimated(
+    scene: Scene, path: CameraPath, owners: Sequence[Int32], **options: Any
+) -> dict[str, Any]:
+    culler = PLPCulling(**options)
+    units = culler.prepare(scene)
+    found, wrong = [], []
+    for camera, owner in zip(path, owners, strict=True):
+        drawn = units.mask(culler.cull(camera).unit_ids, scene.triangle_count)
+        owned = owner[owner >= 0]
+        visible = np.unique(owned)
+        found.append(float(drawn[visible].mean()) if len(visible) else 1.0)
+        wrong.append(float(np.count_nonzero(~drawn[owned]) / owner.size))
+    culler.close()
+    return {"cells": units.count, "found": found, "wrong": wrong}
+
+
+def times(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
+    """Table 3's "PLP Time" beside the whole: milliseconds of PLP alone and of cPLP, by budget and
+    frame. They take turns, frame by frame, after a frame that warms up."""
+    assert scene is not None
+    assert path is not None
+    cameras = list(path)
+    result: dict[str, Any] = {"budgets": list(TIME_BUDGETS), "plp_ms": [], "cplp_ms": []}
+    cullers = {"plp_ms": PLPCulling(), "cplp_ms": ConservativePLPCulling()}
+    for culler in cullers.values():
+        culler.prepare(scene)
+    for budget in TIME_BUDGETS:
+        for key, culler in cullers.items():
+            culler.budget = budget
+            culler.cull(cameras[0])
+            result[key].append([])
+        for camera in cameras:
+            for key, culler in cullers.items():
+                result[key][-1].append(culler.cull(camera).stats.ms["frame"])
+    for culler in cullers.values():
         culler.close()
-        found.append(shares)
-    return {"budgets": list(QUALITY_BUDGETS), "found": found}
+    return result
+
+
+def preparation(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
+    """Milliseconds of each step before the first frame: reading the scene's file, the octree with
+    the triangles of each cell, which cells are neighbours, and each kind of solidity."""
+    assert scene is not None
+    spec = scene.source
+    with TemporaryDirectory(prefix="visref-experiment-") as folder:
+        file = scene_file(spec, Path(folder))
+        read = partial(load_scene, file)
+        (load_ms,) = quickest_ms(read, rounds=1)
+    octree = build(scene, LEAVES[0])
+    jobs: dict[str, Callable[[], object]] = {
+        "octree_ms": partial(build, scene, LEAVES[0]),
+        "neighbours_ms": octree.links,
+        "area_ms": partial(by_area, scene, octree),
+        "count_ms": partial(by_count, octree),
+    }
+    steps = dict(zip(jobs, quickest_ms(*jobs.values(), rounds=2), strict=True))
+    return {"leaf": LEAVES[0], "cells": octree.leaf_count, "load_ms": load_ms, **steps}

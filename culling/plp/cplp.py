@@ -90,13 +90,16 @@ class ConservativePLPCulling(PLPCulling):
         query: str = "fragment-histogram",
         budget: int = 25000,
         leaf: int = 5000,
+        solidity: str = "area",
         order: str = "plp",
         image: str = "separate",
         backfaces: bool = False,
         depth: int = 24,
         fragments: bool = False,
     ) -> None:
-        super().__init__(budget=budget, leaf=leaf, depth=depth, fragments=fragments)
+        super().__init__(
+            budget=budget, leaf=leaf, solidity=solidity, depth=depth, fragments=fragments
+        )
         self.query_back_faces = backfaces
         self.cell_order = order
         self.items: ItemBufferQueries | None = None

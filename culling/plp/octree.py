@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
+from visref.frozen import frozen
 from visref.scene import Float64, Int32, Int64, Scene, Units
 
 MAX_DEPTH = 16
@@ -119,6 +121,18 @@ class Octree:
         return np.stack([self.corner == 0, self.corner + self.width[:, None] == STEPS], axis=1)
 
 
+def octree_of(scene: Scene, limit: int) -> Octree:
+    """`build`, once for all cullers of a scene: a million triangles take a second."""
+    made = _MADE.setdefault(scene, {})
+    if limit not in made:
+        made[limit] = build(scene, limit)
+    return made[limit]
+
+
+# By scene, for as long as it is there, and by limit.
+_MADE: WeakKeyDictionary[Scene, dict[int, Octree]] = WeakKeyDictionary()
+
+
 def build(scene: Scene, limit: int) -> Octree:
     """The octree of a scene, its leaves with fewer than `limit` triangles."""
     corners = scene.vertices.astype(np.float64)
@@ -164,7 +178,15 @@ def build(scene: Scene, limit: int) -> Octree:
         "octree cell",
     )
     bounds = _world(low, side, all_corners, widths)
-    return Octree(low, side, all_corners, widths, bounds, units, np.concatenate(children))
+    return Octree(
+        low,
+        side,
+        frozen(all_corners),
+        frozen(widths),
+        frozen(bounds),
+        units,
+        frozen(np.concatenate(children)),
+    )
 
 
 def _root(scene: Scene) -> tuple[Float64, float]:

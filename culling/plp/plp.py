@@ -22,6 +22,8 @@ Departures from the paper:
   the cells that it is in; so a scene that moves is refused (`moves`).
 - Solidity is the area of a cell's triangles (`plp.solidity`), not their number; the front
   is ordered by the pixels that a cell may show at (`plp.traversal`), not by solidity alone.
+  `solidity=count` is the paper's: the number of a cell's primitives, and the front ordered by
+  what has accumulated of it.
 """
 
 from __future__ import annotations
@@ -39,14 +41,20 @@ from visref_culling.boxes.conservative import cut_by_plane
 from visref_culling.gl.item_buffer import GLRaster
 from visref_culling.gl.shared_geometry import Marks, SharedGeometry
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller, phase
-from visref_culling.plp.octree import Links, Octree, build
-from visref_culling.plp.solidity import solidity
+from visref_culling.plp.octree import Links, Octree, octree_of
+from visref_culling.plp.solidity import by_area, by_count
 from visref_culling.plp.traversal import FrontTraversal, near_corners
 
 # The paper's fastest budget for a million triangles (section 4), and its leaves.
 PLP_OPTIONS: dict[str, Option] = {
     "budget": Option(25000, "triangles drawn before anything is asked, or at all for plp"),
     "leaf": Option(5000, "an octree cell has fewer triangles than this"),
+    "solidity": Option(
+        "area",
+        "cells come by the pixels that the area of what is before them leaves; or, as in the "
+        "paper, by the number of primitives before them",
+        ("area", "count"),
+    ),
 }
 
 
@@ -68,6 +76,7 @@ class PLPCulling(GLCuller):
         *,
         budget: int = 25000,
         leaf: int = 5000,
+        solidity: str = "area",
         depth: int = 24,
         fragments: bool = False,
     ) -> None:
@@ -77,6 +86,7 @@ class PLPCulling(GLCuller):
         if leaf < 2:
             raise InputError(f"leaf is {leaf}", place="leaf", fix="give 2 or more triangles")
         self.budget, self.leaf = budget, leaf
+        self.counts_primitives = solidity == "count"
 
     def prepare(self, scene: Scene) -> Units:
         units = super().prepare(scene)
@@ -90,6 +100,10 @@ class PLPCulling(GLCuller):
         """No: the octree's cells are the units, and where a triangle moves it is in other cells."""
         return False
 
+    def bounds(self) -> None:
+        """None: a cell's box holds what its triangles have inside it and no more; the rest of them
+        is in other cells. It is no box that contains what the unit draws."""
+
     def open(self, camera: Camera) -> Frame:
         assert self.geometry is not None
         self.geometry.begin()
@@ -102,7 +116,7 @@ class PLPCulling(GLCuller):
     # The steps.
 
     def octree_of(self, scene: Scene) -> Octree:
-        return build(scene, self.leaf)
+        return octree_of(scene, self.leaf)
 
     def units_of(self, scene: Scene) -> Units:
         self.octree = self.octree_of(scene)
@@ -123,8 +137,8 @@ class PLPCulling(GLCuller):
         return octree.links()
 
     def solidity_of(self, octree: Octree) -> Float64:
-        """(n, 3) float64: how much of the light through it each cell stops, by axis."""
-        return solidity(self.scene, octree)
+        """How much of the light through it each cell stops: (n, 3) float64, by axis, or (n,)."""
+        return by_count(octree) if self.counts_primitives else by_area(self.scene, octree)
 
     def seeds(self, frame: Frame) -> Int64:
         """(n,) int64 ids of the cells that the front starts with."""

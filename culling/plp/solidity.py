@@ -1,7 +1,8 @@
 """How much of the light through a cell its triangles stop: the solidity of PLP's cells.
 
-Klosowski, Silva 2001, section 2.1, derives a cell's solidity from the number of its primitives.
-A wall of two triangles stops more light than a bush of two thousand, so here it is their area:
+Klosowski, Silva 2001, section 2.1, takes a cell's solidity from the number of its primitives
+(`by_count`). A wall of two triangles stops more light than a bush of two thousand, so by default it
+is their area here (`by_area`):
 
 - Let the triangles of a cell, cut to it, cover the area A of the cell's face across an axis when
   they are projected along that axis. A ray along the axis through the face of area F then
@@ -27,7 +28,14 @@ from visref_culling.plp.octree import Octree
 MOST_CORNERS = 28
 
 
-def solidity(scene: Scene, octree: Octree) -> Float64:
+def by_count(octree: Octree) -> Float64:
+    """(n,) float64 in 0...1: each cell's triangles as a share of the fullest cell's. What follows
+    compares solidities and their sums, so any common factor would do; the paper prints none."""
+    sizes = octree.units.sizes
+    return sizes / max(1, int(sizes.max(initial=0)))
+
+
+def by_area(scene: Scene, octree: Octree) -> Float64:
     """(n, 3) float64, 0 or more: the things that a ray along each axis meets in each cell, on
     average."""
     surfaces = np.zeros((octree.leaf_count, 3))

@@ -1,6 +1,7 @@
 """The paper's published numbers, what is measured beside them, and from which results."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,23 +11,37 @@ from tests.support.run_values import run_folder
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.cli import main as cli
+from visref.inputs import open_scene
 from visref.papers import klosowski2001 as paper
+from visref.papers import klosowski2001_views as views
+from visref.papers import klosowski2001_ways as ways_of_asking
 from visref.papers.contents import Basis, Grade, PrintedRange, printed_numbers
-from visref.papers.klosowski2001 import EXT, TABLE_3, TOWER, spec
+from visref.papers.klosowski2001_views import FRUSTUM, JUDGED, ONE_VIEW, PATH, TOWER
+from visref.papers.klosowski2001_ways import EXT, HG, HP, HP_ALONE, IB, VF_BF, WAY_BUDGETS, spec
 from visref.papers.printed import klosowski2001 as printed
+from visref.papers.printed.klosowski2001 import TABLE_3
 from visref.registry import make_culler
 from visref.scene import Scene
+from visref_culling.plp.octree import build
 from visref_experiments import plp
 
 
-def test_published_tables_fall_with_the_budget_and_give_the_derived_numbers():
-    rows = [[one.amount for one in TABLE_3[budget]] for budget in sorted(TABLE_3)]
+def test_published_tables_go_one_way_with_the_budget_and_give_the_derived_numbers():
+    rows = [TABLE_3[budget] for budget in sorted(TABLE_3)]
     for before, after in itertools.pairwise(rows):
-        assert all(b < a for a, b in zip(before, after, strict=True))
-    before, after = (one.amount for one in paper.DEPTH_COMPLEXITY)
+        for column in ("tests", "extra", "hz"):
+            assert getattr(after, column).amount < getattr(before, column).amount
+        for column in ("plp_s", "average_s"):
+            assert getattr(after, column).amount > getattr(before, column).amount
+    for row in rows:
+        # Three digits each.
+        assert row.hz.amount == pytest.approx(1.0 / row.average_s.amount, rel=0.01)
+    for whole, reading, building in printed.PREPROCESSING_S.values():
+        assert whole.amount == reading.amount + building.amount
+    before, after = (one.amount for one in printed.DEPTH_COMPLEXITY)
     assert round(before / after, 2) == 3.35
-    seconds = {key: printed.amount for key, printed in paper.SECONDS.items()}
-    for way, times in paper.FASTER_THAN_VF_BF.items():
+    seconds = {key: one.amount for key, one in printed.SECONDS.items()}
+    for way, times in printed.FASTER_THAN_VF_BF.items():
         assert round(seconds["Octane", "VF-BF"] / seconds["Octane", way]) == times.amount
 
 
@@ -40,16 +55,26 @@ def test_judged_runs_name_cullers_that_exist_with_the_papers_leaves():
             made.close()
 
 
-def run_of(by_culler, source="soda_hall", triangles=1_087_452, ms=10.0):
-    """A run folder's content of two frames of 100 by 50 samples, from counters by culler."""
+def test_back_faces_are_culled_in_the_papers_models():
+    for work in (*paper.RUNS, *paper.EXPERIMENTS):
+        if work.scene is not None:
+            assert work.cull_backfaces == work.scene.startswith(("soda_hall", "skyscraper"))
+
+
+EVERY_WAY = {culler: {} for culler in ways_of_asking.CULLERS}
+
+
+def run_of(by_culler, source="soda_hall", triangles=1_087_452, ms=10.0, ms_of=None, count=2):
+    """A run folder's content of so many frames of 100 by 50 samples, from counters by culler, and
+    milliseconds a frame."""
     frames = {
-        culler: [{"frame": k, **{n: v + k for n, v in counters.items()}} for k in (0, 1)]
+        culler: [{"frame": k, **{n: v + k for n, v in counters.items()}} for k in range(count)]
         for culler, counters in by_culler.items()
     }
     timings = [
-        {"culler": culler, "frame": k, "phase": "frame", "ms": ms}
+        {"culler": culler, "frame": k, "phase": "frame", "ms": (ms_of or {}).get(culler, ms)}
         for culler in by_culler
-        for k in (0, 1)
+        for k in range(count)
     ]
     return run_folder(frames, timings, source=source, triangles=triangles, units=1_198)
 
@@ -63,10 +88,11 @@ def falling(extra_at_most=400):
     budgets = sorted(TABLE_3)
     rounds = [6, 5, 4, 3, 2, 0]
     extra = [20_000, 9_000, 5_000, 3_000, 1_000, extra_at_most]
-    return run_of({
+    found = {
         spec(EXT, budget): counters(r, budget + x, budget)
         for budget, r, x in zip(budgets, rounds, extra, strict=True)
-    })  # fmt: skip
+    }
+    return run_of(EVERY_WAY | found)
 
 
 class Results:
@@ -164,34 +190,113 @@ def test_a_run_of_anybodys_fills_table_3_for_its_budgets_and_way():
         "budget 1,000: tests": (4.688, 5.5),
         "budget 1,000: extra triangles": (16_844, 20_001),
     }
-    assert [row.published for row in second.rows] == [None] * 3
+    assert {row.published for row in second.rows} == {None}
+    assert {row.quantity for row in second.rows if row.ours is None} == {
+        "budget 2,000: PLP time",
+        "budget 2,000: PLP's part of it",
+    }
     assert paper.tables_of_run(run_of({"cplp:budget=1000": {}}, source="city")) == []
     small = run_of({"cplp:budget=1000": counters(1, 2, 1)}, "soda_hall:scale=0.1", 80_000)
     (table,) = paper.tables_of_run(small)
     assert table.rows[0].note == "a scene of 80,000 triangles only"
 
 
-def test_depth_complexity_counts_the_queries_apart():
-    tests = {"frustum": 200_000, "1,000": 50_000, "10,000": 60_000, "25,000": 90_000}
-    asked = {"frustum": 0, "1,000": 10_000, "10,000": 5_000, "25,000": 5_000}
-    tower = run_of(
-        {
-            culler: {"depth_tests": tests[name], "query_fragments": asked[name]}
-            for name, culler in TOWER.items()
-        },
-        source="skyscraper",
+def test_times_are_means_and_plp_has_its_part_of_them():
+    budgets = sorted(TABLE_3)
+    timed = {"budgets": budgets, "plp_ms": [[4.0, 8.0]] * 6, "cplp_ms": [[10.0, 14.0]] * 6}
+    run = falling()
+    rows = rows_of(paper.tables(Results({"soda-hall": run}, {"times": timed})))
+    alone = rows["Table 3", "budget 25,000: PLP time"]
+    assert (alone.theirs, alone.ours, alone.basis) == (0.043, 0.006, Basis.HARDWARE)
+    assert rows["Table 3", "budget 25,000: average time"].ours == 0.010
+    part = rows["Table 3", "budget 25,000: PLP's part of it"]
+    assert (round(part.theirs, 2), part.ours) == (0.81, 0.5)
+    octane = rows["Table 3", "PLP's part of it, cPLP-IB on the Octane"]
+    assert (round(octane.theirs, 2), octane.ours) == (0.79, 0.5)
+
+
+def test_preprocessing_is_reading_and_all_that_comes_after():
+    steps = {"octree_ms": 1_000.0, "neighbours_ms": 500.0, "area_ms": 2_000.0, "count_ms": 100.0}
+    found = {"leaf": 5_000, "cells": 9, "load_ms": 400.0} | steps
+    rows = rows_of(paper.tables(Results({}, {"preparation": found})))
+    for what, expected in {
+        "in all": (128, 2.0),
+        "reading the model": (64, 0.4),
+        "octree, assignment, solidity": (64, 1.6),
+    }.items():
+        row = rows["section 4", f"{what}, Onyx"]
+        assert (row.theirs, row.ours, row.unit) == (*expected, "s")
+    assert rows["section 4", "octree, assignment, solidity from areas"].ours == 3.5
+
+
+def times_of(**ms):
+    """Tables and their rows, by the milliseconds of each way at all its budgets."""
+    ms_of = {spec(way, b): t for way, t in ms.items() for b in WAY_BUDGETS.get(way, ())}
+    ms_of |= {HP_ALONE: 30.0, VF_BF: ms["vf_bf"]}
+    run = run_of({c: counters(1, 2, 1) for c in ways_of_asking.CULLERS}, ms_of=ms_of)
+    tables = paper.tables(Results({"soda-hall": run}))
+    return tables, rows_of(tables)
+
+
+def test_ways_of_asking_are_compared_at_one_budget_and_at_their_best():
+    ms = {EXT: 10.0, HP: 12.8, IB: 10.0, HG: 15.0, "vf_bf": 80.0}
+    tables, rows = times_of(**ms)
+    table = "Figs. 6 and 8, section 4"
+    over = rows[table, "cPLP-HG over cPLP-IB on the Octane"]
+    assert (round(over.theirs, 2), over.ours) == (2.02, 1.5)
+    assert (rows[table, "cPLP-EXT at its best budget"].theirs,
+            rows[table, "cPLP-EXT at its best budget"].ours) == (23, 100.0)  # fmt: skip
+    assert rows[table, "cPLP-HP at its best budget"].theirs == 18
+    best = rows[table, "cPLP-HP over cPLP-EXT, each at its best budget"]
+    assert (best.theirs, best.ours) == (1.28, pytest.approx(1.28))
+    assert grade_of(tables, "cPLP-EXT is 28 % faster") is Grade.HOLDS
+    assert grade_of(tables, "cPLP-IB is considerably faster") is Grade.IN_DIRECTION
+    assert grade_of(tables, "cPLP-HG is 6 times") is Grade.IN_DIRECTION
+    assert grade_of(tables, "cPLP-HP is considerably faster") is Grade.IN_DIRECTION
+    tables, _ = times_of(**{**ms, EXT: 13.0, HG: 9.0})
+    assert grade_of(tables, "cPLP-EXT is 28 % faster") is Grade.FAILS
+    assert grade_of(tables, "cPLP-IB is considerably faster") is Grade.FAILS
+    tables, _ = times_of(**{**ms, HG: 16.0})
+    assert grade_of(tables, "cPLP-IB is considerably faster") is Grade.HOLDS
+
+
+def tower(tests, asked, frames=2, **settings):
+    counted = {
+        culler: {"depth_tests": tests[name], "query_fragments": asked[name]}
+        for name, culler in TOWER.items()
+        if name in tests
+    }
+    run = run_of(counted, source="skyscraper", count=frames)
+    return replace(run, manifest=replace(run.manifest, settings=settings))
+
+
+def test_depth_complexity_counts_the_queries_own_tests_in_one_view_and_along_the_path():
+    tests = {FRUSTUM: 200_000, JUDGED: 50_000}
+    asked = {FRUSTUM: 0, JUDGED: 10_000}
+    view = tower(tests, asked, frames=1, cull_backfaces=True)
+    path = tower({FRUSTUM: 200_000, JUDGED: 100_000}, {FRUSTUM: 0, JUDGED: 10_000})
+    (table,) = (
+        t
+        for t in paper.tables(Results({"skyscraper-view": view, "skyscraper": path}))
+        if t.title == "Z-tests a pixel"
     )
-    (table,) = paper.tables_of_run(tower)
     rows = {row.quantity: row for row in table.rows}
-    assert rows["VF-BF"].ours == pytest.approx(40.0, abs=1e-3)
-    assert rows["budget 1,000: cPLP, drawing"].ours == pytest.approx(8.0, abs=1e-3)
-    assert rows["budget 1,000: cPLP, its queries beside"].ours == pytest.approx(2.0, abs=1e-3)
-    factor = rows["budget 1,000: VF-BF over cPLP's drawing"]
+    at = f"{ONE_VIEW}, {JUDGED}"
+    assert rows[f"{ONE_VIEW}: VF-BF"].ours == pytest.approx(40.0, abs=1e-3)
+    assert rows[f"{ONE_VIEW}: VF-BF"].note == ""
+    assert "--cull-backfaces" in rows[f"{PATH}: VF-BF"].note
+    assert rows[f"{at}: cPLP, drawing and queries"].ours == pytest.approx(10.0, abs=1e-3)
+    assert rows[f"{at}: cPLP, drawing alone"].ours == pytest.approx(8.0, abs=1e-3)
+    factor = rows[f"{at}: VF-BF over drawing alone"]
     assert (round(factor.theirs, 2), round(factor.ours, 2)) == (3.35, 5.0)
-    assert round(rows["budget 1,000: VF-BF over drawing and queries"].ours, 2) == 4.0
-    # At a budget of 25,000: 200,000 over 90,000 tests, not 3.35.
-    assert [claim.grade for claim in table.claims] == [Grade.IN_DIRECTION]
-    assert table.claims[0].ours.value == pytest.approx(200_000 / 90_000, abs=1e-4)
+    assert round(rows[f"{at}: VF-BF over drawing and queries"].ours, 2) == 4.0
+    # The claim is the view's; the path's is ours.
+    (claim,), (own,) = table.claims, table.own
+    assert claim.ours.value == pytest.approx(4.0, abs=1e-3)
+    assert own.ours.value == pytest.approx(2.0, abs=1e-3)
+    # One view is judged as it is, without other frames' interval.
+    assert (claim.interval, own.interval is None) == (None, False)
+    assert (claim.grade, own.grade) == (Grade.HOLDS, Grade.IN_DIRECTION)
 
 
 @pytest.mark.parametrize(
@@ -199,25 +304,24 @@ def test_depth_complexity_counts_the_queries_apart():
     [(30_000, Grade.HOLDS), (150_000, Grade.IN_DIRECTION), (300_000, Grade.FAILS)],
 )
 def test_saving_of_z_tests_is_graded_with_the_queries_own(tests, grade):
-    counted = {
-        TOWER["frustum"]: {"depth_tests": 200_000, "query_fragments": 0},
-        TOWER["25,000"]: {"depth_tests": tests, "query_fragments": tests - 10_000},
-    }
-    (table,) = paper.tables_of_run(run_of(counted, "skyscraper"))
-    assert [claim.grade for claim in table.claims] == [grade]
+    run = tower({FRUSTUM: 200_000, JUDGED: tests}, {FRUSTUM: 0, JUDGED: tests - 10_000})
+    (table,) = paper.tables_of_run(run)
+    assert [claim.grade for claim in (*table.claims, *table.own)] == [grade]
 
 
 def test_plps_quality_joins_the_judged_misses_and_the_experiment():
     run = run_of({f"plp:budget={b}": {"missed_pixels": 99} for b in paper.CITY_BUDGETS}, "city")
     found = {"budgets": list(paper.CITY_BUDGETS), "found": [[0.2, 0.4], [0.6], [0.9, 0.94], [1.0]]}
-    tables = paper.tables(Results({"city": run}, {"city-quality": found}))
-    rows = rows_of(tables)
-    share = rows["section 1", "budget 50,000: visible triangles found"]
+    table = views.quality(run, found)
+    rows = {row.quantity: row for row in table.rows}
+    share = rows["budget 50,000: visible triangles found"]
     assert (share.theirs, share.ours) == (0.90, pytest.approx(0.92))
-    worst = rows["section 1", "budget 50,000: wrong pixels, at worst"]
+    worst = rows["budget 50,000: wrong pixels, at worst"]
     assert (worst.theirs, worst.ours) == (0.04, 0.02)
-    assert rows["section 1", "budget 10,000: wrong pixels, at worst"].published is None
-    assert [claim.grade for claim in tables[-1].claims] == [Grade.HOLDS, Grade.HOLDS]
+    assert rows["budget 10,000: wrong pixels, at worst"].published is None
+    # The paper's PLP takes solidity from primitive counts: this one is ours.
+    assert table.claims == ()
+    assert [claim.grade for claim in table.own] == [Grade.HOLDS, Grade.HOLDS]
 
 
 @pytest.mark.parametrize(
@@ -230,9 +334,8 @@ def test_plps_quality_joins_the_judged_misses_and_the_experiment():
     ],
 )
 def test_share_of_the_visible_that_plp_finds_is_graded(shares, grade):
-    found = {"budgets": [paper.TENTH], "found": [shares]}
-    claim = paper.tables(Results({}, {"city-quality": found}))[-1].claims[0]
-    assert claim.grade is grade
+    found = {"budgets": [views.TENTH], "found": [shares]}
+    assert views.quality(None, found).own[0].grade is grade
 
 
 @pytest.mark.parametrize(
@@ -241,7 +344,35 @@ def test_share_of_the_visible_that_plp_finds_is_graded(shares, grade):
 def test_worst_frame_of_plp_is_judged_by_what_the_path_may_hold(lost, grade):
     """Two frames of 5,000 pixels: the second loses one more than the first, and 4 % are 200."""
     run = run_of({f"plp:budget={b}": {"missed_pixels": lost} for b in paper.CITY_BUDGETS}, "city")
-    assert paper.tables(Results({"city": run}))[-1].claims[1].grade is grade
+    assert views.quality(run, None).own[1].grade is grade
+
+
+def swept(**shares):
+    return {
+        "budget": 50_000,
+        "sweep": {
+            solidity: [
+                {"leaf": leaf, "cells": 9, "found": [share] * 4, "wrong": [1.0 - share] * 4}
+                for leaf, share in zip((5_000, 2_500, 1_250), of, strict=True)
+            ]
+            for solidity, of in shares.items()
+        },
+    }
+
+
+def test_the_sweep_claims_the_papers_plp_at_its_leaves_and_ours_at_small_ones():
+    table = views.sweep(swept(area=(0.85, 0.91, 0.93), count=(0.97, 0.7, 0.8)))
+    assert [claim.grade for claim in table.claims] == [Grade.HOLDS, Grade.HOLDS]
+    assert [claim.grade for claim in table.own] == [Grade.HOLDS]
+    rows = {row.quantity: row for row in table.rows}
+    found = "leaves under {}: visible triangles found"
+    assert rows[f"solidity from primitive counts, {found.format('5,000')}"].theirs == 0.9
+    small = rows[f"solidity from areas, {found.format('1,250')}"]
+    assert (small.theirs, small.ours) == (None, pytest.approx(0.93))
+    assert [curve.published for curve in table.figure.curves] == [False, False, True]
+    table = views.sweep(swept(area=(0.95, 0.91, 0.89), count=(0.85, 0.99, 0.99)))
+    assert [claim.grade for claim in table.claims] == [Grade.IN_DIRECTION, Grade.FAILS]
+    assert [claim.grade for claim in table.own] == [Grade.IN_DIRECTION]
 
 
 def front(cells, **ms):
@@ -249,7 +380,7 @@ def front(cells, **ms):
 
 
 def test_the_cost_of_a_query_is_judged_where_most_cells_are_asked():
-    ways = dict.fromkeys(paper.ASKED, 10.0)
+    ways = dict.fromkeys(ways_of_asking.ASKED, 10.0)
     few = front(10, **{**ways, "sync": 10.0})
     many = front(1_000, **{**ways, "sync": 250.0, "batch": 25.0})
     results = Results({}, {"soda-hall-queries": {"fronts": [few, many]}})
@@ -293,6 +424,41 @@ def test_quality_is_the_share_of_visible_triangles_that_the_budget_draws(monkeyp
 
 
 @pytest.mark.gl
+def test_the_sweep_tries_each_leaf_and_solidity_on_a_tenth_of_the_triangles(monkeypatch):
+    monkeypatch.setattr(plp, "SWEEP_LEAVES", (1_000, 20))
+    found = plp.leaves(boxes(50), small_path())
+    assert found["budget"] == 60
+    assert set(found["sweep"]) == {"area", "count"}
+    for rows in found["sweep"].values():
+        assert [row["leaf"] for row in rows] == [1_000, 20]
+        # One cell holds all; small ones hold more than the budget together.
+        assert rows[0]["cells"] == 1 < rows[1]["cells"]
+        assert rows[0]["found"] == [1.0, 1.0]
+        assert rows[0]["wrong"] == [0.0, 0.0]
+        assert 0.0 < rows[1]["found"][0] < 1.0
+        assert 0.0 < rows[1]["wrong"][0] < 1.0
+
+
+@pytest.mark.gl
+def test_the_whole_takes_at_least_a_frame_of_each_budget(monkeypatch):
+    monkeypatch.setattr(plp, "TIME_BUDGETS", (10, 1_000))
+    found = plp.times(boxes(50), small_path())
+    assert found["budgets"] == [10, 1_000]
+    for key in ("plp_ms", "cplp_ms"):
+        assert np.shape(found[key]) == (2, 2)
+        assert np.min(found[key]) > 0.0
+
+
+@pytest.mark.gl
+def test_preparation_is_timed_step_by_step_from_the_scenes_file():
+    scene, _, _ = open_scene("soda_hall:scale=0.1,frames=1")
+    found = plp.preparation(scene, small_path())
+    assert (found["leaf"], found["cells"]) == (5_000, build(scene, 5_000).leaf_count)
+    steps = [f"{step}_ms" for step in ("load", "octree", "neighbours", "area", "count")]
+    assert all(found[step] > 0.0 for step in steps)
+
+
+@pytest.mark.gl
 def test_queries_ask_the_largest_front_in_every_way(monkeypatch):
     monkeypatch.setattr(plp, "LEAVES", (20,))
     monkeypatch.setattr(plp, "BUDGET", 30)
@@ -301,7 +467,7 @@ def test_queries_ask_the_largest_front_in_every_way(monkeypatch):
     assert found["leaf"] == 20
     assert found["cells"] >= found["visible"] > 0
     assert found["fragments"] > 0
-    assert set(found["ms"]) == set(paper.ASKED)
+    assert set(found["ms"]) == set(ways_of_asking.ASKED)
     assert all(ms > 0.0 for ms in found["ms"].values())
 
 

@@ -164,6 +164,7 @@ def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatc
 
     for walk, shown in ((wanted, True), (replace(wanted, size=(9, 9)), False),
                         (replace(wanted, cullers=("only", "other")), False),
+                        (replace(wanted, cull_backfaces=True), False),
                         (replace(wanted, scene="city"), False)):  # fmt: skip
         paper = papers.Paper("p", "A. Author: A Title", (walk,), (), tables)
         monkeypatch.setattr(papers, "paper_names", lambda: ["p"])

@@ -140,3 +140,9 @@ class Steps:
 
     def advance(self, steps: float) -> None:
         self.done += steps
+
+
+def sided(scene: Scene | None, path: CameraPath | None) -> float:
+    """An experiment: the share of the triangles that are one-sided."""
+    assert scene is not None
+    return float(scene.one_sided.mean())

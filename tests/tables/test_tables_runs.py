@@ -256,6 +256,23 @@ def test_a_scene_is_generated_once_for_all_runs(tmp_path, monkeypatch):
     assert scenes[0].stat().st_mtime_ns == written
 
 
+def test_back_faces_are_culled_in_the_runs_that_say_so_and_in_no_other(tmp_path):
+    both = JudgedRun("both", TOWN, (ALL,), size=SIZE)
+    fronts = JudgedRun("fronts", TOWN, (ALL,), size=SIZE, cull_backfaces=True)
+    sides = (
+        Experiment("two-sided", "sided", TOWN),
+        Experiment("one-sided", "sided", TOWN, cull_backfaces=True),
+    )
+    measured, _ = run(tmp_path, [paper((both, fronts), sides)], frames=1)
+    results = measured.results(measured.papers[0])
+    assert results.experiment("two-sided") == 0.0
+    assert results.experiment("one-sided") > 0.5
+    culled = [results.run(key).manifest.settings["cull_backfaces"] for key in ("both", "fronts")]
+    assert culled == [False, True]
+    digests = {results.run(key).manifest.scene.sha256 for key in ("both", "fronts")}
+    assert len(digests) == 2
+
+
 def test_records_say_what_they_were_asked_for(tmp_path):
     measured, _ = run(tmp_path, frames=2)
     asked = measured.results(measured.papers[0]).run("first").manifest.settings["asked"]

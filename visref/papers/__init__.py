@@ -66,6 +66,7 @@ def _fits(judged: JudgedRun, run: RunFolder) -> bool:
     """Whether a run folder is the judged run, over whatever frames."""
     return (
         run.manifest.scene.source == judged.scene
+        and bool(run.manifest.settings.get("cull_backfaces")) == judged.cull_backfaces
         and set(judged.cullers) <= {culler for culler, rows in run.frames_of.items() if rows}
         and (judged.size is None or run.sizes == {judged.size})
     )

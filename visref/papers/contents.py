@@ -106,7 +106,8 @@ class JudgedRun:
     `key`: the folder's name, unique in its paper. `scene`: a generated scene's spec. `size`: the
     images' width and height, None for the path's own. `large`: only with `--large`. `stretch`: a
     sample of the path's frames comes in stretches of that many consecutive ones, for methods that
-    remember the frame before; each stretch starts with a cut.
+    remember the frame before; each stretch starts with a cut. `cull_backfaces`: as `visref run
+    --cull-backfaces`, in the truth and for the cullers.
     """
 
     key: str
@@ -115,6 +116,7 @@ class JudgedRun:
     size: Size | None = None
     large: bool = False
     stretch: int = 1
+    cull_backfaces: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class Experiment:
     size: Size | None = None
     large: bool = False
     stretch: int = 1
+    cull_backfaces: bool = False
 
 
 class Basis(StrEnum):

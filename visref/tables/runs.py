@@ -238,20 +238,20 @@ class _Stage:
 
     def __init__(self, folder: Path, threads: int | None) -> None:
         self._folder, self._threads = folder, threads
-        self._spec: str | None = None
+        self._wanted: tuple[str, bool] | None = None
         self._opened: tuple[Scene, CameraPath] | None = None
         self._engine: TruthEngine | None = None
 
-    def scene(self, spec: str) -> tuple[Scene, CameraPath]:
-        if self._spec != spec or self._opened is None:
+    def scene(self, spec: str, *, cull_backfaces: bool) -> tuple[Scene, CameraPath]:
+        if self._wanted != (spec, cull_backfaces) or self._opened is None:
             self.close()
             points, name = available(SCENES), spec.partition(":")[0]
             package = points[name].module.partition(".")[0] if name in points else "visref"
             kept = self._folder / f"{slug(spec)}-{code_digest([package])}"
-            scene, path, _ = open_scene(spec, kept_in=kept)
+            scene, path, _ = open_scene(spec, cull_backfaces=cull_backfaces, kept_in=kept)
             if path is None:
                 raise InputError("a paper's scene is a generated one", source=spec)
-            self._spec, self._opened = spec, (scene, path)
+            self._wanted, self._opened = (spec, cull_backfaces), (scene, path)
         return self._opened
 
     def engine(self) -> TruthEngine:
@@ -292,7 +292,7 @@ def _run_task(
     scene = path = None
     picked: list[int] = []
     if work.scene is not None:
-        scene, path = stage.scene(work.scene)
+        scene, path = stage.scene(work.scene, cull_backfaces=work.cull_backfaces)
         frames, shift = sampling
         picked = sampled(len(path), frames, work.stretch, shift)
         path = cut_path(path if work.size is None else path.resized(*work.size), picked)
@@ -321,7 +321,12 @@ def _judge(
     share: _Share,
 ) -> None:
     share.verdicts = len(frames) * len(judged.cullers)
-    settings = {"frames": frames, "generated": generated_with(judged.scene), "asked": asked}
+    settings = {
+        "frames": frames,
+        "generated": generated_with(judged.scene),
+        "asked": asked,
+        "cull_backfaces": judged.cull_backfaces,
+    }
     timeline = Timeline(scene, path)
     writer = RunWriter(folder, scene, path, timeline=timeline, engine=ENGINE, settings=settings)
 

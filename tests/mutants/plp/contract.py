@@ -66,7 +66,8 @@ def cells_come_in_the_order_of_what_shows(trace: Trace) -> Iterator[str]:
     boxes = inflated(view, bounds)
     in_view = np.flatnonzero(meets_frustum(view, boxes)).tolist()
     sure = needs_no_query(view, boxes)
-    pixels = {cell: rectangle_by_hand(camera, bounds[cell]) for cell in in_view}
+    counts = trace.culler.counts_primitives
+    pixels = {cell: 1.0 if counts else rectangle_by_hand(camera, bounds[cell]) for cell in in_view}
     light = {cell: 1.0 for cell in in_view if sure[cell] or on_open_hull(octree, view, cell)}
     held = {
         cell: set(units.triangles[units.offsets[cell] : units.offsets[cell + 1]].tolist())
@@ -86,10 +87,14 @@ def cells_come_in_the_order_of_what_shows(trace: Trace) -> Iterator[str]:
         done.add(cell)
         drawn |= held[cell]
         stops = solidity_by_hand(scene, bounds[cell], sorted(held[cell]))
+        share = units.sizes[cell] / max(units.sizes)
         for other in in_view:
             axis = common_face(bounds[cell], bounds[other])
             if axis is not None and other not in done:
-                handed_on = light[cell] * math.exp(-stops[axis])
+                stopped = stops[axis]
+                if counts:
+                    stopped = share * slant_by_hand(camera, bounds[cell], bounds[other], axis)
+                handed_on = light[cell] * math.exp(-stopped)
                 light[other] = max(light.get(other, 0.0), handed_on)
                 front.add(other)
     if front and len(drawn) < budget:
@@ -136,6 +141,13 @@ def solidity_by_hand(scene, box, triangles) -> list[float]:
             fan = np.array(polygon[1:]) - polygon[0]
             total += np.abs(np.cross(fan[:-1], fan[1:])).sum(axis=0) / 2.0
     return (total / 2.0 / (box[1, 0] - box[0, 0]) ** 2).tolist()
+
+
+def slant_by_hand(camera, a, b, axis) -> float:
+    """How squarely one looks at the face that two boxes share, across `axis`: a cosine."""
+    middle = (np.maximum(a[0], b[0]) + np.minimum(a[1], b[1])) / 2.0
+    way = middle - camera.eye if camera.is_perspective else camera.forward
+    return abs(way[axis]) / float(np.linalg.norm(way))
 
 
 def common_face(a, b) -> int | None:

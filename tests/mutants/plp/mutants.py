@@ -24,6 +24,7 @@ from visref_culling.queries.histogram import HistogramQueries
 from visref_culling.queries.item_buffer_query import TILE_PX, ItemBufferQueries
 
 PLP = SUITE.method("plp", PLPCulling, leaf=4, budget=12)
+PLP_COUNT = SUITE.method("plp-count", PLPCulling, leaf=4, budget=12, solidity="count")
 
 
 def conservative(name: str, **options):
@@ -42,7 +43,8 @@ RESTORES = (IB_RESTORE, HG_RESTORE)
 WAYS = (EXT, HP, *ITEMS)
 ALL = (*WAYS, *RESTORES)
 
-SUITE.kept_by(*ALL, PLP)
+SUITE.kept_by(*ALL, PLP, PLP_COUNT)
+SUITE.kept_by(EXT, solidity="count")
 
 
 def item_step(step: type) -> type:
@@ -130,12 +132,22 @@ class OnlyTheNearestCell:
         return np.argmin(np.linalg.norm(nearest - eye, axis=1), keepdims=True)
 
 
-@mutant("W13", of=(EXT, PLP), contract="cells_come_in_the_order_of_what_shows")
+@mutant("W13", of=(EXT, PLP, PLP_COUNT), contract="cells_come_in_the_order_of_what_shows")
 class SolidityIgnored:
-    """No cell hides another: the largest on the screen comes first."""
+    """No cell hides another: the largest on the screen comes first, or the first of all."""
 
     def solidity_of(self, octree):
-        return np.zeros((octree.leaf_count, 3))
+        return np.zeros_like(super().solidity_of(octree))
+
+
+@mutant("W13", of=(PLP_COUNT,), contract="cells_come_in_the_order_of_what_shows", budget=60)
+class LeftSidewaysAsStraightOn:
+    """What a cell stops does not depend on the face by which it is left."""
+
+    def begin_walk(self, frame):
+        super().begin_walk(frame)
+        self.walk.transmittance = self.walk.transmittance[:, None]
+        self.walk.look = self.walk.look._replace(slants=False)
 
 
 @mutant("W14", of=WAYS, contract="no_cell_is_asked_twice")
@@ -152,7 +164,7 @@ class HiddenCellsQueuedAgain:
         self.once[hidden] = True
 
 
-@mutant("W15", of=(EXT, IB_RESTORE, PLP), contract="no_triangle_is_drawn_twice")
+@mutant("W15", of=(EXT, IB_RESTORE, PLP, PLP_COUNT), contract="no_triangle_is_drawn_twice")
 class TrianglesDrawnTwice:
     """A triangle is drawn with every cell that holds it."""
 
@@ -280,7 +292,8 @@ not_here("U2 U3 U10 U11", RESTORES, "the ids are cplp-ib's and cplp-hg's")
 not_here("U12", WAYS, "nothing is restored")
 not_here("W15", (HP, *ITEMS, HG_RESTORE), "the ways of asking share the geometry")
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W")]
-not_here(" ".join(UNSAFE), (PLP,), "it promises nothing: what its budget leaves out is measured")
-not_here("W14", (PLP,), "no cell is asked")
+ALONE = (PLP, PLP_COUNT)
+not_here(" ".join(UNSAFE), ALONE, "it promises nothing: what its budget leaves out is measured")
+not_here("W14", ALONE, "no cell is asked")
 not_here("G15", (HP, *ITEMS, *RESTORES), "what is drawn is the same however cells are asked")
 not_here("M1 M2 M3 M4 M5 M6", ALL, "it is for scenes that stand still, and says so")
