@@ -259,9 +259,9 @@ class OccupancyMapCulling(GLCuller):
     def left_out(self, frame: Frame, rectangles: Int32) -> NDArray[np.bool_]:
         """(k,) bool: shapes that meet no pixel, or are too small to matter. `rectangles`:
         (k, 4) int32 pixels."""
-        extent = rectangles[:, 2:] - rectangles[:, :2] + 1
-        small = (extent.max(axis=1) < self.min_pixels) & ~frame.sure
-        result: NDArray[np.bool_] = (extent.min(axis=1) <= 0) | small
+        width, height = (rectangles[:, 2:] - rectangles[:, :2] + 1).T
+        small = (np.maximum(width, height) < self.min_pixels) & ~frame.sure
+        result: NDArray[np.bool_] = (width <= 0) | (height <= 0) | small
         return result
 
     def region(self, view: View) -> tuple[int, int, int, int]:

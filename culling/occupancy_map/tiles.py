@@ -70,15 +70,25 @@ class Tiles:
     grid: Grid
 
 
-def tiles_under(rectangles: Int32, grid: Grid) -> Int32:
+@njit()
+def tiles_under(rectangles: NDArray[Any], grid: Grid) -> NDArray[Any]:
     """(k, 4) int32 columns and rows of tiles under rectangles of pixels, (k, 4) int32."""
-    origin = np.array([grid.x0, grid.y0] * 2, np.int32)
-    tiles = (rectangles - origin) // np.array([grid.width, grid.height] * 2, np.int32)
-    # An inflated box may reach a pixel over the scene's own rectangle.
-    result: Int32 = np.clip(tiles, 0, TILES - 1).astype(np.int32)
-    empty = (rectangles[:, 2:] < rectangles[:, :2]).any(axis=1)
-    result[empty] = (0, 0, -1, -1)
+    result = np.empty((len(rectangles), 4), np.int32)
+    for i in range(len(rectangles)):
+        _tiles_under(rectangles[i], grid, result[i])
     return result
+
+
+@njit()
+def _tiles_under(pixels: NDArray[Any], grid: Grid, result: NDArray[Any]) -> None:
+    if pixels[2] < pixels[0] or pixels[3] < pixels[1]:
+        result[0] = result[1] = 0
+        result[2] = result[3] = -1
+        return
+    for side in range(4):
+        first, size = (grid.x0, grid.width) if side % 2 == 0 else (grid.y0, grid.height)
+        # An inflated box may reach a pixel over the scene's own rectangle.
+        result[side] = min(max((pixels[side] - first) // size, 0), TILES - 1)
 
 
 @njit(inline="always")
@@ -129,15 +139,9 @@ def _mark_shape(
         bounds = parts.bounds[parts.first_bounds[place] + p - first]
         inflate_box(bounds, projection.eye, projection.growth, box)
         rectangle_of_box(box, projection.rows, projection.near, projection.window, 0, at, pixels)
-        if pixels[2] < pixels[0] or pixels[3] < pixels[1]:
-            continue
-        c0 = min(max((pixels[0] - grid.x0) // grid.width, 0), TILES - 1)
-        r0 = min(max((pixels[1] - grid.y0) // grid.height, 0), TILES - 1)
-        c1 = min(max((pixels[2] - grid.x0) // grid.width, 0), TILES - 1)
-        r1 = min(max((pixels[3] - grid.y0) // grid.height, 0), TILES - 1)
         tiles = parts.tiles[p]
-        tiles[0], tiles[1], tiles[2], tiles[3] = c0, r0, c1, r1
-        mark(words, c0, r0, c1, r1)
+        _tiles_under(pixels, grid, tiles)
+        mark(words, tiles[0], tiles[1], tiles[2], tiles[3])
 
 
 @njit()

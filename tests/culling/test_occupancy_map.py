@@ -16,15 +16,17 @@ from visref_culling.boxes.conservative import inflated
 from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.gl.device import device
 from visref_culling.gl.view import View
-from visref_culling.occupancy_map import (
+from visref_culling.occupancy_map import OccupancyMapCulling
+from visref_culling.occupancy_map.parts import parts_of
+from visref_culling.occupancy_map.tiles import (
     DRAW_NOW,
     OUTSIDE,
     TILES,
     WORDS,
-    OccupancyMapCulling,
+    Grid,
     covered,
     mark,
-    parts_of,
+    tiles_under,
 )
 
 EMPTY = Scene.from_objects([])
@@ -37,6 +39,8 @@ OPTIONS = [
     {"corners": True},
     {"maps": 1, "corners": True, "scale": "scene"},
     {"depth": 32, "corners": True, "query": "instanced"},
+    {"thread": True},
+    {"thread": True, "corners": True, "scale": "scene"},
 ]
 
 
@@ -247,8 +251,8 @@ def check_contract(steps, lists_count):
         if number == OUTSIDE:
             continue
         under = set(each_tile(tiles.under[place]))
-        parts = range(tiles.first_part[place], tiles.first_part[place + 1])
-        touched = {tile for part in parts for tile in each_tile(tiles.parts[part])}
+        parts = tiles.parts.tiles[slice(*tiles.parts.first[place : place + 2])]
+        touched = {tile for part in parts for tile in each_tile(part)}
         assert touched <= under
         if sure or under - maps[0]:
             assert number == DRAW_NOW
@@ -404,7 +408,9 @@ def test_paper_window_has_tiles_of_48_pixels():
     culler.prepare(scene)
     frame = culler.begin(perspective(1024, 768))
     rectangles = np.array([[0, 0, 7, 5], [8, 6, 8, 6], [0, 0, 1023, 767], [9, 9, 8, 9]], np.int32)
-    tiles = culler.tiles_under(frame, rectangles)
+    grid = culler.tiles(frame, rectangles).grid
+    assert grid == Grid(0, 0, 8, 6)
+    tiles = tiles_under(rectangles, grid)
     assert tiles[:3].tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 127, 127]]
     assert each_tile(tiles[3]) == []
     culler.close()
