@@ -63,9 +63,7 @@ BLACK: Colour = (0.07, 0.07, 0.08)
 KEY: Colour = (0.78, 0.77, 0.72)
 
 
-def boombox(
-    *, seed: int = 0, scale: float = 1.0, frames: int = 90, fitted: bool = True
-) -> Dataset:
+def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90, fitted: bool = True) -> Dataset:
     """530 shapes, 644,268 triangles at scale 1; another scale is another fineness of the same
     assembly's tessellation. The path is `orbit`'s. `fitted`: see the module. Raises InputError for
     a scale that is none of its tessellations, or a path without frames."""

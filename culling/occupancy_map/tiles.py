@@ -75,12 +75,13 @@ def tiles_under(rectangles: NDArray[Any], grid: Grid) -> NDArray[Any]:
     """(k, 4) int32 columns and rows of tiles under rectangles of pixels, (k, 4) int32."""
     result = np.empty((len(rectangles), 4), np.int32)
     for i in range(len(rectangles)):
-        _tiles_under(rectangles[i], grid, result[i])
+        tiles_under_rectangle(rectangles[i], grid, result[i])
     return result
 
 
 @njit()
-def _tiles_under(pixels: NDArray[Any], grid: Grid, result: NDArray[Any]) -> None:
+def tiles_under_rectangle(pixels: NDArray[Any], grid: Grid, result: NDArray[Any]) -> None:
+    """`tiles_under` of one rectangle, (4,) int32, into `result`, (4,) int32."""
     if pixels[2] < pixels[0] or pixels[3] < pixels[1]:
         result[0] = result[1] = 0
         result[2] = result[3] = -1
@@ -140,7 +141,7 @@ def _mark_shape(
         inflate_box(bounds, projection.eye, projection.growth, box)
         rectangle_of_box(box, projection.rows, projection.near, projection.window, 0, at, pixels)
         tiles = parts.tiles[p]
-        _tiles_under(pixels, grid, tiles)
+        tiles_under_rectangle(pixels, grid, tiles)
         mark(words, tiles[0], tiles[1], tiles[2], tiles[3])
 
 

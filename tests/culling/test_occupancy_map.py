@@ -1,5 +1,7 @@
 """The occupancy map: safe with every option, compiled as stepwise, saving what it promises."""
 
+import threading
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -151,32 +153,54 @@ def test_small_object_around_the_eye_is_never_left_out_for_its_size():
 # Compiled against stepwise.
 
 
+def decisions(culler, seed):
+    """What a culler decides on a few frames: drawn, costs, lists, and the maps at the end."""
+    rng = np.random.default_rng(seed)
+    culler.prepare(crowd(seed, count=40, reach=(2.0, 2.0) if seed % 2 else (6.0, 6.0)))
+    found = []
+    for camera in (perspective(150, 100), random_camera(rng, 40, 30), ortho(12, 12)):
+        steps = watch(culler)
+        drawn = culler.cull(camera)
+        (lists,) = (data for step, data in steps if step == "lists")
+        kept = [lists[name].tolist() for name in ("units", "list_of", "maps")]
+        found.append((drawn.unit_ids.tolist(), drawn.stats.counts(), *kept))
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_compiled_traversal_decides_as_the_stepwise_one(options):
+    shipped, stepwise = OccupancyMapCulling(**options), StepwiseOccupancyMap(**options)
     for seed in range(6):
-        rng = np.random.default_rng(seed)
-        scene = crowd(seed, count=40, reach=(2.0, 2.0) if seed % 2 else (6.0, 6.0))
-        cameras = [perspective(150, 100), random_camera(rng, 40, 30), ortho(12, 12)]
-        results = []
-        for culler in (OccupancyMapCulling(**options), StepwiseOccupancyMap(**options)):
-            culler.prepare(scene)
-            for camera in cameras:
-                steps = watch(culler)
-                drawn = culler.cull(camera)
-                (lists,) = (data for step, data in steps if step == "lists")
-                results.append(
-                    (
-                        drawn.unit_ids.tolist(),
-                        drawn.stats.counts(),
-                        lists["units"].tolist(),
-                        lists["list_of"].tolist(),
-                        lists["maps"].tolist(),
-                    )
-                )
-            culler.close()
-        assert results[: len(cameras)] == results[len(cameras) :]
+        assert decisions(shipped, seed) == decisions(stepwise, seed)
+    shipped.close()
+    stepwise.close()
+
+
+class GoesOnPastAnswers(OccupancyMapCulling):
+    """Decides by the map as it is before the answers that are still out."""
+
+    def arrange(self, *state, stop_after_run):
+        return super().arrange(*state, stop_after_run=False)
+
+
+@pytest.mark.gl
+def test_stepwise_traversal_tells_where_a_run_must_end():
+    broken, stepwise = GoesOnPastAnswers(maps=1), StepwiseOccupancyMap(maps=1)
+    assert any(decisions(broken, seed) != decisions(stepwise, seed) for seed in range(6))
+    broken.close()
+    stepwise.close()
+
+
+@pytest.mark.gl
+def test_second_thread_changes_nothing_and_is_gone_when_the_culler_is_closed():
+    for seed in range(3):
+        alone, beside = OccupancyMapCulling(), OccupancyMapCulling(thread=True)
+        assert decisions(beside, seed) == decisions(alone, seed)
+        alone.close()
+        beside.close()
+        assert not [one for one in threading.enumerate() if one.name.startswith("arranging")]
 
 
 # Parts.

@@ -265,10 +265,25 @@ class AsksOneAtATime:
             super().ask(frame, tiles, np.array([place]))
 
 
+@breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
+class ReadsTheListsBeforeTheyAreArranged:
+    """The second thread is not waited for: it is done when the first list has been asked."""
+
+    def begin_lists(self, tiles, list_of):
+        self.late = (tiles, list_of)
+
+    def ask(self, frame, tiles, places):
+        super().ask(frame, tiles, places)
+        if self.late is not None:
+            self.arrange_lists(*self.late)
+            self.late = None
+
+
 SUITE.kept_by(*MAPS, *STEPS)
 for variant in (FIVE, FIVE_STEPS):
     SUITE.kept_by(variant, query="instanced", backfaces=True)
     SUITE.kept_by(variant, corners=True)
+    SUITE.kept_by(variant, thread=True)
     SUITE.kept_by(variant, scale="scene", depth=32, parts=1)
     SUITE.kept_by(variant, maps=1, scale="scene", corners=True)
 SUITE.kept_by(ONE_STEPS, query="batch")
