@@ -10,7 +10,8 @@ changes that little.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,14 +37,30 @@ LEAST_TRIANGLES = 24  # a shape of fewer has no levels
 
 
 def turns(scene: Scene, path: CameraPath) -> dict[str, Any]:
-    """Each method's frames, the quickest of `ROUNDS`, with counts and milliseconds by phase, a
+    """Single queries, with one map, multiple ones, and these arranged in a second thread.
+
+    Each method's frames, the quickest of `ROUNDS`, with counts and milliseconds by phase, a
     number a frame; and the triangles of the shapes that meet the view."""
-    methods: dict[str, GLCuller] = {
-        "single": SingleQueryCulling(),
-        "map": OccupancyMapCulling(maps=1),
-        "multiple": OccupancyMapCulling(maps=5),
-        "thread": OccupancyMapCulling(maps=5, thread=True),
-    }
+    return _turns(scene, path, _METHODS)
+
+
+def pair(scene: Scene, path: CameraPath) -> dict[str, Any]:
+    """The same of single queries without and with a map alone."""
+    return _turns(scene, path, {name: _METHODS[name] for name in ("single", "map")})
+
+
+_METHODS: dict[str, Callable[[], GLCuller]] = {
+    "single": SingleQueryCulling,
+    "map": partial(OccupancyMapCulling, maps=1),
+    "multiple": partial(OccupancyMapCulling, maps=5),
+    "thread": partial(OccupancyMapCulling, maps=5, thread=True),
+}
+
+
+def _turns(
+    scene: Scene, path: CameraPath, made: Mapping[str, Callable[[], GLCuller]]
+) -> dict[str, Any]:
+    methods = {name: make() for name, make in made.items()}
     sizes = np.diff(scene.object_offsets)
     in_view: list[int] = []
     kept: dict[str, list[DrawnSet]] = {name: [] for name in methods}
