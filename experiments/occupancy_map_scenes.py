@@ -2,9 +2,9 @@
 
 Staneker, Bartz, Meissner 2003, sections 5 and 6.1. The gain of a map over single queries is 1 to
 12 % there, less than a machine's own disturbances from one minute to the next. So methods take
-turns within each frame, every one in every place of the order, and of a method's rounds the
-quickest counts. Processor time of all threads stands beside: what others run on the machine
-changes that little.
+turns within each frame, over the frames every one in every place of the order, and of a method's
+rounds the quickest counts. Processor time of all threads stands beside: what others run on the
+machine changes that less.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from visref_culling.method import GLCuller
 from visref_culling.occupancy_map import OccupancyMapCulling
 from visref_culling.three_pass.stand_ins import stand_ins
 
-ROUNDS = 4
+ROUNDS = 2
 
 # Section 6.1 has the lookup's rectangle choose a level of detail. Levels are stand-ins of one in so
 # many triangles; a shape gets the coarsest that leaves it a triangle for each so many pixels of its
@@ -74,7 +74,7 @@ def _turns(
         drawn: dict[str, list[DrawnSet]] = {name: [] for name in methods}
         spent: dict[str, list[float]] = {name: [] for name in methods}
         for turn in range(ROUNDS):
-            for name in _rotated(list(methods), number + turn):
+            for name in _rotated(list(methods), ROUNDS * number + turn):
                 started = time.process_time()
                 drawn[name].append(methods[name].cull(camera))
                 spent[name].append(1e3 * (time.process_time() - started))

@@ -23,10 +23,19 @@ Departures from the paper:
   (`visref tables` has both).
 - What a list's queries found visible is marked in the first map too, so that it always holds
   everything drawn.
+- Section 6.1 proposes a second thread that arranges the lists while what shows at once is
+  drawn: `thread=true`. The first map alone says what shows at once, and no other map hangs on
+  what is drawn, so the lists are the same.
 - Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer
   (corners lie in the rectangle); for the query it is `corners=true`.
 - Section 6.1 also proposes to cull by screen size from the lookup's rectangle: `min_pixels`.
-  That misses visible objects, so the method then only promises to be measured.
+  That misses visible objects, so the method then only promises to be measured. A level of detail
+  by the same rectangle would draw other triangles than the unit's own, which is no drawing here;
+  `visref_experiments.occupancy_map_scenes.detail` measures what it would save.
+
+With single queries a shape that the map shows as covered stays covered whatever the answers are. So
+the traversal goes on past shapes that wait for answers, up to the first that would be drawn at
+once: that one waits for what they mark. It is a call for each such run, and not for each query.
 """
 
 from __future__ import annotations

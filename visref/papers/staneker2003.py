@@ -26,10 +26,8 @@ from functools import partial
 from visref.papers.contents import (
     Basis,
     Claim,
-    Curve,
     Estimate,
     Experiment,
-    Figure,
     JudgedRun,
     Results,
     Row,
@@ -56,6 +54,7 @@ from visref.papers.staneker2003_options import (
     detail_table,
     options_table,
 )
+from visref.papers.staneker2003_paths import TURNS, path_tables
 from visref.papers.staneker2003_queries import latency_table, map_table
 from visref.papers.staneker2003_records import (
     PROCESSOR,
@@ -88,12 +87,8 @@ UNFITTED = {
 SMALL: Size = (876, 584)  # Tables 1 and 2
 LARGE: Size = (1000, 900)  # Tables 4 and 5
 
-FIGURES = {"Angio": 8, "FormulaOne": 9, "BoomBox": 10, "City": 11}
-
 SINGLE, MAP, MULTIPLE = "occlusion-query", "occupancy-map:maps=1", "occupancy-map:maps=5"
 INSTANCED = f"{MULTIPLE},query=instanced"
-# As the experiments call the methods that take turns.
-TURNS = {"single": "single", "single with OM": "map", "multiple": "multiple"}
 COUNTED_SINGLE = f"{SINGLE}:fragments=true"
 COUNTED_MAP = f"{MAP},fragments=true"
 # Drawn shapes mark by their whole boxes.
@@ -144,7 +139,7 @@ def tables(results: Results) -> list[Table]:
         _table_2(fitted, unfitted),
         _table_4(turns),
         _table_5(turns),
-        *(table for model in MODELS for table in _along_the_path(model, turns.get(model))),
+        *(table for model in MODELS for table in path_tables(model, turns.get(model))),
         options_table(fitted),
         arranging_table(turns),
         detail_table(results),
@@ -351,46 +346,3 @@ def _orders(turns: TurnsOf) -> tuple[Claim, ...]:
             gains["Angio"] / most(*others) if "Angio" in gains and others else None,
         ),
     )
-
-
-def _along_the_path(model: str, taken: Turns | None) -> tuple[Table, ...]:
-    """Frame rates and polygons by frame: the paper plots them and prints no values."""
-    rates = polygons = None
-    if taken is not None:
-        places = tuple(float(place) for place in range(taken.frames))
-        label = "frame, of those measured along the path"
-        rates = Figure(
-            label,
-            "frames a second",
-            tuple(
-                Curve(words, places, tuple(1e3 / ms for ms in taken.numbers(name, "frame_ms")))
-                for words, name in TURNS.items()
-            ),
-        )
-        drawn = taken.numbers("single", "triangles_drawn")
-        hidden = [a - b for a, b in zip(taken.found["triangles_in_view"], drawn, strict=True)]
-        polygons = Figure(
-            label,
-            "thousand polygons inside the view frustum",
-            tuple(
-                Curve(words, places, tuple(count / 1e3 for count in counts))
-                for words, counts in (("visible", drawn), ("occluded", hidden))
-            ),
-        )
-    seen = of(taken, _visible_share)
-    note = "plotted there, not printed"
-    source = f"Fig. {FIGURES[model]}"
-    return (
-        Table(f"{model}: frame rates along the path", source, (), figure=rates),
-        Table(
-            f"{model}: polygons along the path",
-            source,
-            (Row("visible, of those inside the view frustum", None, seen, "%", note=note),),
-            figure=polygons,
-        ),
-    )
-
-
-def _visible_share(taken: Turns) -> float:
-    in_view: list[float] = taken.found["triangles_in_view"]
-    return sum(taken.numbers("single", "triangles_drawn")) / sum(in_view)
