@@ -244,6 +244,26 @@ def test_drawn_shapes_mark_every_tile_that_they_touch():
         culler.close()
 
 
+@pytest.mark.gl
+@pytest.mark.parametrize("maps", [1, 5])
+def test_parts_of_what_is_not_drawn_are_not_even_projected(maps):
+    culler = OccupancyMapCulling(maps=maps)
+    culler.prepare(crowd(1, reach=(2.0, 2.0)))
+    steps = watch(culler)
+    drawn = set(culler.cull(perspective(150, 100)).unit_ids.tolist())
+    (lists,) = (data for step, data in steps if step == "lists")
+    parts = lists["tiles"].parts
+    shapes = [parts.tiles[slice(*parts.first[k : k + 2])] for k in range(len(lists["units"]))]
+    marking = {
+        int(unit)
+        for unit, own in zip(lists["units"], shapes, strict=True)
+        if (own[:, 2] >= own[:, 0]).any()
+    }
+    assert marking == drawn
+    assert 10 < len(drawn) < len(lists["units"])
+    culler.close()
+
+
 def test_parts_out_of_range_are_bad_input():
     for parts in (0, 33):
         with pytest.raises(InputError, match=f"parts is {parts}"):

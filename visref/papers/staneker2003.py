@@ -49,6 +49,8 @@ from visref.papers.printed.staneker2003 import (
 )
 from visref.papers.staneker2003_options import (
     DETAILED,
+    INSTANCED,
+    MULTIPLE,
     OPTIONS,
     arranging_table,
     detail_table,
@@ -87,8 +89,7 @@ UNFITTED = {
 SMALL: Size = (876, 584)  # Tables 1 and 2
 LARGE: Size = (1000, 900)  # Tables 4 and 5
 
-SINGLE, MAP, MULTIPLE = "occlusion-query", "occupancy-map:maps=1", "occupancy-map:maps=5"
-INSTANCED = f"{MULTIPLE},query=instanced"
+SINGLE, MAP = "occlusion-query", "occupancy-map:maps=1"
 COUNTED_SINGLE = f"{SINGLE}:fragments=true"
 COUNTED_MAP = f"{MAP},fragments=true"
 # Drawn shapes mark by their whole boxes.
@@ -140,7 +141,7 @@ def tables(results: Results) -> list[Table]:
         _table_4(turns),
         _table_5(turns),
         *(table for model in MODELS for table in path_tables(model, turns.get(model))),
-        options_table(fitted),
+        options_table(fitted, large),
         arranging_table(turns),
         detail_table(results),
     ]

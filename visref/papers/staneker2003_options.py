@@ -24,13 +24,15 @@ BACK_FACES = "occlusion-query:backfaces=true,fragments=true"
 SMALL_LEFT_OUT = "occupancy-map:maps=1,min_pixels=8,fragments=true"
 OPTIONS = (CORNERS_FIRST, SCENE_SCALED, BACK_FACES, SMALL_LEFT_OUT)
 SINGLE = "occlusion-query:fragments=true"
+MULTIPLE = "occupancy-map:maps=5"
+INSTANCED = f"{MULTIPLE},query=instanced"
 
 DETAILED = "FormulaOne"  # the model on which levels of detail are tried
 
 
-def options_table(runs: Runs) -> Table:
+def options_table(runs: Runs, large: Runs) -> Table:
     """Corners first, the map scaled to the scene, back faces of query boxes, and shapes left out by
-    their size."""
+    their size; lists asked as instanced draws, of the `large` images."""
     rows = []
     pixels = []
     for model in BOX_PIXELS:
@@ -56,6 +58,11 @@ def options_table(runs: Runs) -> Table:
                 "%", 1),
             Row(f"{model}: visible shapes missed by that", None, of(run, _missed), "%", 1),
         ]  # fmt: skip
+    rows += [
+        Row(f"{model}: frame rate, lists asked as one instanced draw each over as queries", None,
+            run.by_culler[MULTIPLE].ms() / run.by_culler[INSTANCED].ms(), "", 2, Basis.WITHIN_RUN)
+        for model, run in large.items()
+    ]  # fmt: skip
     own = Claim(
         "corners first lessen the pixels of queries, in every scene: the greatest quotient",
         Sense.AT_MOST,
