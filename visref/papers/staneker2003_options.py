@@ -50,7 +50,7 @@ def options_table(runs: Runs, large: Runs) -> Table:
             Row(f"{model}: pixels of visible boxes, tiles over the scene's box over the window",
                 None, of(run, lambda r: (r.box_pixels(SCENE_SCALED) / r.box_pixels(ASKED)).value),
                 "", 2),
-            Row(f"{model}: pixels of visible boxes without a map, back faces too over front alone", None,
+            Row(f"{model}: pixels of visible boxes, no map, back faces too over front", None,
                 of(run, lambda r: (r.box_pixels(BACK_FACES) / r.box_pixels(SINGLE)).value),
                 "", 2, note="whether theirs have them is not said"),
             Row(f"{model}: polygons drawn, shapes under 8 pixels left out over none", None,
