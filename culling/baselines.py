@@ -126,10 +126,12 @@ class SingleQueryCulling(ViewsCulling):
         self.size = 1 if query == "sync" else size
 
     def decide(self, frame: Frame) -> None:
-        for start in range(0, len(frame.ids), self.size):
-            places = np.arange(start, min(start + self.size, len(frame.ids)))
-            sure = frame.sure[places]
-            self.draw(frame, places[sure])
-            unsure = places[~sure]
-            if len(unsure):
-                self.draw(frame, unsure[self.query(frame, unsure)])
+        every, any_sure = np.arange(len(frame.ids)), bool(frame.sure.any())
+        for start in range(0, len(every), self.size):
+            places = every[start : start + self.size]
+            if any_sure:
+                sure = frame.sure[places]
+                self.draw(frame, places[sure])
+                places = places[~sure]
+            if len(places):
+                self.draw(frame, places[self.query(frame, places)])

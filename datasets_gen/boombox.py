@@ -4,6 +4,11 @@ The counterpart of "BoomBox", the MCAD model of Staneker, Bartz and Meissner ("I
 Occlusion Query Efficiency with Occupancy Maps", 2003, section 5): 530 shapes, 644,268
 triangles. Theirs was a vendor's; this one is laid out here. Millimetres; the front looks along
 +z. Case, front panels and speaker cones leave no gap, so that nothing behind them can be seen.
+
+How much an occupancy map saves hangs on which parts are shapes of their own and where the path
+goes in. The paper says neither. Both were revised with its Table 2 in view; `fitted=false` is the
+layout before that: rim, panels, rings round the grilles, cones and baskets are separate shapes, and
+the path goes in on the middle.
 """
 
 from __future__ import annotations
@@ -48,6 +53,7 @@ JOINT_MM = 40.0  # z where the back shell ends and the front housing begins
 PANEL_MM = (70.0, 78.0)  # z of the front panels, which stand out of the rim
 SPEAKER_RADIUS_MM = 78.0
 SPEAKER_MM = (210.0, 0.0, 70.0)  # the right speaker, where the path zooms in
+MIDDLE_MM = (0.0, 0.0, 0.0)
 
 CASE: Colour = (0.16, 0.17, 0.19)
 SILVER: Colour = (0.55, 0.56, 0.58)
@@ -57,26 +63,27 @@ BLACK: Colour = (0.07, 0.07, 0.08)
 KEY: Colour = (0.78, 0.77, 0.72)
 
 
-def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90) -> Dataset:
+def boombox(*, seed: int = 0, scale: float = 1.0, frames: int = 90, fitted: bool = True) -> Dataset:
     """530 shapes, 644,268 triangles at scale 1; another scale is another fineness of the same
-    assembly's tessellation. The path is `orbit`'s. Raises InputError for a scale that is none
-    of its tessellations, or a path without frames."""
+    assembly's tessellation. The path is `orbit`'s. `fitted`: see the module. Raises InputError for
+    a scale that is none of its tessellations, or a path without frames."""
     check_frames(frames)
     if not 0.0 < scale <= 10.0:
         raise InputError(f"the scale is {scale}", place="scale", fix="give 0.3 to 10")
-    made = exactly(partial(_assembly, seed), round(TRIANGLES_AT_SCALE_1 * scale))
+    made = exactly(partial(_assembly, seed, fitted), round(TRIANGLES_AT_SCALE_1 * scale))
     nodes = made.nodes()
-    return Dataset("boombox", nodes, orbit(frames, nodes, SPEAKER_MM, nearest=0.42))
+    detail = SPEAKER_MM if fitted else MIDDLE_MM
+    return Dataset("boombox", nodes, orbit(frames, nodes, detail, nearest=0.42))
 
 
-def _assembly(seed: int, fine: float) -> Assembly:
+def _assembly(seed: int, fitted: bool, fine: float) -> Assembly:
     made = Assembly(fine, GRID_PER_MM)
     _case(made)
-    _front(made)
+    _front(made, fitted)
     _controls(made)
     _top(made)
     _back(made)
-    furnish(made, np.random.Generator(np.random.PCG64(seed)), SHAPES)
+    furnish(made, np.random.Generator(np.random.PCG64(seed)), SHAPES, fitted)
     return made
 
 
@@ -100,12 +107,12 @@ def _case(made: Assembly) -> None:
     made.put("foot", foot, PLASTIC, feet)
 
 
-def _front(made: Assembly) -> None:
+def _front(made: Assembly, fitted: bool) -> None:
     x, y, _ = HALF_MM
     back, front = PANEL_MM
     fine = made.fine
-    # One moulding: a rim, and panels a millimetre into the rim and into each other, so that
-    # there is no gap to look through.
+    # A rim, and panels a millimetre into the rim and into each other, so that there is no gap to
+    # look through.
     half_x, half_y = (x - RIM_MM + 1.0 - 108.0) / 2.0, y - RIM_MM + 1.0
     outlines = square_to_circle(half_x, half_y, SPEAKER_RADIUS_MM, 1.5 * fine)
     corner = chords(12, fine, 2)
@@ -118,11 +125,18 @@ def _front(made: Assembly) -> None:
     panel = framed(*outlines, back, front)
     middles = [(side * (108.0 + half_x), 0.0, 0.0) for side in (-1, 1)]
     centre = rounded_box((-109.0, back, -half_y), (109.0, front, half_y), 1.5, fine)
-    housing = merge([rim, centre, *(moved(panel, at) for at in middles)])
-    made.add("front-housing", facing(housing, "+z"), BLACK)
     hoop = moved(torus(SPEAKER_RADIUS_MM + 4.0, 4.0, fine), (0.0, 0.5, 0.0))
-    grille = merge([hoop, perforated(SPEAKER_RADIUS_MM + 5.0, 4.4, 1.5, fine)])
+    grille = perforated(SPEAKER_RADIUS_MM + 5.0, 4.4, 1.5, fine)
     speakers = [(side * (108.0 + half_x), 0.0, front) for side in (-1, 1)]
+    if fitted:
+        housing = merge([rim, centre, *(moved(panel, at) for at in middles)])
+        made.add("front-housing", facing(housing, "+z"), BLACK)
+        grille = merge([hoop, grille])
+    else:
+        made.add("front-rim", facing(rim, "+z"), SILVER)
+        made.put("speaker-panel", panel, BLACK, middles, "+z")
+        made.add("centre-panel", facing(centre, "+z"), BLACK)
+        made.put("grille-ring", hoop, CHROME, speakers, "+z")
     made.put("grille", grille, STEEL, speakers, "+z")
     fasteners: list[Place] = [
         (mx + sx * (half_x - 12.0), sy * (half_y - 14.0), front)

@@ -45,25 +45,33 @@ _BOARDS: dict[str, tuple[Place, tuple[float, float], str]] = {
 }
 
 
-def furnish(made: Assembly, rng: np.random.Generator, shapes: int) -> None:
-    """Fill the case; components on the boards make up the number of shapes."""
-    _speakers(made)
+def furnish(made: Assembly, rng: np.random.Generator, shapes: int, fitted: bool) -> None:
+    """Fill the case; components on the boards make up the number of shapes. `fitted`: a speaker's
+    cone and basket are one piece."""
+    _speakers(made, fitted)
     _deck(made)
     _power(made)
     _wires(made, rng)
     _boards(made, rng, shapes)
 
 
-def _speakers(made: Assembly) -> None:
+def _speakers(made: Assembly, fitted: bool) -> None:
     fine = made.fine
     front: list[Place] = [(x, 0.0, 0.0) for x in SPEAKER_X_MM]
-    # Cone, surround and basket in one piece, which closes the panel's hole.
+    # Cone and surround, which close the panel's hole, and the basket.
     radius = np.linspace(82.0, 22.0, chords(34, fine, 3))
     sink = 68.0 - 26.0 * ((82.0 - radius) / 60.0) ** 0.7 + 2.2 * np.sin(radius / 2.6)
     top = [(84.0, 69.5), *zip(radius.tolist(), sink.tolist(), strict=True)]
     dust = [(20.0, 45.0), (14.0, 50.0), (7.0, 53.0), (1.0, 54.0)]
-    back = [(1.0, 12.0), (40.0, 12.0), (84.0, 58.0), (92.0, 62.0), (92.0, 66.0)]
-    made.put("driver", revolved([*back, *top, *dust], chords(90, fine)), PAPER, front, "+z")
+    if fitted:
+        back = [(1.0, 12.0), (40.0, 12.0), (84.0, 58.0), (92.0, 62.0), (92.0, 66.0)]
+        made.put("driver", revolved([*back, *top, *dust], chords(90, fine)), PAPER, front, "+z")
+    else:
+        back = [(1.0, 40.0), *((r, s - 3.0) for r, s in top[::-1])]
+        made.put("cone", revolved([*back, *top, *dust], chords(90, fine)), PAPER, front, "+z")
+        basket = [(20.0, 12.0), (40.0, 12.0), (84.0, 58.0), (92.0, 62.0), (92.0, 66.0),
+                  (84.0, 66.0), (38.0, 18.0), (20.0, 18.0)]  # fmt: skip
+        made.put("basket", annulus(basket, chords(90, fine)), STEEL, front, "+z")
     made.put("magnet", annulus([(12, -22), (44, -22), (46, -20), (46, 8), (44, 10), (12, 10)],
                                chords(80, fine)), PLASTIC, front, "+z")  # fmt: skip
     made.put("pole", rod(11.0, 40.0, fine, 56), STEEL, [(x, 0.0, -22.0) for x in SPEAKER_X_MM],

@@ -34,11 +34,14 @@ RADIUS_M = 0.33
 RIM_M = 0.19
 
 
-def fit(made: Assembly) -> None:
+def fit(made: Assembly, *, lettering: bool) -> None:
+    """Put all four on. `lettering`: the tyres bear letters, a shape of their own."""
     for name, (z, x, half) in AXLES.items():
         left: Place = (x, RADIUS_M, z)
         right: Place = (-x, RADIUS_M, z)
         for part, (soup, colour) in _wheel(half, made.fine).items():
+            if part == "lettering" and not lettering:
+                continue
             made.put(f"{name}-{part}", soup, colour, [left, right], ("+x", "-x"))
         _suspension(made, name, z, x - half)
 

@@ -11,25 +11,44 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.compiled import njit
 from visref.culler import QueryStats
-from visref.scene import Scene
+from visref.scene import Float64, Scene
 from visref_culling.baselines import NoCulling
-from visref_culling.boxes.conservative import inflated, round_outward
+from visref_culling.boxes.conservative import (
+    growth_of_box,
+    inflate_box,
+    inflated,
+    round_outward,
+)
+from visref_culling.boxes.rectangles import projection_of, rectangle_of_box
 from visref_culling.gl.device import State, device
 from visref_culling.gl.view import View
-from visref_culling.occupancy_map import TILES, WORDS, OccupancyMapCulling, covered, mark
+from visref_culling.occupancy_map import OccupancyMapCulling
+from visref_culling.occupancy_map.tiles import (
+    TILES,
+    WORDS,
+    Grid,
+    Projection,
+    covered,
+    mark,
+    tiles_under_rectangle,
+)
 from visref_culling.queries.occlusion_query import BoxQueries
 from visref_experiments.timing import quickest_ms
+
+UInt32 = NDArray[np.uint32]
 
 SIZES_PX = (8, 16, 32, 64, 128, 192, 256, 384, 512, 640, 768, 896, 1000)
 WINDOW_PX = 1024
 WAYS = {"sync": 200, "batch": 1000, "instanced": 4000}  # boxes asked at once
 LOOKUP_TILES = (1, 4, 16, TILES)
 LOOKUPS = 2_000_000
+BOXES = 20_000  # lookups of a box
 ROUNDS = 15
 
 # Section 2 compares a query with triangles of 25 pixels.
@@ -42,8 +61,7 @@ def lookup(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
 
     Every lookup finds all set, so that it has to look at every word: the dearest.
     """
-    words = np.zeros(WORDS, np.uint32)
-    mark(words, 0, 0, TILES - 1, TILES - 1)
+    words = _full()
     counts = [LOOKUPS // tiles for tiles in LOOKUP_TILES]
     jobs = [
         partial(_look_up_many, words, tiles, count)
@@ -63,6 +81,13 @@ def lookup(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
     return result
 
 
+def _full() -> UInt32:
+    """A map whose every tile is set."""
+    words = np.zeros(WORDS, np.uint32)
+    mark(words, 0, 0, TILES - 1, TILES - 1)
+    return words
+
+
 @njit()
 def _look_up_many(words: Any, tiles: int, count: int) -> int:
     found = 0
@@ -73,14 +98,26 @@ def _look_up_many(words: Any, tiles: int, count: int) -> int:
 
 
 def latency(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
-    """Milliseconds of one query waited for, by the side of the box's front face in pixels,
-    with and without back-face culling; and of a small one by how it is asked."""
+    """Milliseconds of one query waited for, by the side of the box's front face in pixels, with
+    and without back-face culling; of a lookup of the same box, from its place in the world to the
+    answer, and of the lookup's bits alone; and of a small query by how it is asked."""
     asker = _Asker()
+    words = _full()
+    boxes = [asker.bounds(size) for size in SIZES_PX]
     best = quickest_ms(
         *(
             asker.asking(size, 1, "sync", cull_back_faces=cull)
             for size in SIZES_PX
             for cull in (True, False)
+        ),
+        rounds=ROUNDS,
+    )
+    grid, projection = _lookup_of(asker.view)
+    lookups = quickest_ms(
+        *(
+            partial(_look_up_boxes, words, box, projection, grid, BOXES, bits_only)
+            for box in boxes
+            for bits_only in (False, True)
         ),
         rounds=ROUNDS,
     )
@@ -97,8 +134,40 @@ def latency(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         "sizes_px": list(SIZES_PX),
         "culled_ms": best[::2],
         "unculled_ms": best[1::2],
+        "lookup_ms": [ms / BOXES for ms in lookups[::2]],
+        "bits_ms": [ms / BOXES for ms in lookups[1::2]],
         "each_ms": {way: ms / count for (way, count), ms in zip(WAYS.items(), each, strict=True)},
     }
+
+
+def _lookup_of(view: View) -> tuple[Grid, Projection]:
+    """What a lookup of a box in the world takes."""
+    side = WINDOW_PX // TILES
+    return Grid(0, 0, side, side), Projection(
+        view.camera.eye, growth_of_box(view), *projection_of(view)
+    )
+
+
+@njit()
+def _look_up_boxes(
+    words: Any, bounds: Any, projection: Any, grid: Any, count: int, bits_only: bool
+) -> int:
+    """Look up a box, (1, 2, 3) float64 in the world, `count` times, each time a little elsewhere,
+    as a compiler must not find out; with `bits_only` it is projected the first time alone."""
+    moved, box, at = bounds[0].copy(), np.empty((2, 3)), np.empty((8, 4))
+    pixels, tiles = np.empty(4, np.int32), np.empty(4, np.int32)
+    found = 0
+    for i in range(count):
+        if i == 0 or not bits_only:
+            moved[0, 2] = bounds[0, 0, 2] - (i & 7) * 0.125
+            inflate_box(moved, projection.eye, projection.growth, box)
+            rectangle_of_box(
+                box, projection.rows, projection.near, projection.window, 0, at, pixels
+            )
+            tiles_under_rectangle(pixels, grid, tiles)
+        row = found & 0  # always 0
+        found += covered(words, tiles[0], tiles[1] + row, tiles[2], tiles[3])
+    return found
 
 
 def query_in_triangles(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
@@ -144,13 +213,18 @@ class _Asker:
         program = device().program("mesh.vert", "plain.frag")
         device().clear(State(self.target.framebuffer, program))
 
+    @staticmethod
+    def bounds(size_px: float) -> Float64:
+        """(1, 2, 3) float64: the box in the world."""
+        half = np.array([size_px / 2, size_px / 2, 1.0])
+        return np.stack([-half, half])[None] - (0.0, 0.0, 5.0)
+
     def asking(
         self, size_px: float, count: int, way: str, *, cull_back_faces: bool
     ) -> Callable[[], Any]:
         """A call that asks `count` boxes which face the view with squares of `size_px` a side."""
-        half = np.array([size_px / 2, size_px / 2, 1.0])
-        bounds = np.stack([-half, half])[None] - (0.0, 0.0, 5.0)
-        boxes = round_outward(np.repeat(inflated(self.view, bounds), count, axis=0))
+        one = inflated(self.view, self.bounds(size_px))
+        boxes = round_outward(np.repeat(one, count, axis=0))
 
         def ask() -> None:
             self.queries.ask(

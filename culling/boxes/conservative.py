@@ -7,9 +7,12 @@ hidden or outside for certain, and what they keep may be kept in vain.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.compiled import njit
 from visref.scene import Float32, Float64
 from visref_culling.gl.view import FLOAT32_UNIT, TRANSFORM_ROUNDINGS, View
 
@@ -43,15 +46,46 @@ def inflated(view: View, bounds: Float64) -> Float64:
     """World boxes (k, 2, 3) -> boxes relative to the eye, float64, that cover their
     geometry however GL rounds it and them. Outward: too large a box only draws too much.
     """
-    eye = view.camera.eye
-    relative: Float64 = bounds - eye
-    reach = np.linalg.norm(np.maximum(np.abs(relative[:, 0]), np.abs(relative[:, 1])), axis=1)
+    result = np.empty((len(bounds), 2, 3))
+    _inflated(np.asarray(bounds, np.float64), view.camera.eye, growth_of_box(view), result)
+    return result
+
+
+def growth_of_box(view: View) -> Float64:
+    """(5,) float64: what `inflate_box` needs: two parts of a box's distance from the eye, of one,
+    of its coordinates, and the greatest of the eye's."""
     part, pixel, rounding = growth(view)
-    grow = part * reach + (pixel * reach if view.camera.is_perspective else pixel)
-    grow += rounding * (np.abs(bounds).max(axis=(1, 2)) + np.abs(eye).max())
-    relative[:, 0] -= grow[:, None]
-    relative[:, 1] += grow[:, None]
-    return relative
+    away, always = (pixel, 0.0) if view.camera.is_perspective else (0.0, pixel)
+    return np.array([part, away, always, rounding, np.abs(view.camera.eye).max()])
+
+
+@njit()
+def _inflated(
+    bounds: NDArray[Any], eye: NDArray[Any], growth: NDArray[Any], result: NDArray[Any]
+) -> None:
+    for i in range(len(bounds)):
+        inflate_box(bounds[i], eye, growth, result[i])
+
+
+@njit()
+def inflate_box(
+    bounds: NDArray[Any], eye: NDArray[Any], growth: NDArray[Any], result: NDArray[Any]
+) -> None:
+    """`inflated` of one box, (2, 3) float64, into `result`, (2, 3). `eye`: (3,) float64;
+    `growth`: of `growth_of_box`."""
+    squares = largest = 0.0
+    for axis in range(3):
+        low, high = bounds[0, axis] - eye[axis], bounds[1, axis] - eye[axis]
+        result[0, axis], result[1, axis] = low, high
+        aside = max(abs(low), abs(high))
+        squares += aside * aside
+        largest = max(largest, abs(bounds[0, axis]), abs(bounds[1, axis]))
+    reach = np.sqrt(squares)
+    grow = growth[0] * reach + growth[1] * reach + growth[2]
+    grow += growth[3] * (largest + growth[4])
+    for axis in range(3):
+        result[0, axis] -= grow
+        result[1, axis] += grow
 
 
 def nearest_depth(view: View, relative: Float64) -> Float64:

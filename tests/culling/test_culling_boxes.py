@@ -12,6 +12,7 @@ from tests.support.culling_scenes import ortho, perspective, random_camera
 from visref.camera import Camera
 from visref.scene import Scene
 from visref_culling.boxes.conservative import (
+    growth,
     inflated,
     meets_frustum,
     nearest_depth,
@@ -37,6 +38,24 @@ def corners_of(relative):
 def random_bounds(rng, count, scale=1.0):
     points = rng.normal(size=(count, 2, 3)) * scale
     return np.sort(points.astype(np.float32).astype(np.float64), axis=1)
+
+
+@given(st.integers(0, 10**6))
+def test_compiled_boxes_grow_as_the_formula_says(seed):
+    """Whole arrays at a time, and to the last bit: the GPU's cullers are held to the same."""
+    rng = np.random.default_rng(seed)
+    camera = random_camera(rng, 32, 24)
+    view = View.of(camera, EMPTY, 8)
+    bounds = random_bounds(rng, 20, scale=10.0 ** rng.integers(-2, 5))
+    relative = bounds - camera.eye
+    reach = np.linalg.norm(np.abs(relative).max(axis=1), axis=1)
+    part, pixel, rounding = growth(view)
+    grow = part * reach + (pixel * reach if camera.is_perspective else pixel)
+    grow += rounding * (np.abs(bounds).max(axis=(1, 2)) + np.abs(camera.eye).max())
+    relative[:, 0] -= grow[:, None]
+    relative[:, 1] += grow[:, None]
+    assert np.array_equal(inflated(view, bounds), relative)
+    assert inflated(view, bounds[:0]).shape == (0, 2, 3)
 
 
 @given(st.integers(0, 10**6))

@@ -1,5 +1,7 @@
 """The occupancy map: safe with every option, compiled as stepwise, saving what it promises."""
 
+import threading
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,15 +18,17 @@ from visref_culling.boxes.conservative import inflated
 from visref_culling.boxes.rectangles import screen_rectangles
 from visref_culling.gl.device import device
 from visref_culling.gl.view import View
-from visref_culling.occupancy_map import (
+from visref_culling.occupancy_map import OccupancyMapCulling
+from visref_culling.occupancy_map.parts import parts_of
+from visref_culling.occupancy_map.tiles import (
     DRAW_NOW,
     OUTSIDE,
     TILES,
     WORDS,
-    OccupancyMapCulling,
+    Grid,
     covered,
     mark,
-    parts_of,
+    tiles_under,
 )
 
 EMPTY = Scene.from_objects([])
@@ -37,6 +41,8 @@ OPTIONS = [
     {"corners": True},
     {"maps": 1, "corners": True, "scale": "scene"},
     {"depth": 32, "corners": True, "query": "instanced"},
+    {"thread": True},
+    {"thread": True, "corners": True, "scale": "scene"},
 ]
 
 
@@ -147,32 +153,54 @@ def test_small_object_around_the_eye_is_never_left_out_for_its_size():
 # Compiled against stepwise.
 
 
+def decisions(culler, seed):
+    """What a culler decides on a few frames: drawn, costs, lists, and the maps at the end."""
+    rng = np.random.default_rng(seed)
+    culler.prepare(crowd(seed, count=40, reach=(2.0, 2.0) if seed % 2 else (6.0, 6.0)))
+    found = []
+    for camera in (perspective(150, 100), random_camera(rng, 40, 30), ortho(12, 12)):
+        steps = watch(culler)
+        drawn = culler.cull(camera)
+        (lists,) = (data for step, data in steps if step == "lists")
+        kept = [lists[name].tolist() for name in ("units", "list_of", "maps")]
+        found.append((drawn.unit_ids.tolist(), drawn.stats.counts(), *kept))
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_compiled_traversal_decides_as_the_stepwise_one(options):
+    shipped, stepwise = OccupancyMapCulling(**options), StepwiseOccupancyMap(**options)
     for seed in range(6):
-        rng = np.random.default_rng(seed)
-        scene = crowd(seed, count=40, reach=(2.0, 2.0) if seed % 2 else (6.0, 6.0))
-        cameras = [perspective(150, 100), random_camera(rng, 40, 30), ortho(12, 12)]
-        results = []
-        for culler in (OccupancyMapCulling(**options), StepwiseOccupancyMap(**options)):
-            culler.prepare(scene)
-            for camera in cameras:
-                steps = watch(culler)
-                drawn = culler.cull(camera)
-                (lists,) = (data for step, data in steps if step == "lists")
-                results.append(
-                    (
-                        drawn.unit_ids.tolist(),
-                        drawn.stats.counts(),
-                        lists["units"].tolist(),
-                        lists["list_of"].tolist(),
-                        lists["maps"].tolist(),
-                    )
-                )
-            culler.close()
-        assert results[: len(cameras)] == results[len(cameras) :]
+        assert decisions(shipped, seed) == decisions(stepwise, seed)
+    shipped.close()
+    stepwise.close()
+
+
+class GoesOnPastAnswers(OccupancyMapCulling):
+    """Decides by the map as it is before the answers that are still out."""
+
+    def arrange(self, *state, stop_after_run):
+        return super().arrange(*state, stop_after_run=False)
+
+
+@pytest.mark.gl
+def test_stepwise_traversal_tells_where_a_run_must_end():
+    broken, stepwise = GoesOnPastAnswers(maps=1), StepwiseOccupancyMap(maps=1)
+    assert any(decisions(broken, seed) != decisions(stepwise, seed) for seed in range(6))
+    broken.close()
+    stepwise.close()
+
+
+@pytest.mark.gl
+def test_second_thread_changes_nothing_and_is_gone_when_the_culler_is_closed():
+    for seed in range(3):
+        alone, beside = OccupancyMapCulling(), OccupancyMapCulling(thread=True)
+        assert decisions(beside, seed) == decisions(alone, seed)
+        alone.close()
+        beside.close()
+        assert not [one for one in threading.enumerate() if one.name.startswith("arranging")]
 
 
 # Parts.
@@ -216,6 +244,26 @@ def test_drawn_shapes_mark_every_tile_that_they_touch():
         culler.close()
 
 
+@pytest.mark.gl
+@pytest.mark.parametrize("maps", [1, 5])
+def test_parts_of_what_is_not_drawn_are_not_even_projected(maps):
+    culler = OccupancyMapCulling(maps=maps)
+    culler.prepare(crowd(1, reach=(2.0, 2.0)))
+    steps = watch(culler)
+    drawn = set(culler.cull(perspective(150, 100)).unit_ids.tolist())
+    (lists,) = (data for step, data in steps if step == "lists")
+    parts = lists["tiles"].parts
+    shapes = [parts.tiles[slice(*parts.first[k : k + 2])] for k in range(len(lists["units"]))]
+    marking = {
+        int(unit)
+        for unit, own in zip(lists["units"], shapes, strict=True)
+        if (own[:, 2] >= own[:, 0]).any()
+    }
+    assert marking == drawn
+    assert 10 < len(drawn) < len(lists["units"])
+    culler.close()
+
+
 def test_parts_out_of_range_are_bad_input():
     for parts in (0, 33):
         with pytest.raises(InputError, match=f"parts is {parts}"):
@@ -247,8 +295,8 @@ def check_contract(steps, lists_count):
         if number == OUTSIDE:
             continue
         under = set(each_tile(tiles.under[place]))
-        parts = range(tiles.first_part[place], tiles.first_part[place + 1])
-        touched = {tile for part in parts for tile in each_tile(tiles.parts[part])}
+        parts = tiles.parts.tiles[slice(*tiles.parts.first[place : place + 2])]
+        touched = {tile for part in parts for tile in each_tile(part)}
         assert touched <= under
         if sure or under - maps[0]:
             assert number == DRAW_NOW
@@ -404,7 +452,9 @@ def test_paper_window_has_tiles_of_48_pixels():
     culler.prepare(scene)
     frame = culler.begin(perspective(1024, 768))
     rectangles = np.array([[0, 0, 7, 5], [8, 6, 8, 6], [0, 0, 1023, 767], [9, 9, 8, 9]], np.int32)
-    tiles = culler.tiles_under(frame, rectangles)
+    grid = culler.tiles(frame, rectangles).grid
+    assert grid == Grid(0, 0, 8, 6)
+    tiles = tiles_under(rectangles, grid)
     assert tiles[:3].tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 127, 127]]
     assert each_tile(tiles[3]) == []
     culler.close()

@@ -97,12 +97,15 @@ def tiles_hold_every_pixel_of_the_rectangle(trace: Trace) -> Iterator[str]:
 
 @SUITE.contract
 def marks_hold_every_triangle_and_no_more_than_the_box(trace: Trace) -> Iterator[str]:
-    """What drawing a shape would mark: every tile that one of its triangles may touch."""
-    (event,) = trace.of("tiles")
+    """What drawing a shape marks: every tile that one of its triangles may touch."""
+    (event,) = trace.of("lists")
+    drawn = set(trace.drawn)
     complaints: list[str] = []
     for region in possible_regions(trace):
         lines = []
         for place, unit in enumerate(event["units"].tolist()):
+            if unit not in drawn:
+                continue
             marked = grid_of_marks(event, place)
             box = grid(event["tiles"].under[place : place + 1])
             touched = grid(tiles_under(triangle_rectangles(trace, unit), region))
@@ -163,8 +166,8 @@ def outside_shapes_cost_nothing(trace: Trace) -> Iterator[str]:
 @SUITE.contract
 def drawn_shapes_mark_every_tile(trace: Trace) -> Iterator[str]:
     """At the end the first map holds the tiles of what was drawn, and no others."""
-    found = bits_of(trace.of("lists")[0]["maps"][0])
-    (event,) = trace.of("tiles")
+    (event,) = trace.of("lists")
+    found = bits_of(event["maps"][0])
     drawn = set(trace.drawn)
     expected = np.zeros((TILES, TILES), bool)
     for place, unit in enumerate(event["units"].tolist()):
@@ -233,7 +236,7 @@ def replay(trace: Trace) -> dict[int, int]:
             continue
         at = part_of_grid(event["tiles"].under[place])
         if lists["sure"][place] or not maps[0][at].all():
-            maps[0] |= grid_of_marks(event, place)
+            maps[0] |= grid_of_marks(lists, place)
             continue
         number = 1
         while number < len(maps) and maps[number][at].all():
@@ -242,7 +245,7 @@ def replay(trace: Trace) -> dict[int, int]:
         if number < len(maps):
             maps[number][at] = True
         if one_by_one(trace) and unit in visible:
-            maps[0] |= grid_of_marks(event, place)
+            maps[0] |= grid_of_marks(lists, place)
     return list_of
 
 
@@ -355,8 +358,8 @@ def grid(rows: np.ndarray) -> np.ndarray:
 
 def grid_of_marks(event: dict[str, Any], place: int) -> np.ndarray:
     """What drawing a shape marks, as the method told."""
-    tiles = event["tiles"]
-    return grid(tiles.parts[tiles.first_part[place] : tiles.first_part[place + 1]])
+    parts = event["tiles"].parts
+    return grid(parts.tiles[slice(*parts.first[place : place + 2])])
 
 
 def bits_of(words: np.ndarray) -> np.ndarray:

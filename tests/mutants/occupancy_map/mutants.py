@@ -6,13 +6,16 @@ queries are, and if each shape is decided exactly once.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.mutants.common import common
 from tests.mutants.harness import breaks, equivalent, mutant, not_here
-from tests.mutants.occupancy_map.contract import SUITE, TILES
+from tests.mutants.occupancy_map.contract import SUITE
 from tests.mutants.occupancy_map.stepwise import StepwiseOccupancyMap
-from visref_culling.occupancy_map import OUTSIDE, OccupancyMapCulling
+from visref_culling.occupancy_map import OccupancyMapCulling
+from visref_culling.occupancy_map.tiles import OUTSIDE
 
 FIVE = SUITE.method("occupancy-map", OccupancyMapCulling)
 INSTANCED = SUITE.method("occupancy-map-instanced", OccupancyMapCulling, query="instanced")
@@ -214,24 +217,25 @@ class RectanglesTooLarge:
 
 @breaks("tiles_hold_every_pixel_of_the_rectangle", of=(FIVE,))
 class TilesOfTheNextRow:
-    def tiles_under(self, frame, rectangles):
-        return super().tiles_under(frame, rectangles) + np.array([0, 1, 0, 1], np.int32)
+    def tiles(self, frame, rectangles):
+        found = super().tiles(frame, rectangles)
+        return replace(found, under=found.under + np.array([0, 1, 0, 1], np.int32))
 
 
 @breaks("marks_hold_every_triangle_and_no_more_than_the_box", of=(FIVE,))
 class MarksHalfItsParts:
-    def tiles(self, frame, rectangles):
-        found = super().tiles(frame, rectangles)
-        found.parts[::2] = (0, 0, -1, -1)
-        return found
+    def prepare(self, scene):
+        units = super().prepare(scene)
+        self.part_bounds[::2] = [[np.inf], [-np.inf]]
+        return units
 
 
 @breaks("marks_hold_every_triangle_and_no_more_than_the_box", of=(FIVE,))
 class MarksTheWholeWindow:
-    def tiles(self, frame, rectangles):
-        found = super().tiles(frame, rectangles)
-        found.parts[:] = (0, 0, TILES - 1, TILES - 1)
-        return found
+    def prepare(self, scene):
+        units = super().prepare(scene)
+        self.part_bounds[:] = [[-1e6], [1e6]]
+        return units
 
 
 @breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
@@ -261,10 +265,25 @@ class AsksOneAtATime:
             super().ask(frame, tiles, np.array([place]))
 
 
+@breaks("each_shape_is_decided_exactly_once", of=(FIVE,))
+class ReadsTheListsBeforeTheyAreArranged:
+    """The second thread is not waited for: it is done when the first list has been asked."""
+
+    def begin_lists(self, tiles, list_of):
+        self.late = (tiles, list_of)
+
+    def ask(self, frame, tiles, places):
+        super().ask(frame, tiles, places)
+        if self.late is not None:
+            self.arrange_lists(*self.late)
+            self.late = None
+
+
 SUITE.kept_by(*MAPS, *STEPS)
 for variant in (FIVE, FIVE_STEPS):
     SUITE.kept_by(variant, query="instanced", backfaces=True)
     SUITE.kept_by(variant, corners=True)
+    SUITE.kept_by(variant, thread=True)
     SUITE.kept_by(variant, scale="scene", depth=32, parts=1)
     SUITE.kept_by(variant, maps=1, scale="scene", corners=True)
 SUITE.kept_by(ONE_STEPS, query="batch")

@@ -1,8 +1,9 @@
 """The occupancy map's traversal a step at a time, in plain Python.
 
-The shipped traversal is one compiled loop. This is its reference, which decides the same
-(`tests/culling/test_occupancy_map.py`), tells an observer of each lookup and mark, and whose every
-step a test can break:
+The shipped traversal is compiled, goes on past shapes that wait for answers as long as none can
+change what it decides, and arranges the lists by themselves. This is its reference, which decides
+the same (`tests/culling/test_occupancy_map.py`), tells an observer of each lookup and mark, and
+whose every step a test can break:
 
 | step | what it decides |
 |---|---|
@@ -22,7 +23,12 @@ Events, with plain values: `lookup` (unit, map, tiles, covered) and `mark` (unit
 
 from __future__ import annotations
 
-from visref_culling.occupancy_map import DRAW_NOW, UNDECIDED, WORDS_PER_ROW, OccupancyMapCulling
+import numpy as np
+
+from visref_culling.boxes.conservative import inflated
+from visref_culling.boxes.rectangles import screen_rectangles
+from visref_culling.occupancy_map import OccupancyMapCulling
+from visref_culling.occupancy_map.tiles import DRAW_NOW, TILES, UNDECIDED, WORDS_PER_ROW
 
 
 class StepwiseOccupancyMap(OccupancyMapCulling):
@@ -30,7 +36,25 @@ class StepwiseOccupancyMap(OccupancyMapCulling):
         self.units_in_order = frame.ids
         super().decide(frame)
 
-    def arrange(self, tiles, sure, list_of, start, *, stop_at_list):
+    def tiles(self, frame, rectangles):
+        """With the parts of all shapes, drawn or not."""
+        found = super().tiles(frame, rectangles)
+        bounds = self.part_bounds[self.parts.gather(frame.ids.astype(np.int32))]
+        grid = found.grid
+        for row, (x0, y0, x1, y1) in zip(
+            found.parts.tiles,
+            screen_rectangles(frame.view, inflated(frame.view, bounds)).tolist(),
+            strict=True,
+        ):
+            if x0 <= x1 and y0 <= y1:
+                columns = np.clip([(x - grid.x0) // grid.width for x in (x0, x1)], 0, TILES - 1)
+                rows = np.clip([(y - grid.y0) // grid.height for y in (y0, y1)], 0, TILES - 1)
+                row[:] = columns[0], rows[0], columns[1], rows[1]
+        return found
+
+    def arrange(self, tiles, sure, list_of, start, *, stop_after_run):
+        """Section 3 as it is read: each shape is decided for good before the next, and where
+        answers are waited for one at a time, it stops at each."""
         for place in range(start, len(tiles.under)):
             if list_of[place] != UNDECIDED:
                 continue
@@ -45,9 +69,12 @@ class StepwiseOccupancyMap(OccupancyMapCulling):
                     break
             else:
                 list_of[place] = self.last_list()
-            if stop_at_list:
-                return place
+            if stop_after_run:
+                return place + 1
         return len(tiles.under)
+
+    def arrange_lists(self, tiles, list_of):
+        pass  # they are, already
 
     def mark_drawn(self, tiles, places):
         for place in places:
@@ -57,8 +84,8 @@ class StepwiseOccupancyMap(OccupancyMapCulling):
         self.mark_parts(place, tiles)
 
     def mark_parts(self, place, tiles):
-        for part in range(tiles.first_part[place], tiles.first_part[place + 1]):
-            self.mark(place, 0, tiles.parts[part])
+        for part in range(*tiles.parts.first[place : place + 2]):
+            self.mark(place, 0, tiles.parts.tiles[part])
 
     def mark_arranged(self, place, number, tiles):
         self.mark(place, number, tiles)

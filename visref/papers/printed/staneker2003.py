@@ -79,3 +79,4 @@ QUERY_IN_TRIANGLES = Printed(
 )
 TWICE = Printed(2, "section 2", "with backface culling the query is almost twice as fast")
 ORDERS = PrintedWords("orders of magnitude", "section 3.1")
+CORNERS = PrintedWords("in many cases", "section 6.1")

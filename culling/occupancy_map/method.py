@@ -23,40 +23,54 @@ Departures from the paper:
   (`visref tables` has both).
 - What a list's queries found visible is marked in the first map too, so that it always holds
   everything drawn.
+- Section 6.1 proposes a second thread that arranges the lists while what shows at once is
+  drawn: `thread=true`. The first map alone says what shows at once, and no other map hangs on
+  what is drawn, so the lists are the same.
 - Section 6.1 proposes to test the corners first. For the lookup that cannot change the answer
   (corners lie in the rectangle); for the query it is `corners=true`.
 - Section 6.1 also proposes to cull by screen size from the lookup's rectangle: `min_pixels`.
-  That misses visible objects, so the method then only promises to be measured.
+  That misses visible objects, so the method then only promises to be measured. A level of detail
+  by the same rectangle would draw other triangles than the unit's own, which is no drawing here;
+  `visref_experiments.occupancy_map_scenes.detail` measures what it would save.
+
+With single queries a shape that the map shows as covered stays covered whatever the answers are. So
+the traversal goes on past shapes that wait for answers, up to the first that would be drawn at
+once: that one waits for what they mark. It is a call for each such run, and not for each query.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.compiled import njit
 from visref.culler import Option, Promise
 from visref.errors import InputError
-from visref.scene import Float64, Int32, Int64, Scene, Units
-from visref_culling.boxes.conservative import inflated, nearest_depth
-from visref_culling.boxes.rectangles import screen_rectangles
+from visref.scene import Int32, Int64, Scene, Units
+from visref_culling.boxes.conservative import growth_of_box, inflated, nearest_depth
+from visref_culling.boxes.rectangles import projection_of, screen_rectangles
 from visref_culling.gl.changes import Changes, taken
 from visref_culling.gl.view import View
 from visref_culling.method import GL_OPTIONS, QUERY_OPTIONS, Frame, GLCuller, phase
-
-TILES = 128  # a side
-WORDS_PER_ROW = TILES // 32
-WORDS = TILES * WORDS_PER_ROW  # 512 of 32 bits
-
-# Of a shape's grid, a side; finer ones cost more to mark than their queries do.
-MOST_CELLS = 32
-
-# What becomes of a shape; lists count from 1.
-OUTSIDE, DRAW_NOW, UNDECIDED = -1, 0, -2
+from visref_culling.occupancy_map.parts import MOST_CELLS, parts_of
+from visref_culling.occupancy_map.tiles import (
+    DRAW_NOW,
+    OUTSIDE,
+    TILES,
+    UNDECIDED,
+    WORDS,
+    Grid,
+    Parts,
+    Projection,
+    Tiles,
+    arrange,
+    arrange_lists,
+    mark_shapes,
+    tiles_under,
+)
 
 
 class OccupancyMapCulling(GLCuller):
@@ -81,6 +95,7 @@ class OccupancyMapCulling(GLCuller):
             "tiles cover the window, or the scene's box on screen while it is wholly in view",
             ("window", "scene"),
         ),
+        "thread": Option(False, "arrange the lists in a second thread while what shows is drawn"),
         "corners": Option(False, "ask a box's eight corners first, the box only if all fail"),
         "min_pixels": Option(0, "leave out what is smaller on its longer side; not conservative"),
         **GL_OPTIONS,
@@ -94,6 +109,7 @@ class OccupancyMapCulling(GLCuller):
         backfaces: bool = False,
         parts: int = 2,
         scale: str = "window",
+        thread: bool = False,
         corners: bool = False,
         min_pixels: int = 0,
         depth: int = 24,
@@ -112,6 +128,9 @@ class OccupancyMapCulling(GLCuller):
         self.way = {1: "sync", 5: "batch"}[maps] if query == "auto" else query
         self.query_back_faces = backfaces
         self.scale = scale
+        self.second: ThreadPoolExecutor | None = None
+        if thread:
+            self.second = ThreadPoolExecutor(1, "arranging")
         self.corners = corners
         self.min_pixels = min_pixels
         if min_pixels:
@@ -140,6 +159,11 @@ class OccupancyMapCulling(GLCuller):
         parts = np.arange(len(at), dtype=np.int32)
         self.parts = Units(np.concatenate([[0], ends]), parts, "part")
 
+    def close(self) -> None:
+        super().close()
+        if self.second is not None:
+            self.second.shutdown()
+
     def decide(self, frame: Frame) -> None:
         with phase(frame.stats, "arrange"):
             self.clear_maps()
@@ -152,7 +176,14 @@ class OccupancyMapCulling(GLCuller):
             self.ask_one_by_one(frame, tiles, list_of)
         else:
             self.ask_in_lists(frame, tiles, list_of)
-        self.observe("lists", units=frame.ids, list_of=list_of, sure=frame.sure, maps=self.maps)
+        self.observe(
+            "lists",
+            units=frame.ids,
+            list_of=list_of,
+            sure=frame.sure,
+            maps=self.maps,
+            tiles=tiles,
+        )
         saved = (list_of == DRAW_NOW) & ~frame.sure
         frame.stats.tests_skipped = int(np.count_nonzero(saved))
 
@@ -162,35 +193,63 @@ class OccupancyMapCulling(GLCuller):
         start = 0
         while start < len(list_of):
             with phase(frame.stats, "arrange"):
-                stop = self.arrange(tiles, frame.sure, list_of, start, stop_at_list=True)
-            skipped = np.arange(start, stop)
-            self.draw(frame, skipped[list_of[start:stop] == DRAW_NOW])
-            if stop < len(list_of):
-                self.ask(frame, tiles, np.array([stop]))
-            start = stop + 1
+                stop = self.arrange(tiles, frame.sure, list_of, start, stop_after_run=True)
+                decided = list_of[start:stop]
+                skipped = start + np.flatnonzero(decided == DRAW_NOW)
+                run = start + np.flatnonzero(decided > DRAW_NOW)
+            self.draw(frame, skipped)
+            shown = []
+            for number in range(len(run)):
+                place = run[number : number + 1]
+                if self.shown(frame, place)[0]:
+                    self.draw(frame, place)
+                    shown.append(place)
+            if shown:
+                with phase(frame.stats, "arrange"):
+                    self.mark_drawn(tiles, np.concatenate(shown))
+            start = stop
 
     def ask_in_lists(self, frame: Frame, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
         """Section 3.2: arrange everything, draw what shows, then list after list. `list_of`:
         (k,) int8, one per shape, is filled in."""
         with phase(frame.stats, "arrange"):
-            self.arrange(tiles, frame.sure, list_of, 0, stop_at_list=False)
-        self.draw(frame, np.flatnonzero(list_of == DRAW_NOW))
+            self.arrange(tiles, frame.sure, list_of, 0, stop_after_run=False)
+            at_once = np.flatnonzero(list_of == DRAW_NOW)
+            arranging = self.begin_lists(tiles, list_of)
+        self.draw(frame, at_once)
+        with phase(frame.stats, "arrange"):
+            if arranging is not None:
+                arranging.result()
         for number in self.list_numbers():
             self.ask(frame, tiles, np.flatnonzero(list_of == number))
+
+    def begin_lists(self, tiles: Tiles, list_of: NDArray[np.int8]) -> Future[None] | None:
+        """Arrange the lists, at once or in the second thread: no map that this needs hangs on what
+        is drawn meanwhile. `list_of`: (k,) int8, one per shape, is filled in."""
+        if self.second is not None:
+            return self.second.submit(self.arrange_lists, tiles, list_of)
+        self.arrange_lists(tiles, list_of)
+        return None
 
     def ask(self, frame: Frame, tiles: Tiles, places: Int64) -> None:
         """All queries of a list, then its visible shapes. `places`: (n,) int64 in the frame's
         order."""
         if not len(places):
             return
-        visible = np.zeros(len(places), np.bool_)
-        if self.corners:
-            visible |= self.query(frame, places, corners_only=True)
-        unsure = np.flatnonzero(~visible)
-        visible[unsure] = self.query(frame, places[unsure])
-        self.draw(frame, places[visible])
+        visible = places[self.shown(frame, places)]
+        self.draw(frame, visible)
         with phase(frame.stats, "arrange"):
-            self.mark_drawn(tiles, places[visible])
+            self.mark_drawn(tiles, visible)
+
+    def shown(self, frame: Frame, places: Int64) -> NDArray[np.bool_]:
+        """(n,) bool: which of these shapes, (n,) int64 places, their queries show."""
+        if not self.corners:
+            return self.query(frame, places)
+        visible = self.query(frame, places, corners_only=True)
+        unsure = np.flatnonzero(~visible)
+        if len(unsure):
+            visible[unsure] = self.query(frame, places[unsure])
+        return visible
 
     # The steps.
 
@@ -209,9 +268,9 @@ class OccupancyMapCulling(GLCuller):
     def left_out(self, frame: Frame, rectangles: Int32) -> NDArray[np.bool_]:
         """(k,) bool: shapes that meet no pixel, or are too small to matter. `rectangles`:
         (k, 4) int32 pixels."""
-        extent = rectangles[:, 2:] - rectangles[:, :2] + 1
-        small = (extent.max(axis=1) < self.min_pixels) & ~frame.sure
-        result: NDArray[np.bool_] = (extent.min(axis=1) <= 0) | small
+        width, height = (rectangles[:, 2:] - rectangles[:, :2] + 1).T
+        small = (np.maximum(width, height) < self.min_pixels) & ~frame.sure
+        result: NDArray[np.bool_] = (width <= 0) | (height <= 0) | small
         return result
 
     def region(self, view: View) -> tuple[int, int, int, int]:
@@ -228,25 +287,17 @@ class OccupancyMapCulling(GLCuller):
         return (x0, y0, x1, y1) if inside and in_front else window
 
     def tiles(self, frame: Frame, rectangles: Int32) -> Tiles:
-        """What each shape asks about and what it would mark. `rectangles`: (k, 4) int32 pixels."""
-        ids = frame.ids
-        boxes = inflated(frame.view, self.part_bounds[self.parts.gather(ids.astype(np.int32))])
-        first_part = np.concatenate([[0], np.cumsum(self.parts.sizes[ids])])
-        parts = screen_rectangles(frame.view, boxes)
-        return Tiles(
-            self.tiles_under(frame, rectangles), self.tiles_under(frame, parts), first_part
-        )
-
-    def tiles_under(self, frame: Frame, rectangles: Int32) -> Int32:
-        """(k, 4) int32 columns and rows of tiles under rectangles of pixels, (k, 4) int32."""
+        """What each shape asks about, and what it marks once it is drawn. `rectangles`: (k, 4)
+        int32 pixels."""
         x0, y0, x1, y1 = self.region(frame.view)
-        size = np.array([-(-(x1 - x0 + 1) // TILES), -(-(y1 - y0 + 1) // TILES)] * 2)
-        tiles = (rectangles - np.array([x0, y0, x0, y0])) // size
-        # An inflated box may reach a pixel over the scene's own rectangle.
-        result: Int32 = np.clip(tiles, 0, TILES - 1).astype(np.int32)
-        empty = (rectangles[:, 2:] < rectangles[:, :2]).any(axis=1)
-        result[empty] = (0, 0, -1, -1)
-        return result
+        grid = Grid(x0, y0, -(-(x1 - x0 + 1) // TILES), -(-(y1 - y0 + 1) // TILES))
+        first = np.concatenate([[0], np.cumsum(self.parts.sizes[frame.ids])])
+        marked = np.zeros((first[-1], 4), np.int32)
+        marked[:, 2:] = -1
+        parts = Parts(self.part_bounds, self.parts.offsets[frame.ids], first, marked)
+        view = frame.view
+        projection = Projection(view.camera.eye, growth_of_box(view), *projection_of(view))
+        return Tiles(tiles_under(rectangles, grid), parts, projection, grid)
 
     def arrange(
         self,
@@ -255,147 +306,28 @@ class OccupancyMapCulling(GLCuller):
         list_of: NDArray[np.int8],
         start: int,
         *,
-        stop_at_list: bool,
+        stop_after_run: bool,
     ) -> int:
-        """Decide shapes from `start` on, front to back, in `list_of` and the maps. Returns
-        where it stopped: at the first that needs a query, if so told, else at the end. `sure`:
+        """Decide shapes from `start` on, front to back, by the first map: `tiles.arrange`. `sure`:
         (k,) bool and `list_of`: (k,) int8, one per shape."""
-        return int(
-            arrange(
-                tiles.under,
-                tiles.parts,
-                tiles.first_part,
-                sure,
-                self.maps,
-                list_of,
-                start,
-                stop_at_list,
-            )
+        stopped = arrange(
+            tiles.under,
+            tiles.parts,
+            tiles.projection,
+            tiles.grid,
+            sure,
+            self.maps[0],
+            list_of,
+            start,
+            stop_after_run,
         )
+        return int(stopped)
+
+    def arrange_lists(self, tiles: Tiles, list_of: NDArray[np.int8]) -> None:
+        """Spread what has to be asked over the lists. `list_of`: (k,) int8, one per shape."""
+        arrange_lists(tiles.under, self.maps, list_of)
 
     def mark_drawn(self, tiles: Tiles, places: Int64) -> None:
         """Record shapes, (n,) int64 places, that a query showed, and that are drawn, in the
         first map."""
-        mark_shapes(self.maps[0], tiles.parts, tiles.first_part, places)
-
-
-@dataclass(frozen=True, eq=False)
-class Tiles:
-    """Columns and rows of tiles, inclusive (c0, r0, c1, r1), of the k shapes of a frame.
-
-    `under`: (k, 4) int32, under each shape's rectangle, which is what a lookup asks about.
-    `parts`: (q, 4) int32, under the rectangle of each part of each shape, which is what
-    drawing it marks; empty (c1 < c0) for a part out of view. Shape i has the parts
-    `first_part[i]:first_part[i + 1]`.
-    """
-
-    under: Int32
-    parts: Int32
-    first_part: Int64
-
-
-def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
-    """Cut each unit into boxes of its triangles, by the cell of a grid over the unit's box that
-    a triangle's middle lies in, `cells` per side. Returns bounds (m, 2, 3) float64 and offsets
-    (u + 1,) int64; together a unit's boxes hold all of it."""
-    corners = scene.vertices[scene.triangles[units.triangles]].astype(np.float64)
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    unit = np.repeat(np.arange(units.count), units.sizes)
-    bounds = scene.bounds_of(units)[unit]
-    extent = bounds[:, 1] - bounds[:, 0]
-    at = (0.5 * low + 0.5 * high - bounds[:, 0]) / np.where(extent > 0.0, extent, 1.0)
-    at[extent < 0.0] = 0.0  # an absent unit's triangles are somewhere, and its box is nowhere
-    cell = np.minimum((at * cells).astype(np.int64), cells - 1)
-    key = unit * cells**3 + (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-    order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
-    if not len(starts):
-        return np.zeros((0, 2, 3)), np.zeros(units.count + 1, np.int64)
-    boxes = np.stack(
-        [
-            np.minimum.reduceat(low[order], starts, axis=0),
-            np.maximum.reduceat(high[order], starts, axis=0),
-        ],
-        axis=1,
-    )
-    offsets = np.searchsorted(unit[order][starts], np.arange(units.count + 1))
-    return boxes, offsets
-
-
-@njit(inline="always")
-def covered(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> bool:
-    """Whether every tile of columns c0...c1 and rows r0...r1 is set in a map, (WORDS,) uint32."""
-    first, last = c0 >> 5, c1 >> 5
-    for row in range(r0, r1 + 1):
-        for word in range(first, last + 1):
-            mask = np.uint32(0xFFFFFFFF)
-            if word == first:
-                mask &= np.uint32(0xFFFFFFFF) << np.uint32(c0 & 31)
-            if word == last:
-                mask &= np.uint32(0xFFFFFFFF) >> np.uint32(31 - (c1 & 31))
-            if words[row * WORDS_PER_ROW + word] & mask != mask:
-                return False
-    return True
-
-
-@njit(inline="always")
-def mark(words: NDArray[Any], c0: int, r0: int, c1: int, r1: int) -> None:
-    """Set every tile of columns c0...c1 and rows r0...r1 in a map, (WORDS,) uint32."""
-    first, last = c0 >> 5, c1 >> 5
-    for row in range(r0, r1 + 1):
-        for word in range(first, last + 1):
-            mask = np.uint32(0xFFFFFFFF)
-            if word == first:
-                mask &= np.uint32(0xFFFFFFFF) << np.uint32(c0 & 31)
-            if word == last:
-                mask &= np.uint32(0xFFFFFFFF) >> np.uint32(31 - (c1 & 31))
-            words[row * WORDS_PER_ROW + word] |= mask
-
-
-@njit()
-def mark_shapes(
-    words: NDArray[Any], parts: NDArray[Any], first_part: NDArray[Any], places: NDArray[Any]
-) -> None:
-    """Set the tiles of every part of the shapes at `places`, (k,), in a map, (WORDS,) uint32.
-
-    `parts`, `first_part`: as of `Tiles`.
-    """
-    for place in places:
-        for p in range(first_part[place], first_part[place + 1]):
-            mark(words, parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])
-
-
-@njit()
-def arrange(
-    under: NDArray[Any],
-    parts: NDArray[Any],
-    first_part: NDArray[Any],
-    sure: NDArray[Any],
-    maps: NDArray[Any],
-    list_of: NDArray[Any],
-    start: int,
-    stop_at_list: bool,
-) -> int:
-    """The traversal of `OccupancyMapCulling.arrange`, over all shapes in one go.
-
-    `under`, `parts`, `first_part`: as of `Tiles`; `sure`: (k,) bool; `maps`: (maps, WORDS)
-    uint32; `list_of`: (k,) int8.
-    """
-    for i in range(start, len(under)):
-        if list_of[i] != UNDECIDED:
-            continue
-        c0, r0, c1, r1 = under[i, 0], under[i, 1], under[i, 2], under[i, 3]
-        if sure[i] or not covered(maps[0], c0, r0, c1, r1):
-            list_of[i] = DRAW_NOW
-            for p in range(first_part[i], first_part[i + 1]):
-                mark(maps[0], parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3])
-            continue
-        list_of[i] = len(maps)  # the last list takes what every arranging map shows covered
-        for number in range(1, len(maps)):
-            if not covered(maps[number], c0, r0, c1, r1):
-                list_of[i] = number
-                mark(maps[number], c0, r0, c1, r1)
-                break
-        if stop_at_list:
-            return i
-    return len(under)
+        mark_shapes(self.maps[0], tiles.parts, tiles.projection, tiles.grid, places)
