@@ -6,14 +6,15 @@ import pytest
 
 from visref.effects.images import ImageVerdict
 from visref.papers import decoret2005_effects as paper
+from visref.papers.contents import Grade
 from visref.registry import available
 from visref.tables.plan import EXPERIMENTS
 
 
 def test_published_share_is_that_of_the_published_fragments():
-    full, clamped = paper.FRAGMENTS
-    assert clamped / full == pytest.approx(paper.CLAMPED_SHARE, abs=0.001)
-    assert paper.TESTS_A_SPRITE == 16 * 16
+    full, clamped = (one.amount for one in paper.FRAGMENTS)
+    assert clamped / full == pytest.approx(paper.CLAMPED_SHARE.amount, abs=0.001)
+    assert paper.TESTS_A_SPRITE.amount == 16 * 16
 
 
 def test_experiments_are_registered():
@@ -41,21 +42,25 @@ def test_particles_are_told_a_sprite():
         "sprites_kept": 40.0,
         "depth_tests_plain": 25_000.0,
         "lookups": 100.0,
+        "lookups_counted": 100.0,
         "depth_tests_left": 10_000.0,
         "verdict": GOOD,
     }
     rows = rows_of(Results(particles_city=result), 0)
     assert rows["city: depth tests a sprite, rasterised"].ours == 250.0
     assert rows["city: lookups a sprite"].ours == 1.0
+    claim = paper.tables(Results(particles_city=result))[0].claims[1]
+    assert (claim.ours.value, claim.interval, claim.grade) == (250.0, None, Grade.IN_DIRECTION)
+    del result["lookups_counted"]
+    uncounted = paper.tables(Results(particles_city=result))[0]
+    assert uncounted.claims[1].grade is Grade.UNMEASURED
+    assert {r.quantity: r.ours for r in uncounted.rows}["city: lookups a sprite"] is None
     assert rows["city: sprites culled"].ours == pytest.approx(0.6)
     assert rows["city: samples lost, extra or unlike the uncut effect's"].ours == 0.0
     assert rows["terrain_towers: lookups a sprite"].ours is None
 
 
-@pytest.mark.parametrize(
-    ("verdict", "holds"), [(GOOD, True), ({**GOOD, "status": "violation"}, False)]
-)
-def test_lost_shadow_shows_in_the_table(verdict, holds):
+def shadows(verdict=GOOD, **changed):
     result = {
         "fragments_full": 1000.0,
         "fragments_clamped": 150.0,
@@ -63,14 +68,41 @@ def test_lost_shadow_shows_in_the_table(verdict, holds):
         "casters_kept": 5.0,
         "verdict": verdict,
     }
-    results = Results(shadow_volumes_terrain_towers=result)
+    return Results(shadow_volumes_terrain_towers=result | changed)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "grade"),
+    [
+        (GOOD, Grade.HOLDS),
+        ({**GOOD, "status": "violation", "lost": 1}, Grade.FAILS),
+        ({**GOOD, "status": "inconclusive"}, Grade.UNMEASURED),
+    ],
+)
+def test_lost_shadow_shows_in_the_table(verdict, grade):
+    results = shadows(verdict)
     assert rows_of(results, 1)["terrain_towers: share left"].ours == 0.15
     assert rows_of(results, 1)["city: share left"].ours is None
-    fewer, safe = paper.tables(results)[1].trends
-    assert (fewer.holds, safe.holds) == (True, holds)
+    (safe,) = paper.tables(results)[1].own
+    assert safe.grade is grade
+
+
+@pytest.mark.parametrize(
+    ("clamped", "grade"), [(25, Grade.HOLDS), (26, Grade.IN_DIRECTION), (1001, Grade.FAILS)]
+)
+def test_what_clamping_leaves_is_graded_by_the_papers_share(clamped, grade):
+    claims = paper.tables(shadows(fragments_clamped=clamped))[1].claims
+    assert [claim.grade for claim in claims] == [grade, Grade.UNMEASURED]
+
+
+def test_fragments_by_frame_give_an_interval():
+    by_frame = {"fragments_clamped": [20.0, 30.0, 10.0, 40.0], "fragments_full": [1000.0] * 4}
+    claim = paper.tables(shadows(fragments_clamped=25, by_frame=by_frame))[1].claims[0]
+    assert claim.ours.value == 0.025
+    assert claim.grade is Grade.OPEN
 
 
 def test_nothing_measured_claims_nothing():
     for table in paper.tables(Results()):
         assert all(row.ours is None for row in table.rows)
-        assert all(trend.holds is None for trend in table.trends)
+        assert all(claim.ours is None for claim in (*table.claims, *table.own))

@@ -11,24 +11,23 @@ from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.cli import main as cli
 from visref.papers import klosowski2001 as paper
-from visref.papers.contents import Basis
+from visref.papers.contents import Basis, Grade, PrintedRange, printed_numbers
 from visref.papers.klosowski2001 import EXT, TABLE_3, TOWER, spec
+from visref.papers.printed import klosowski2001 as printed
 from visref.registry import make_culler
 from visref.scene import Scene
 from visref_experiments import plp
 
 
 def test_published_tables_fall_with_the_budget_and_give_the_derived_numbers():
-    rows = [TABLE_3[budget] for budget in sorted(TABLE_3)]
+    rows = [[one.amount for one in TABLE_3[budget]] for budget in sorted(TABLE_3)]
     for before, after in itertools.pairwise(rows):
         assert all(b < a for a, b in zip(before, after, strict=True))
-    before, after = paper.DEPTH_COMPLEXITY
+    before, after = (one.amount for one in paper.DEPTH_COMPLEXITY)
     assert round(before / after, 2) == 3.35
-    # "12 and 6 times faster", section 4.
-    seconds = paper.SECONDS
-    ratios = [seconds["Octane", "VF-BF"] / seconds["Octane", way] for way in paper.LABELS
-              if ("Octane", way) in seconds]  # fmt: skip
-    assert [round(ratio) for ratio in ratios] == [12, 6]
+    seconds = {key: printed.amount for key, printed in paper.SECONDS.items()}
+    for way, times in paper.FASTER_THAN_VF_BF.items():
+        assert round(seconds["Octane", "VF-BF"] / seconds["Octane", way]) == times.amount
 
 
 @pytest.mark.slow
@@ -85,49 +84,68 @@ def rows_of(tables):
     return {(table.source, row.quantity): row for table in tables for row in table.rows}
 
 
-def trends_of(tables):
-    return {trend.claim: trend for table in tables for trend in table.trends}
+def claims_of(tables):
+    return {claim.statement: claim for table in tables for claim in table.claims}
+
+
+def grade_of(tables, start):
+    (claim,) = (c for statement, c in claims_of(tables).items() if statement.startswith(start))
+    return claim.grade
 
 
 def test_table_3_stands_beside_its_own_numbers_and_counts_what_the_estimate_left():
     tables = paper.tables(Results({"soda-hall": falling()}))
     rows = rows_of(tables)
     tests = rows["Table 3", "budget 1,000: tests"]
-    assert (tests.published, tests.ours) == (4.688, 6.5)
+    assert (tests.theirs, tests.ours) == (4.688, 6.5)
     extra = rows["Table 3", "budget 25,000: extra triangles"]
     # The estimate's count is one less in both frames.
-    assert (extra.published, extra.ours) == (5_641, 5_001)
+    assert (extra.theirs, extra.ours) == (5_641, 5_001)
     rate = rows["Table 3", "budget 100,000: frame rate"]
-    assert (rate.published, rate.ours, rate.basis) == (8.6, 100.0, Basis.HARDWARE)
+    assert (rate.theirs, rate.ours, rate.basis) == (8.6, 100.0, Basis.HARDWARE)
     assert rows["section 4", "leaves"].ours == 1_198
     assert rows["section 4", "frames of the path"].ours == 2
 
 
-def test_table_3s_trends_hold_fail_or_are_not_measured():
-    claims = {
-        "rounds": "the rounds of tests fall as the budget grows",
-        "one": "at 100,000 a frame takes hardly more than one round",
-        "none": "at 100,000 the extra triangles are less than a tenth of those at 1,000",
-    }
-    held = trends_of(paper.tables(Results({"soda-hall": falling()})))
-    assert all(held[claim].holds is True for claim in claims.values())
-    much = trends_of(paper.tables(Results({"soda-hall": falling(extra_at_most=9_000)})))
-    assert much[claims["none"]].holds is False
-    assert much["the extra triangles fall as the budget grows"].holds is False
-    nothing = trends_of(paper.tables(Results()))
-    assert all(trend.holds is None for trend in nothing.values())
+ROUNDS_FALL, EXTRA_FALL = "the rounds of tests fall", "the extra triangles fall"
+ROUNDS_TO, EXTRA_TO, ROUNDS_AT = (
+    "from a budget of 1,000 to one of 100,000 the rounds",
+    "from a budget of 1,000 to one of 100,000 the extra",
+    "at 100,000 a frame takes",
+)
 
 
-def test_every_published_number_has_a_row_even_where_nothing_is_measured():
-    rows = rows_of(paper.tables(Results()))
-    published = {row.published for row in rows.values()}
-    assert all(row.ours is None or row.published == row.ours for row in rows.values())
-    wanted = [value for row in TABLE_3.values() for value in row]
-    wanted += [paper.LEAVES, paper.FRAMES, *paper.DEPTH_COMPLEXITY, *paper.PLP_QUALITY]
-    wanted += [*paper.SECONDS.values(), paper.QUERY_US]
-    for machine in (*paper.TABLE_2.values(), *paper.HISTOGRAM_US.values()):
-        wanted += list(np.ravel([machine[side] for side in (64, 512)]))
-    assert not {value for value in wanted if value not in published}
+def test_table_3s_claims_have_their_grades():
+    held = paper.tables(Results({"soda-hall": falling()}))
+    for start in (ROUNDS_FALL, EXTRA_FALL, ROUNDS_TO, EXTRA_TO):
+        assert grade_of(held, start) is Grade.HOLDS
+    # 0 rounds in one frame and 1 in the other; 1.372 are published.
+    assert grade_of(held, ROUNDS_AT) is Grade.HOLDS
+    some = paper.tables(Results({"soda-hall": falling(extra_at_most=2_000)}))
+    assert grade_of(some, EXTRA_TO) is Grade.IN_DIRECTION
+    assert grade_of(some, EXTRA_FALL) is Grade.FAILS
+    (claim,) = (c for s, c in claims_of(some).items() if s.startswith(EXTRA_TO))
+    assert round(claim.published.amount, 3) == 0.074
+
+
+def test_without_records_nothing_is_claimed():
+    tables = paper.tables(Results())
+    claims = [claim for table in tables for claim in (*table.claims, *table.own)]
+    assert claims
+    assert {claim.grade for claim in claims} == {Grade.UNMEASURED}
+
+
+def test_every_published_number_has_a_row_or_a_claim_even_where_nothing_is_measured():
+    tables = paper.tables(Results())
+    assert all(row.ours is None for table in tables for row in table.rows)
+    published = [row.published for table in tables for row in table.rows]
+    published += [claim.published for table in tables for claim in table.claims]
+    published += [setup.published for table in tables for setup in table.setup]
+    shown = set(printed_numbers(published))
+    wanted = [value for name, value in vars(printed).items() if name.isupper()]
+    # The share drawn is where the order turns over.
+    assert set(printed_numbers(wanted)) - shown == {printed.PLP_DRAWS}
+    assert isinstance(printed.QUERY_US, PrintedRange)
 
 
 def test_a_run_of_anybodys_fills_table_3_for_its_budgets_and_way():
@@ -142,7 +160,7 @@ def test_a_run_of_anybodys_fills_table_3_for_its_budgets_and_way():
     )
     first, second = paper.tables_of_run(run)
     assert (first.title.split(", ")[1], second.title.split(", ")[1]) == ("cPLP-EXT", "cPLP-IB")
-    assert {row.quantity: (row.published, row.ours) for row in first.rows[:2]} == {
+    assert {row.quantity: (row.theirs, row.ours) for row in first.rows[:2]} == {
         "budget 1,000: tests": (4.688, 5.5),
         "budget 1,000: extra triangles": (16_844, 20_001),
     }
@@ -169,14 +187,24 @@ def test_depth_complexity_counts_the_queries_apart():
     assert rows["budget 1,000: cPLP, drawing"].ours == pytest.approx(8.0, abs=1e-3)
     assert rows["budget 1,000: cPLP, its queries beside"].ours == pytest.approx(2.0, abs=1e-3)
     factor = rows["budget 1,000: VF-BF over cPLP's drawing"]
-    assert (round(factor.published, 2), round(factor.ours, 2)) == (3.35, 5.0)
+    assert (round(factor.theirs, 2), round(factor.ours, 2)) == (3.35, 5.0)
     assert round(rows["budget 1,000: VF-BF over drawing and queries"].ours, 2) == 4.0
-    assert table.trends[0].holds is True
-    (less,) = paper.tables_of_run(
-        run_of({TOWER["frustum"]: {"depth_tests": 30_000, "query_fragments": 0},
-                TOWER["1,000"]: {"depth_tests": 10_000, "query_fragments": 0}}, "skyscraper")
-    )  # fmt: skip
-    assert less.trends[0].holds is False
+    # At a budget of 25,000: 200,000 over 90,000 tests, not 3.35.
+    assert [claim.grade for claim in table.claims] == [Grade.IN_DIRECTION]
+    assert table.claims[0].ours.value == pytest.approx(200_000 / 90_000, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("tests", "grade"),
+    [(30_000, Grade.HOLDS), (150_000, Grade.IN_DIRECTION), (300_000, Grade.FAILS)],
+)
+def test_saving_of_z_tests_is_graded_with_the_queries_own(tests, grade):
+    counted = {
+        TOWER["frustum"]: {"depth_tests": 200_000, "query_fragments": 0},
+        TOWER["25,000"]: {"depth_tests": tests, "query_fragments": tests - 10_000},
+    }
+    (table,) = paper.tables_of_run(run_of(counted, "skyscraper"))
+    assert [claim.grade for claim in table.claims] == [grade]
 
 
 def test_plps_quality_joins_the_judged_misses_and_the_experiment():
@@ -185,14 +213,35 @@ def test_plps_quality_joins_the_judged_misses_and_the_experiment():
     tables = paper.tables(Results({"city": run}, {"city-quality": found}))
     rows = rows_of(tables)
     share = rows["section 1", "budget 50,000: visible triangles found"]
-    assert (share.published, share.ours) == (0.90, pytest.approx(0.92))
+    assert (share.theirs, share.ours) == (0.90, pytest.approx(0.92))
     worst = rows["section 1", "budget 50,000: wrong pixels, at worst"]
-    assert (worst.published, worst.ours) == (0.04, 0.02)
+    assert (worst.theirs, worst.ours) == (0.04, 0.02)
     assert rows["section 1", "budget 10,000: wrong pixels, at worst"].published is None
-    held = [trend.holds for trend in tables[-1].trends]
-    assert held == [True, True]
-    found["found"][2] = [0.89]
-    assert paper.tables(Results({}, {"city-quality": found}))[-1].trends[0].holds is False
+    assert [claim.grade for claim in tables[-1].claims] == [Grade.HOLDS, Grade.HOLDS]
+
+
+@pytest.mark.parametrize(
+    ("shares", "grade"),
+    [
+        ([0.90, 0.90], Grade.HOLDS),
+        ([0.89, 0.89], Grade.IN_DIRECTION),
+        ([0.80, 0.99], Grade.OPEN),
+        ([0.10, 0.10], Grade.FAILS),
+    ],
+)
+def test_share_of_the_visible_that_plp_finds_is_graded(shares, grade):
+    found = {"budgets": [paper.TENTH], "found": [shares]}
+    claim = paper.tables(Results({}, {"city-quality": found}))[-1].claims[0]
+    assert claim.grade is grade
+
+
+@pytest.mark.parametrize(
+    ("lost", "grade"), [(199, Grade.OPEN), (200, Grade.FAILS), (99, Grade.HOLDS)]
+)
+def test_worst_frame_of_plp_is_judged_by_what_the_path_may_hold(lost, grade):
+    """Two frames of 5,000 pixels: the second loses one more than the first, and 4 % are 200."""
+    run = run_of({f"plp:budget={b}": {"missed_pixels": lost} for b in paper.CITY_BUDGETS}, "city")
+    assert paper.tables(Results({"city": run}))[-1].claims[1].grade is grade
 
 
 def front(cells, **ms):
@@ -209,7 +258,14 @@ def test_the_cost_of_a_query_is_judged_where_most_cells_are_asked():
     at = "soda_hall, leaf 30, 1,000 cells"
     assert rows[f"{at}: -HP, one by one over -EXT"].ours == 25.0
     assert rows[f"{at}: -EXT"].ours == 10.0  # microseconds
-    assert [trend.holds for trend in table.trends] == [True, False]
+    assert [claim.grade for claim in (*table.claims, *table.own)] == [Grade.HOLDS, Grade.HOLDS]
+    even = front(1_000, **ways)
+    (table,) = (
+        t
+        for t in paper.tables(Results({}, {"soda-hall-queries": {"fronts": [even]}}))
+        if t.title == "Cost of a query"
+    )
+    assert [claim.grade for claim in (*table.claims, *table.own)] == [Grade.FAILS, Grade.FAILS]
 
 
 # The experiments themselves, on next to nothing.

@@ -16,7 +16,7 @@ from tests.support.page_reader import Reader
 from tests.support.report_runs import BROKEN, HEIGHT, LOOSE, WIDTH, bench_folder, write_runs
 from visref import papers
 from visref.errors import InputError
-from visref.papers.contents import Row, Table, Trend
+from visref.papers.contents import Claim, Printed, Row, Sense, Table, single
 from visref.report import write_report
 from visref.report.words import percent
 
@@ -144,16 +144,21 @@ def test_a_spoilt_bench_folder_is_an_error_in_one_line(runs, tmp_path, spoil):
 
 @pytest.mark.slow
 def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatch):
-    """Only the rows and the trends that this run measures."""
+    """Only the rows and the claims that this run measures."""
     wanted = papers.JudgedRun("squares", "folder/squares.glb", ("only",), size=(WIDTH, HEIGHT))
 
     def tables(results):
         run = results.run("squares")
         assert results.experiment("any") is None
         drawn = None if run is None else run.verdict.cullers["only"].drawn
-        rows = (Row("drawn | all", 30, drawn), Row("elsewhere", 7, None))
+        all_drawn = Printed(30, "Fig. 7", "drawn")
+        rows = (Row("drawn | all", all_drawn, drawn), Row("elsewhere", all_drawn, None))
+        claims = (
+            Claim("fewer drawn", Sense.AT_MOST, single(15.0), all_drawn, even=None),
+            Claim("not of this run", Sense.AT_MOST, None),
+        )
         return [
-            Table("Drawn <units>", "Fig. 7", rows, (Trend("a", True), Trend("b", None))),
+            Table("Drawn <units>", "Fig. 7", rows, claims),
             Table("Empty", "Fig. 8", rows[1:]),
         ]
 
@@ -173,4 +178,6 @@ def test_a_run_that_is_a_papers_walk_is_set_beside_it(runs, tmp_path, monkeypatc
             assert "0.500" in found[1]
             assert "elsewhere" not in found[1]
             assert "Fig. 8" not in page
+            assert "fewer drawn" in page
+            assert "not of this run" not in page
             assert "| drawn \\| all | 30 | 15 | 0.500 |" in markdown

@@ -12,9 +12,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from visref.papers.contents import Basis, Curve, Figure, Row, Table, Trend
+from visref.papers.contents import (
+    Basis,
+    Claim,
+    Curve,
+    Figure,
+    Printed,
+    PrintedRange,
+    PrintedWords,
+    Row,
+    Sense,
+    SetUp,
+    Table,
+    printed_curve,
+    ratio_of,
+    series,
+    single,
+)
 from visref.report.figures import figure_svg
 from visref.report.tables import (
+    claim_text,
     latex_text,
     table_csv,
     table_latex,
@@ -23,27 +40,44 @@ from visref.report.tables import (
     table_view,
 )
 
+
+def printed(value, **unit):
+    return Printed(value, "Table 2", "Angio & more", **unit)
+
+
+FEW, MANY = series([1.0, 2.0, 3.0, 2.0], range(4)).mean(), series([40.0] * 4, range(4)).mean()
 TABLE = Table(
     "Fill & <b>queries</b>",
     "Table 2, p. 5_6",
     (
-        Row("Angio | share", 0.13, 0.26, "%"),
-        Row("fps", 7.0, 700.0, "Hz", basis=Basis.HARDWARE),
-        Row("lazy over none", "1.9 to 5.8", 2.5, digits=1, basis=Basis.WITHIN_RUN),
-        Row("tests", 1_100_000, None, note="asked for with --large"),
+        Row("Angio | share", printed(13, per=100), 0.26, "%"),
+        Row("fps", printed(7.0), 700.0, "Hz", basis=Basis.HARDWARE),
+        Row(
+            "lazy over none",
+            PrintedRange(printed(1.9), printed(5.8)),
+            2.5,
+            digits=1,
+            basis=Basis.WITHIN_RUN,
+        ),
+        Row("tests", printed(1_100_000), None, note="asked for with --large"),
         Row("not published", None, 12_345.678, digits=2),
-        Row("small", 0.5, 0.04, digits=1),
+        Row("small", printed(0.5), 0.04, digits=1),
+        Row("a quotient", ratio_of(printed(12), printed(8)), 3.0, digits=1),
+        Row("in words", PrintedWords("orders of magnitude", "section 3"), 200.0),
     ),
     (
-        Trend("N-buffers test least", True, "an excuse that nobody needs"),
-        Trend("maps save most on Angio", False, "its boxes are larger"),
-        Trend("the large city", None),
+        Claim("N-buffers test least", Sense.AT_LEAST, MANY, printed(40), told="by far"),
+        Claim("maps save most on Angio", Sense.AT_MOST, MANY, told="its boxes are larger"),
+        Claim("the large city", Sense.AT_LEAST, None),
+        Claim("a share", Sense.AT_MOST, single(0.3), ratio_of(printed(1), printed(8)), unit="%"),
     ),
+    (Claim("a claim of ours", Sense.AT_LEAST, FEW, even=2.0),),
+    (SetUp("a cell's side", printed(32), "px"),),
     Figure(
         "budget <k>",
         "tests",
         (
-            Curve("cPLP", (1_000.0, 100_000.0), (4.7, 1.4), published=True),
+            printed_curve("cPLP", (1_000.0, 100_000.0), (printed(4.7), printed(1.4))),
             Curve("cPLP", (1_000.0, 100_000.0), (3.0, 0.0)),
             Curve("others & co", (1_000.0, 20_000.0), (40.0, 2.0)),
         ),
@@ -71,28 +105,53 @@ def test_numbers_are_rounded_to_their_digits_and_never_to_a_zero_that_is_none():
     assert cells[3][1:4] == ("1,100,000", "–", "–")
     assert cells[4] == ("not published", "–", "12,345.68", "–", "–")
     assert cells[5][2] == "0.04"
+    assert cells[6][1:4] == ("1.5 (derived)", "3.0", "2")
+    assert cells[7][1:4] == ("orders of magnitude", "200", "–")
 
 
-def test_every_form_shows_every_number_and_every_trend():
+def test_every_form_shows_every_number_and_every_claim():
     for form in (table_markdown, table_latex, table_html):
         text = form(TABLE).replace("\\", "")
         for line in table_lines(TABLE):
             for cell in line.cells[1:4]:
                 assert cell.replace("–", "") in text
-        for words in ("does not hold", "not measured", "its boxes are larger"):
-            assert words in text
-        assert "nobody needs" not in text
+        for words in ("does not hold", "not measured", "its boxes are larger", "a cell's side"):
+            assert words.replace("'", "&#39;" if form is table_html else "'") in text
         assert "asked for with --large" in text
+
+
+def test_a_claim_that_holds_prints_its_figures_as_one_that_does_not():
+    holds, fails, unmeasured, alone = map(claim_text, TABLE.claims)
+    assert holds == (
+        "N-buffers test least: holds; here 40.00, 95 % interval 40.00 to 40.00; "
+        "published 40.00; by far"
+    )
+    assert fails.startswith("maps save most on Angio: does not hold; here 40.00, 95 % interval")
+    assert unmeasured == "the large city: not measured"
+    assert alone == (
+        "a share: holds in direction; here 30.00 %, without an interval: it is no figure of "
+        "frames; published 12.50 % (derived)"
+    )
+    (own,) = map(claim_text, TABLE.own)
+    assert own.startswith("a claim of ours: open; here 2.00, 95 % interval ")
 
 
 def test_csv_has_the_numbers_in_full_and_leaves_the_unmeasured_empty():
     rows = list(csv.DictReader(io.StringIO(table_csv(TABLE, TABLE))))
-    assert len(rows) == 2 * (6 + 3)
+    assert len(rows) == 2 * (8 + 4 + 1)
     assert (rows[0]["published"], rows[0]["ours"], rows[0]["unit"]) == ("13", "26", "%")
     assert rows[0]["ratio"] == "2"
+    assert rows[0]["printed"] == "Table 2: Angio & more"
+    assert rows[2]["published"] == "1.9 to 5.8"
     assert rows[3]["ours"] == ""
     assert rows[4]["ours"] == "12345.678"
-    assert [row["ours"] for row in rows[6:9]] == ["holds", "does not hold", "not measured"]
+    claims = [row for row in rows[:13] if row["kind"] != "row"]
+    assert [row["grade"] for row in claims] == [
+        "holds", "does not hold", "not measured", "holds in direction", "open",
+    ]  # fmt: skip
+    assert [row["kind"] for row in claims] == ["claim"] * 4 + ["own"]
+    assert [claims[0][name] for name in ("ours", "low", "high", "published")] == ["40"] * 4
+    assert [claims[3][name] for name in ("ours", "low", "high")] == ["30", "", ""]
 
 
 def test_markdown_rows_all_have_as_many_cells_as_the_heading():
@@ -129,7 +188,7 @@ def test_html_is_well_formed_and_escapes_what_is_not_its_own():
     section = ET.fromstring(table_html(TABLE))
     assert section.find("h3").text.strip() == "Fill & <b>queries</b>"
     assert len(section.findall(".//tbody/tr")) == len(TABLE.rows)
-    assert len(section.findall(".//ul/li")) == len(TABLE.trends)
+    assert len(section.findall(".//ul/li")) == len(TABLE.claims) + len(TABLE.own)
 
 
 @pytest.mark.parametrize("form", [table_markdown, table_latex, table_csv, table_html])

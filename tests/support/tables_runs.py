@@ -10,7 +10,20 @@ from visref.camera_path import CameraPath
 from visref.culler import Culler, DrawnSet, QueryStats
 from visref.errors import NothingToJudge
 from visref.papers import Paper
-from visref.papers.contents import Curve, Experiment, Figure, JudgedRun, Results, Row, Table, Trend
+from visref.papers.contents import (
+    Claim,
+    Curve,
+    Experiment,
+    Figure,
+    JudgedRun,
+    Printed,
+    Results,
+    Row,
+    Sense,
+    SetUp,
+    Table,
+    printed_curve,
+)
 from visref.papers.culler_frames import culler_frames
 from visref.scene import Scene
 
@@ -82,19 +95,28 @@ EXPERIMENTS = (Experiment("count", "counting", TOWN, size=SIZE),)
 
 def tables(results: Results) -> list[Table]:
     run, counted = results.run("first"), results.experiment("count")
-    queries = culler_frames(run, ALL).mean("queries") if run is not None else None
+    queries = culler_frames(run, ALL).series("queries").mean() if run is not None else None
+    theirs = Printed(14, "Table 1", "queries")
     rows = (
-        Row("queries a frame", 14.0, queries),
-        Row("triangles", 1_000, counted["triangles"] if counted is not None else None),
-        Row("share of <all>", 0.25, 0.125, unit="%", digits=1),
+        Row("queries a frame", theirs, queries.value if queries is not None else None),
+        Row(
+            "triangles",
+            Printed(1_000, "section 3", "triangles"),
+            counted["triangles"] if counted is not None else None,
+        ),
+        Row("share of <all>", Printed(25, "p. 2", "share", per=100), 0.125, unit="%", digits=1),
     )
     curves = (
         Curve("ours", (1.0, 2.0), (7.0, 7.0)),
-        Curve("paper", (1.0, 2.0), (14.0, 13.0), published=True),
+        printed_curve("paper", (1.0, 2.0), (theirs, Printed(13, "Fig. 1", "at 2"))),
     )
     figure = Figure("budget", "queries", curves)
-    trends = (Trend("fewer queries than the paper", None if queries is None else queries < 14),)
-    return [Table("Queries", "Table 1", rows, trends, figure)]
+    claim = Claim(
+        "fewer queries than the paper", Sense.AT_MOST, queries, theirs, even=None, digits=1
+    )
+    own = Claim("fewer than eight", Sense.AT_MOST, queries, even=8.0)
+    setup = (SetUp("cells", Printed(32, "section 7", "cells"), "px"),)
+    return [Table("Queries", "Table 1", rows, (claim,), (own,), setup, figure)]
 
 
 def paper(

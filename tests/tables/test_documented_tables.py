@@ -10,7 +10,7 @@ from visref.papers import load_paper, paper_names
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TOOL = ROOT / "tools" / "tables-to-docs"
-BEGIN, END = "<!-- trends: make tables -->\n", "<!-- end of trends -->\n"
+BEGIN, END = "<!-- claims: make tables -->\n", "<!-- end of claims -->\n"
 
 
 def readme_block() -> str:
@@ -35,7 +35,7 @@ def test_the_tool_replaces_the_block_and_nothing_else(tmp_path):
         made.mkdir(parents=True)
     (tree / "tools" / TOOL.name).write_text(TOOL.read_text())
     (tree / "README.md").write_text(f"before\n{BEGIN}old \\1\n{END}after\n")
-    (folder / "trends.md").write_text("new \\1\n")
+    (folder / "summary.md").write_text("new \\1\n")
     (folder / "tables.md").write_text("# Tables\n")
     command = [sys.executable, tree / "tools" / TOOL.name, folder]
     subprocess.run(command, check=True)

@@ -47,6 +47,13 @@ def test_every_form_has_the_same_numbers(measured):
     queries = next(row for row in rows if row["quantity"] == "queries a frame")
     assert (queries["paper"], queries["published"], queries["ours"]) == ("toy", "14", "7")
     assert queries["ratio"] == "0.5"
+    graded = {row["quantity"]: row for row in rows if row["grade"]}
+    assert {name: (row["kind"], row["grade"]) for name, row in graded.items()} == {
+        "fewer queries than the paper": ("claim", "holds"),
+        "fewer than eight": ("own", "holds"),
+    }
+    held = graded["fewer queries than the paper"]
+    assert [held[name] for name in ("ours", "low", "high", "published")] == ["7", "7", "7", "14"]
 
 
 def test_walks_stand_with_their_verdicts_and_rates(measured):
@@ -62,7 +69,7 @@ def test_the_same_records_give_the_same_bytes(measured):
     before = {file.name: file.read_bytes() for file in page.parent.glob("t*.*")}
     write_tables(measured)
     assert before == {file.name: file.read_bytes() for file in page.parent.glob("t*.*")}
-    assert len(before) == 5
+    assert len(before) == 4
 
 
 def test_a_violation_is_the_status_and_is_counted_on_the_page(tmp_path):
@@ -88,7 +95,16 @@ def test_claims_are_counted_and_those_not_measured_apart(tmp_path):
     measured = run_all([paper((), ())], tmp_path, Steps(), frames=1)
     page, _ = write_tables(measured)
     assert "0 of 0 claims of the papers hold here, 1 not measured" in page.read_text()
-    assert "? not measured" in (tmp_path / "trends.md").read_text()
+    assert "? not measured" in (tmp_path / "claims.md").read_text()
+
+
+def test_a_claim_of_ours_is_in_no_count(measured):
+    page, _ = write_tables(measured)
+    assert "1 of 1 claim of the papers hold here" in page.read_text()
+    assert "1 of 1 claim" in (page.parent / "summary.md").read_text()
+    theirs, _, own = (page.parent / "claims.md").read_text().partition("Claims of ours")
+    assert "fewer than eight" in own
+    assert "fewer than eight" not in theirs
 
 
 def test_names_of_a_paper_are_text_on_the_page_and_no_markup(measured):

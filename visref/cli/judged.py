@@ -24,7 +24,7 @@ from visref.papers import contents as papers
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.misses import why_lines
-from visref.report.tables import HEADINGS, VERDICTS, table_lines
+from visref.report.tables import GLYPHS, HEADINGS, claim_text, table_lines
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
 from visref.threads import available_threads
@@ -283,6 +283,5 @@ def _print_beside_published(name: str, of_paper: papers.Table) -> None:
     OUT.line(f"{of_paper.title} ({name}, {of_paper.source})")
     rows = [line.cells[:4] for line in table_lines(of_paper)]
     OUT.table(HEADINGS[:4], rows, left=HEADINGS[:1])
-    for trend in of_paper.trends:
-        glyph, said = VERDICTS[trend.holds]
-        OUT.line(f"{glyph} {trend.claim}: {said}")
+    for claim in (*of_paper.claims, *of_paper.own):
+        OUT.line(f"{GLYPHS[claim.grade]} {claim_text(claim)}")

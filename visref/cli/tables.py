@@ -55,7 +55,7 @@ def run(given: argparse.Namespace) -> Exit:
     page, status = write_tables(measured)
     for label, why in measured.failures.items():
         ERRORS.line(f"not measured: {label}: {why}")
-    OUT.lines((given.out / "trends.md").read_text(encoding="utf-8"))
+    OUT.lines((given.out / "claims.md").read_text(encoding="utf-8"))
     OUT.line()
     OUT.line(f"The tables: {page}")
     return status

@@ -91,7 +91,8 @@ def tables_beside(run: RunFolder) -> list[tuple[Paper, list[Table]]]:
             replace(
                 table,
                 rows=tuple(row for row in table.rows if row.ours is not None),
-                trends=tuple(trend for trend in table.trends if trend.holds is not None),
+                claims=tuple(claim for claim in table.claims if claim.ours is not None),
+                own=tuple(claim for claim in table.own if claim.ours is not None),
             )
             for table in tables
         ]

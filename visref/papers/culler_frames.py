@@ -5,16 +5,19 @@ from __future__ import annotations
 import statistics
 from dataclasses import dataclass
 
+from visref.papers.estimates import Series, series
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FrameRow
 
 
 @dataclass(frozen=True)
 class CullerFrames:
-    """One culler's frames: the rows of `frames.parquet`, and milliseconds by phase and frame."""
+    """One culler's frames: the rows of `frames.parquet`, milliseconds by phase and frame, and the
+    walk that they are of (the scene: each has one path)."""
 
     rows: tuple[FrameRow, ...]
     ms_of: dict[str, dict[int, float]]
+    walk: str = ""
 
     @property
     def frames(self) -> list[int]:
@@ -34,10 +37,20 @@ class CullerFrames:
         """A counter's mean over frames. Raises KeyError where the culler did not count it."""
         return statistics.fmean(self.counts(counter))
 
-    def ms(self, phase: str = "frame") -> float:
-        """Median milliseconds of a phase over frames; a frame without it spent none."""
+    def series(self, counter: str) -> Series:
+        """A counter by frame, for an `Estimate`. Raises KeyError where the culler did not count
+        it."""
+        return series(self.counts(counter), self.frames, self.walk)
+
+    def ms_series(self, phase: str = "frame") -> Series:
+        """Milliseconds of a phase by frame; a frame without it spent none."""
         times = self.ms_of.get(phase, {})
-        return statistics.median(times.get(frame, 0.0) for frame in self.frames)
+        return series([times.get(frame, 0.0) for frame in self.frames], self.frames, self.walk)
+
+    def ms(self, phase: str = "frame") -> float:
+        """Mean milliseconds of a phase over frames, as the papers average; a frame without it
+        spent none."""
+        return self.ms_series(phase).mean().value
 
 
 def culler_frames(run: RunFolder, culler: str) -> CullerFrames:
@@ -49,4 +62,4 @@ def culler_frames(run: RunFolder, culler: str) -> CullerFrames:
     rows = tuple(run.frames_of[culler])
     if not rows:
         raise KeyError(culler)
-    return CullerFrames(rows, times)
+    return CullerFrames(rows, times, run.manifest.scene.source)

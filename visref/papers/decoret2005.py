@@ -13,43 +13,32 @@ the paper does not say; it is measured on `busy_street`, a street in motion.
 
 from __future__ import annotations
 
-import statistics
-
 from visref.papers import decoret2005_effects as effects
 from visref.papers.contents import (
     Basis,
+    Claim,
     Curve,
+    Estimate,
     Experiment,
     Figure,
     JudgedRun,
     Results,
     Row,
+    Sense,
     Size,
     Table,
-    Trend,
+    most,
+    ratio_of,
+    series,
 )
 from visref.papers.culler_frames import culler_frames
+from visref.papers.printed.decoret2005 import (
+    DEPTH_TESTS,
+    LEVELS,
+)
 
 TITLE = "X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005"
 
-# Table 1: levels and milliseconds by resolution.
-LEVELS: dict[Size, tuple[int, float]] = {
-    (256, 256): (8, 2),
-    (512, 512): (9, 8),
-    (640, 480): (10, 10),
-    (1024, 1024): (10, 31),
-}
-# Fig. 4: pixels covered beyond the box over the box's own, over all sizes up to 512 by 512; and
-# the share of sizes that four squares cover exactly.
-EXTRA_ONE, EXTRA_FOUR, EXACT_FOUR = 2.19, 0.198, 0.341
-
-# Table 2: depth comparisons a frame.
-DEPTH_TESTS = {
-    "occlusion queries, hierarchy": 1_100_000,
-    "occlusion queries": 200_000,
-    "N-buffer, hierarchy": 350,
-    "N-buffer": 500,
-}
 CULLERS = {
     "occlusion queries, hierarchy": "n-buffer:test=query,hierarchy=true,fragments=true",
     "occlusion queries": "n-buffer:test=query,fragments=true",
@@ -106,7 +95,7 @@ def _levels(results: Results) -> Table:
         rows += [
             Row(f"{of}: levels", levels, ours),
             Row(f"{of}: all levels, GPU", ms, gpu, "ms", 1, Basis.HARDWARE),
-            Row(f"{of}: a level, GPU", ms / levels, gpu_level, "ms", 2, Basis.HARDWARE),
+            Row(f"{of}: a level, GPU", ratio_of(ms, levels), gpu_level, "ms", 2, Basis.HARDWARE),
             Row(f"{of}: all levels, CPU", None, cpu, "ms", 1, Basis.HARDWARE),
             Row(f"{of}: a level, CPU", None, cpu_level, "ms", 2, Basis.HARDWARE),
         ]
@@ -118,10 +107,11 @@ def _coverage(results: Results) -> Table:
     one, four, exact = (
         (None if result is None else result[name]) for name in ("extra_1", "extra_4", "exact_4")
     )
+    in_colours = "the paper shows false colours, and prints no number"
     rows = (
-        Row("extra over box pixels, one square", EXTRA_ONE, one, digits=2),
-        Row("extra over box pixels, four squares", EXTRA_FOUR, four, digits=3),
-        Row("sizes that four squares cover exactly", EXACT_FOUR, exact, "%", 1),
+        Row("extra over box pixels, one square", None, one, digits=2, note=in_colours),
+        Row("extra over box pixels, four squares", None, four, digits=3, note=in_colours),
+        Row("sizes that four squares cover exactly", None, exact, "%", 1, note=in_colours),
     )
     figure = None
     if result is not None:
@@ -133,32 +123,35 @@ def _coverage(results: Results) -> Table:
                 Curve(label, heights, tuple(result[key]))
                 for label, key in (("one square", "row_1"), ("four squares", "row_4"))
             ),
-            log_y=False,
         )
     return Table("Covering boxes by squares", "Fig. 4", rows, figure=figure)
 
 
 def _depth_tests(results: Results) -> Table:
     run = results.run("table-2")
-    ours: dict[str, float] = {}
+    ours: dict[str, Estimate] = {}
     if run is not None:
         for name, spec in CULLERS.items():
             found = culler_frames(run, spec)
             counts = found.counts("query_fragments" if "query" in spec else "lookups")
+            by_frame = dict(zip(found.frames, counts, strict=True))
             # Without the first frame of a stretch, which remembers nothing.
-            warm = [
-                count
-                for frame, count in zip(found.frames, counts, strict=True)
-                if frame - 1 in found.frames
-            ]
-            ours[name] = statistics.fmean(warm or counts)
+            warm = {frame: count for frame, count in by_frame.items() if frame - 1 in by_frame}
+            kept = warm or by_frame
+            ours[name] = series(list(kept.values()), list(kept), found.walk).mean()
     made = [
-        Row(f"depth tests a frame, {name}", DEPTH_TESTS.get(name), ours.get(name))
+        Row(
+            f"depth tests a frame, {name}",
+            DEPTH_TESTS.get(name),
+            ours[name].value if name in ours else None,
+        )
         for name in CULLERS
     ]
-    published = DEPTH_TESTS["occlusion queries"] / DEPTH_TESTS["N-buffer"]
-    over = ours["occlusion queries"] / ours["N-buffer"] if ours else None
-    made.append(Row("occlusion queries over N-buffer", published, over))
+    claims = _claims(ours)
+    made += [
+        Row(f"{quantity}, {over} over {under}", claim.published, _value(claim.ours), digits=digits)
+        for (quantity, over, under, digits), claim in zip(_QUOTIENTS, claims, strict=True)
+    ]
     built = results.experiment("levels")
     pixels = None
     if built is not None:
@@ -167,13 +160,45 @@ def _depth_tests(results: Results) -> Table:
     made.append(
         Row("pixels of the levels built, a frame", None, pixels, note="in none of the counts above")
     )
-    return Table("Depth comparisons", "Table 2", tuple(made), _trends(ours))
+    return Table("Depth comparisons", "Table 2", tuple(made), claims)
+
+
+def _value(ours: Estimate | None) -> float | None:
+    return None if ours is None else ours.value
+
+
+# What is compared with what, and the digits that show it.
+_QUOTIENTS = (
+    ("depth tests", "occlusion queries", "N-buffer", 0),
+    ("depth tests", "occlusion queries, hierarchy", "N-buffer, hierarchy", 0),
+    ("depth tests", "occlusion queries, hierarchy", "occlusion queries", 2),
+    ("depth tests", "N-buffer", "N-buffer, hierarchy", 2),
+)
+_STATEMENTS = (
+    "N-buffers need 400 times fewer depth tests than occlusion queries",
+    "with a hierarchy N-buffers need 3,143 times fewer depth tests than occlusion queries",
+    "with occlusion queries a hierarchy makes 5.5 times the depth tests",
+    "with N-buffers a hierarchy saves depth tests, 1.43 times fewer",
+)
+
+
+def _claims(ours: dict[str, Estimate]) -> tuple[Claim, ...]:
+    return tuple(
+        Claim(
+            statement,
+            Sense.AT_LEAST,
+            ours[over] / ours[under] if ours else None,
+            ratio_of(DEPTH_TESTS[over], DEPTH_TESTS[under]),
+            digits=digits,
+        )
+        for statement, (_, over, under, digits) in zip(_STATEMENTS, _QUOTIENTS, strict=True)
+    )
 
 
 def _motion(results: Results) -> Table:
     run = results.run("motion")
     rows: list[Row] = []
-    missed: list[float] = []
+    missed: list[Estimate] = []
     for name, spec in MOVING.items():
         if run is None:
             rows.append(Row(f"{name}: visible objects missed", None, None))
@@ -181,37 +206,20 @@ def _motion(results: Results) -> Table:
         found = culler_frames(run, spec)
         visible, lost = sum(found.counts("visible")), sum(found.counts("confirmed"))
         drawn, hidden = sum(found.counts("drawn")), sum(found.counts("superfluous"))
-        missed.append(lost)
+        missed.append(found.series("confirmed").most())
         rows += [
             Row(
                 f"{name}: visible objects missed", None, lost / visible if visible else None, "%", 2
             ),
             Row(f"{name}: drawn for nothing", None, hidden / drawn if drawn else None, "%", 1),
         ]
-    trend = Trend(
-        "last frame's visible objects, drawn where they are now, are safe occluders in motion",
-        not any(missed) if missed else None,
+    own = Claim(
+        "last frame's visible objects, drawn where they are now, are safe occluders in motion: the "
+        "most objects missed in a frame",
+        Sense.AT_MOST,
+        most(*missed) if missed else None,
+        even=0.0,
+        ties=True,
+        digits=0,
     )
-    return Table("A scene in motion", "not in the paper", tuple(rows), (trend,))
-
-
-def _trends(ours: dict[str, float]) -> tuple[Trend, ...]:
-    claims = (
-        "N-buffers need two to three orders of magnitude fewer depth tests than queries",
-        "a hierarchy raises the count for occlusion queries",
-        "a hierarchy lowers the count for N-buffers",
-    )
-    if not ours:
-        return tuple(Trend(claim, None) for claim in claims)
-    queries, tree_queries = ours["occlusion queries"], ours["occlusion queries, hierarchy"]
-    lookups, tree_lookups = ours["N-buffer"], ours["N-buffer, hierarchy"]
-    ratio = queries / lookups
-    return (
-        Trend(claims[0], ratio >= 100.0, f"{ratio:.0f} times"),
-        Trend(
-            claims[1], tree_queries > queries, f"{queries:,.0f} without, {tree_queries:,.0f} with"
-        ),
-        Trend(
-            claims[2], tree_lookups < lookups, f"{lookups:,.0f} without, {tree_lookups:,.0f} with"
-        ),
-    )
+    return Table("A scene in motion", "not in the paper", tuple(rows), own=(own,))

@@ -94,7 +94,7 @@ def _drawable(figure: Figure) -> tuple[list[Curve], int]:
         left_out += len(curve.x) - len(points)
         if points:
             x, y = zip(*points, strict=True)
-            curves.append(Curve(curve.label, x, y, curve.published))
+            curves.append(Curve(curve.label, x, y, curve.points))
     return curves, left_out
 
 

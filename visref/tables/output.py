@@ -2,14 +2,16 @@
 
 tables.html    self-contained
 tables.md      the same tables and verdicts
-trends.md      the papers' claims, and whether they hold here: a few lines for a README
+claims.md      the papers' claims, what they claim, what is found here, and the grade
+summary.md     how many of them hold: a few lines for a README
 tables.tex     for \\input; needs booktabs and array
 tables.csv     every row of every table, numbers in full
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +19,15 @@ from visref.errors import InputError
 from visref.files import replacing_file
 from visref.judging.status import Exit, Status, decide, run_status
 from visref.papers import NO_NUMBERS, Paper
-from visref.papers.contents import Table
+from visref.papers.contents import Claim, Grade, Table
+from visref.papers.estimates import CONFIDENCE
 from visref.provenance import machine, versions
 from visref.report import words
 from visref.report.environment import page_environment
 from visref.report.summary import RATES, CullerSummary, definitions, summarise
 from visref.report.tables import (
-    VERDICTS,
+    CLAIM_HEADINGS,
+    claim_cells,
     table_csv,
     table_latex,
     table_markdown,
@@ -43,6 +47,15 @@ _DEFINED = (
 )
 
 
+_GRADES = (
+    "A claim *holds* where the published figure is reached or passed, by the whole interval; it "
+    "holds *in direction* where the order is right and that figure is not reached; it is *open* "
+    "where the interval straddles the line that decides. Intervals are of "
+    f"{100 * CONFIDENCE:.0f} %, from a block bootstrap over frames; figures without one are no "
+    "figures of frames. What is *derived* is not printed, and follows by arithmetic from what is."
+)
+
+
 @dataclass(frozen=True, eq=False)
 class PaperView:
     """One paper's part: its tables, and the judged runs behind them."""
@@ -51,6 +64,11 @@ class PaperView:
     tables: list[Table]
     runs: list[tuple[RunFolder, list[CullerSummary]]]
     failures: list[tuple[str, str]]
+
+    @property
+    def claims(self) -> list[Claim]:
+        """The paper's, of all its tables."""
+        return [claim for table in self.tables for claim in table.claims]
 
     def verdict_cells(self) -> list[tuple[str, ...]]:
         """The verdicts' table, text by text, as `VERDICT_HEADINGS`."""
@@ -84,7 +102,8 @@ def write_tables(done: PaperRuns) -> tuple[Path, Exit]:
     for file, text in (
         (page, _page(done, views, runs, status)),
         (done.out / "tables.md", _markdown(done, views)),
-        (done.out / "trends.md", _trends(views)),
+        (done.out / "claims.md", _claims(views)),
+        (done.out / "summary.md", _summary(done, views)),
         (done.out / "tables.tex", _latex(done, views)),
         (done.out / "tables.csv", _csv(views)),
     ):
@@ -121,12 +140,26 @@ def _view(done: PaperRuns, paper: Paper) -> PaperView:
 
 def headline(views: Sequence[PaperView]) -> str:
     """How many of the papers' claims hold, of those measured."""
-    found = [trend for view in views for table in view.tables for trend in table.trends]
-    measured = [trend for trend in found if trend.holds is not None]
-    holding = sum(1 for trend in measured if trend.holds)
-    text = f"{holding} of {words.counted(len(measured), 'claim')} of the papers hold here"
-    left = len(found) - len(measured)
-    return f"{text}, {words.count(left)} not measured" if left else text
+    return counted_grades([claim for view in views for claim in view.claims])
+
+
+def counted_grades(claims: Sequence[Claim]) -> str:
+    """So many of so many hold, and what the others do."""
+    count = Counter(claim.grade for claim in claims)
+    left = count.pop(Grade.UNMEASURED, 0)
+    text = f"{words.count(count[Grade.HOLDS])} of {words.counted(count.total(), 'claim')}"
+    text += " of the papers hold here"
+    others = [
+        f"{words.count(number)} {said}"
+        for number, said in (
+            (count[Grade.IN_DIRECTION], "in direction"),
+            (count[Grade.FAILS], "not"),
+            (count[Grade.OPEN], "open"),
+            (left, "not measured"),
+        )
+        if number
+    ]
+    return ", ".join([text, *others])
 
 
 def _sampling(done: PaperRuns) -> str:
@@ -173,7 +206,9 @@ def _markdown(done: PaperRuns, views: Sequence[PaperView]) -> str:
         "",
         f"{headline(views)}. On {_sampling(done)}. {_DEFINED}",
         "",
-        _trends(views),
+        _GRADES,
+        "",
+        _claims(views),
     ]
     for view in views:
         lines += [f"## {words.plain(view.paper.title)}", ""]
@@ -191,18 +226,28 @@ def _markdown(done: PaperRuns, views: Sequence[PaperView]) -> str:
     return "\n".join(lines)
 
 
-def _trends(views: Sequence[PaperView]) -> str:
-    lines = ["| claim | where | here |", "|---|---|---|"]
+def _claims(views: Sequence[PaperView]) -> str:
+    """The papers' claims, and those of ours apart."""
+    theirs = _claims_table(views, lambda table: table.claims)
+    own = _claims_table(views, lambda table: table.own)
+    return f"{theirs}\nClaims of ours, in no count above:\n\n{own}"
+
+
+def _claims_table(views: Sequence[PaperView], claims_of: Callable[[Table], Sequence[Claim]]) -> str:
+    lines = [f"| {' | '.join(CLAIM_HEADINGS)} |", "|---|---|--:|--:|--:|---|"]
     for view in views:
         for table in view.tables:
-            for trend in table.trends:
-                cells = (
-                    trend.claim,
-                    f"{view.paper.name}, {table.source}",
-                    " ".join(VERDICTS[trend.holds]),
-                )
+            for claim in claims_of(table):
+                cells = claim_cells(claim, f"{view.paper.name}, {table.source}")
                 lines.append(f"| {' | '.join(map(words.plain, cells))} |")
     return "\n".join(lines) + "\n"
+
+
+def _summary(done: PaperRuns, views: Sequence[PaperView]) -> str:
+    """The headline, and a line per paper."""
+    lines = [f"{headline(views)}. On {_sampling(done)}.", ""]
+    lines += [f"- {words.plain(view.paper.title)}: {counted_grades(view.claims)}" for view in views]
+    return "\n".join(lines).replace(" of the papers hold here", " hold", len(lines)) + "\n"
 
 
 def _latex(done: PaperRuns, views: Sequence[PaperView]) -> str:

@@ -1,0 +1,1 @@
+"""What each paper prints, as `visref.papers.published` has it: one module each."""
