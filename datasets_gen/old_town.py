@@ -1,4 +1,4 @@
-"""A town of 34,034,176 triangles that shows next to none of them: the City of Hey 2001, by its text.
+"""A town of 34,034,176 triangles that shows few of them: the City of Hey 2001, by its text.
 
 "Real-Time Occlusion Culling With A Lazy Occlusion Grid" (TR-186-2-01-02, section 7 and Fig. 7) says
 of its city: 34,034,176 triangles; each a primitive object, in boxes of at most 1,500; a walkthrough
@@ -25,6 +25,7 @@ Each house is a solid: closed, and facing outward.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -208,7 +209,7 @@ def _ends(xs: Float64, ys: Float64) -> list[Soup]:
     for x, way in ((xs[-1], 1.0), (xs[0], -1.0)):
         strips = [
             [[x, low, way * out], [x, low, -way * out], [x, high, -way * in_], [x, high, way * in_]]
-            for (low, out), (high, in_) in zip(rows[:-2], rows[1:-1], strict=True)
+            for (low, out), (high, in_) in itertools.pairwise(rows[:-1])
         ]
         (low, out), (top, _) = rows[-2:]
         peak = np.array([[x, low, way * out], [x, low, -way * out], [x, top, 0.0]])
@@ -219,8 +220,7 @@ def _ends(xs: Float64, ys: Float64) -> list[Soup]:
 def _floor(xs: Float64) -> Soup:
     z = HOUSE_M[1] / 2.0
     corners = [
-        [[a, 0.0, -z], [b, 0.0, -z], [b, 0.0, z], [a, 0.0, z]]
-        for a, b in zip(xs[:-1], xs[1:], strict=True)
+        [[a, 0.0, -z], [b, 0.0, -z], [b, 0.0, z], [a, 0.0, z]] for a, b in itertools.pairwise(xs)
     ]
     return quads(np.array(corners))
 

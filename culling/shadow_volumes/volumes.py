@@ -108,14 +108,8 @@ class ShadowVolumes:
         """The shadows that a camera sees; without `clamped` every volume is drawn in full, to
         infinity. `fragments` counts them, beside the frame."""
         view = self.view_of(camera)
-        target = self.sums.begin(view)
-        self.mark_unlit(view, target)
+        target = self.begin(view, camera, clamped=clamped)
         unlit = self.sums.read(target) > 0
-        if clamped:
-            self.litmaps.build(view, target, self._reach(camera))
-            self._clamp()
-        else:
-            self._keep_all()
         self.device.clear_colour(target.framebuffer)
         self.draw_volumes(view, self.sums.adding(target, self.program))
         # The background receives no shadow.
@@ -127,11 +121,37 @@ class ShadowVolumes:
             )
         return ShadowFrame(count, unlit, *self._read_extents(), counted)
 
+    def fragments_of(self, camera: Camera, casters: Int64, *, clamped: bool = True) -> int:
+        """The fragments of some casters' volumes alone, (k,) ids, hidden ones included."""
+        view = self.view_of(camera)
+        target = self.begin(view, camera, clamped=clamped)
+        words = np.frombuffer(self.commands.read(), np.uint32)
+        chosen = words[: COMMAND_WORDS * len(self.vertex_arrays) * self.casters.count].copy()
+        chosen = chosen.reshape(len(self.vertex_arrays), self.casters.count, COMMAND_WORDS)
+        others = np.ones(self.casters.count, np.bool_)
+        others[casters] = False
+        chosen[:, others, 1] = 0
+        self.commands.write(chosen.tobytes() or bytes(4))
+        return self.sums.fragments(
+            target, self.program, lambda state: self.draw_volumes(view, state)
+        )
+
     def tolerance(self, camera: Camera) -> RasterTolerance:
         """What this rasteriser declares for a camera."""
         return self.sums.tolerance(self.view_of(camera))
 
     # The steps.
+
+    def begin(self, view: View, camera: Camera, *, clamped: bool) -> Target:
+        """The scene's depth, its unlit samples marked, and what is to be drawn."""
+        target = self.sums.begin(view)
+        self.mark_unlit(view, target)
+        if clamped:
+            self.litmaps.build(view, target, self._reach(camera))
+            self._clamp()
+        else:
+            self._keep_all()
+        return target
 
     def view_of(self, camera: Camera) -> View:
         if not camera.is_perspective:

@@ -431,6 +431,10 @@ def test_experiment_on_terrain_and_towers_loses_no_shadow_and_saves_fragments():
     assert result["verdict"]["status"] == "no_violation_found"
     assert result["frames"] == 2
     assert result["fragments_clamped"] < result["fragments_full"]
-    assert math.isclose(
-        result["fragments_full"], sum(result["fragments_full_by_frame"]) / 2, rel_tol=1e-12
-    )
+    by_frame = result["by_frame"]["fragments_full"]
+    assert math.isclose(result["fragments_full"], sum(by_frame) / 2, rel_tol=1e-12)
+    # The volumes are those of the kinds together, and none of two.
+    assert set(result["kinds"]) == {"bird", "ground", "tower"}
+    for name in ("fragments_full", "fragments_clamped"):
+        assert sum(kind[name] for kind in result["kinds"].values()) == result[name]
+    assert 0.0 < result["solid"] < 1.0
