@@ -154,7 +154,7 @@ def _apart(points: NDArray[Any], p: NDArray[Any], q: NDArray[Any]) -> bool:
     if shared > 2:
         return False
     if shared == 2:
-        return _unfolded(points, one, other)
+        return bool(_unfolded(points, one, other))
     # All ways from one triangle to the other: none where their hull holds no origin. Of two that
     # share a corner, both continued from there as cones.
     ways = np.empty((9, 3))
@@ -169,7 +169,7 @@ def _apart(points: NDArray[Any], p: NDArray[Any], q: NDArray[Any]) -> bool:
         for k in range(2):
             ways[k] = points[one[0]] - points[one[1 + k]]
             ways[2 + k] = points[other[1 + k]] - points[other[0]]
-    return _on_one_side(ways[:count])
+    return bool(_on_one_side(ways[:count]))
 
 
 @njit()
@@ -270,4 +270,4 @@ def _unfolded(points: NDArray[Any], one: NDArray[Any], other: NDArray[Any]) -> b
     for at in range(2):
         if abs(value[at]) <= 2.0 * ROUNDING * size[at]:
             return False
-    return value[0] * value[1] < 0.0
+    return bool(value[0] * value[1] < 0.0)
