@@ -232,9 +232,23 @@ def test_covered_pixels_are_those_of_the_painted_union(cover):
         assert painted.sum() == pixels
 
 
-def test_coverage_is_the_published_one():
+def test_coverage_is_that_of_the_figures_five_cases():
+    """Fig. 3 for every size up to 512, in whole numbers and without our squares."""
     found = coverage(None, None)
-    assert round(found["extra_1"], 2) == 2.19
-    assert round(found["extra_4"], 3) == 0.198
-    assert round(found["exact_4"], 3) == 0.341
+    largest, own = 512, (512 * 513 // 2) ** 2
+    # One square: 4^k - 4^(k-1) sizes have their longer side in (2^(k-1), 2^k].
+    one = 1 + sum(4**k * (4**k - 4 ** (k - 1)) for k in range(1, 10))
+    assert found["extra_1"] == (one - own) / own
+    four = exact = 0
+    for longer in range(1, largest + 1):
+        half = max(1, (1 << (longer - 1).bit_length()) // 2)
+        for shorter in range(1, longer + 1):
+            # Two quadrants by less than half their side: four squares in a row, of half the side.
+            side = half if 2 * shorter > half or half == 1 else half // 2
+            covered = longer * max(shorter, side)
+            sizes = 1 if shorter == longer else 2
+            four += sizes * covered
+            exact += sizes * (covered == longer * shorter)
+    assert found["extra_4"] == (four - own) / own
+    assert found["exact_4"] == exact / largest**2
     assert len(found["row_1"]) == len(found["row_4"]) == len(found["heights"]) == 32

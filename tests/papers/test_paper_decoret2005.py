@@ -86,7 +86,7 @@ def test_each_claim_has_its_grades(place, counts, grade):
 
 def moving(**changed):
     row = {"visible": 40, "confirmed": 0, "drawn": 50, "superfluous": 10}
-    frames = {spec: [{"frame": 4, **row}] for spec in paper.MOVING.values()}
+    frames = {spec: [{"frame": frame, **row} for frame in (4, 5)] for spec in paper.MOVING.values()}
     frames["n-buffer"][0] |= changed
     return run_folder(frames)
 

@@ -20,6 +20,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(autouse=True)
 def own_experiments(monkeypatch):
+    tables_runs.All.cameras.clear()
     monkeypatch.setattr(runs, "load_entry", lambda group, name, kind: getattr(tables_runs, name))
 
 
@@ -125,6 +126,18 @@ def test_the_page_opens_offline_at_any_width_without_complaint(measured):
         assert [url for url in page.requests if not url.startswith(("file:", "data:"))] == []
 
 
+def test_another_seed_and_other_frames_are_said_and_measured_anew(tmp_path):
+    run_all([paper()], tmp_path, Steps(), frames=2)
+    usual = len(tables_runs.All.cameras)
+    again = run_all([paper()], tmp_path, Steps(), frames=2, shift=0.25, seed=5)
+    assert len(tables_runs.All.cameras) == 2 * usual
+    page, _ = write_tables(again)
+    told = "2 frames at most of each camera path, moved by +0.25 of the way from one to the next, "
+    assert f"{told}scenes of seed 5" in texts(page.parent)[".md"]
+    manifest = (tmp_path / "records" / "toy" / "first" / "manifest.json").read_text()
+    assert f"{TOWN},seed=5" in manifest
+
+
 # The command.
 
 
@@ -148,7 +161,12 @@ def test_an_interrupted_command_says_that_it_can_go_on(tmp_path, monkeypatch, ca
 
 @pytest.mark.parametrize(
     ("arguments", "told"),
-    [(["--paper", "hey2002"], "known are"), (["--frames", "0"], "--frames is 0")],
+    [
+        (["--paper", "hey2002"], "known are"),
+        (["--frames", "0"], "--frames is 0"),
+        (["--shift", "0.6"], "--shift is 0.6"),
+        (["--seed", "-1"], "--seed is -1"),
+    ],
 )
 def test_wrong_arguments_are_one_line_and_status_2(tmp_path, capsys, arguments, told):
     assert cli.main(["tables", *arguments, "--out", str(tmp_path / "out")]) == 2

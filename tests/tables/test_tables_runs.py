@@ -55,6 +55,41 @@ def test_samples_are_spread_over_the_path_and_come_in_stretches():
     assert sampled(100, 6, 3) == [25, 26, 27, 75, 76, 77]
 
 
+@given(
+    st.integers(1, 60),
+    st.integers(1, 70),
+    st.integers(1, 8),
+    st.floats(-0.5, 0.5, allow_nan=False),
+)
+def test_moved_samples_are_of_the_path_too(count, wanted, stretch, shift):
+    frames = sampled(count, wanted, stretch, shift)
+    assert frames == sorted(set(frames))
+    assert frames
+    assert set(frames) <= set(range(count))
+    assert sampled(count, wanted, stretch, 0.0) == sampled(count, wanted, stretch)
+
+
+def test_moved_samples_lie_between_the_usual_ones():
+    assert sampled(100, 4, 1, 0.48) == [24, 49, 74, 99]
+    assert sampled(100, 4, 1, -0.48) == [0, 25, 50, 75]
+    assert sampled(100, 6, 3, 0.2) == [35, 36, 37, 85, 86, 87]
+    assert sampled(7, None, 1, 0.5) == list(range(7))
+
+
+def test_another_seed_is_of_every_scene_that_names_none():
+    walks = (
+        JudgedRun("a", "city", ()),
+        JudgedRun("b", "city:scale=0.2", ()),
+        JudgedRun("c", "city:seed=3", ()),
+    )
+    found = paper(walks, (Experiment("e", "n"),))
+    scenes = [task.work.scene for task in tasks([found], large=False, seed=7)]
+    assert sorted(filter(None, scenes)) == ["city:scale=0.2,seed=7", "city:seed=3", "city:seed=7"]
+    assert None in scenes
+    usual = [task.work.scene for task in tasks([found], large=False)]
+    assert sorted(filter(None, usual)) == ["city", "city:scale=0.2", "city:seed=3"]
+
+
 def test_a_stretch_starts_with_a_cut_and_goes_on_without():
     camera = Camera(look_at((0, 0, 4), (0, 0, 0)), 4, 4, near=1.0, far=9.0, ymag=2.0)
     path = cut_path(CameraPath((camera,) * 6), [1, 2, 4])

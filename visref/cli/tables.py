@@ -7,7 +7,7 @@ from pathlib import Path
 
 from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.judging.status import Exit
-from visref.numerals import whole_number
+from visref.numerals import decimal_number, whole_number
 from visref.papers import load_paper, paper_names
 from visref.tables import run_all, write_tables
 
@@ -24,6 +24,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_number,
         metavar="N",
         help="only N frames of each path, for a quick look",
+    )
+    parser.add_argument(
+        "--shift",
+        type=decimal_number,
+        default=0.0,
+        metavar="SHARE",
+        help="other frames: moved by this share of the way to the next, -0.5 to 0.5",
+    )
+    parser.add_argument(
+        "--seed",
+        type=whole_number,
+        default=0,
+        metavar="N",
+        help="other scenes, of this seed, and other resamples for the intervals",
     )
     parser.add_argument(
         "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
@@ -51,6 +65,8 @@ def run(given: argparse.Namespace) -> Exit:
             frames=given.frames,
             large=given.large,
             threads=given.threads,
+            shift=given.shift,
+            seed=given.seed,
         )
     page, status = write_tables(measured)
     for label, why in measured.failures.items():

@@ -16,6 +16,12 @@ consecutive ones.
   resampled deviations are reflected at the figure (the basic bootstrap), so that the interval
   starts at what was seen.
 
+What the interval is for is the path: 20 frames spread over it tell its mean better than 20 of a
+process without end would, since neighbours resemble each other. So it is wide enough there however
+long the memory, while for the process behind a series of long memory (a correlation of 0.7 from one
+sampled frame to the next, say) 20 frames are too few for any such rule: it would hold 80 % of the
+time (`tests/papers/test_estimates.py`).
+
 Figures of the same walk are resampled together, so that what two cullers share cancels in their
 quotient. The seed is fixed: the same frames give the same interval.
 """
@@ -25,8 +31,10 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
 from statistics import NormalDist
 from typing import Any
@@ -54,10 +62,23 @@ def block_length(frames: Sequence[int]) -> int:
     return max(1, min(length, count // 2))
 
 
+_seed = ContextVar("seed", default=0)
+
+
+@contextmanager
+def resampling(seed: int) -> Iterator[None]:
+    """Inside, intervals are resampled with another seed; 0 is the usual one."""
+    before = _seed.set(seed)
+    try:
+        yield
+    finally:
+        _seed.reset(before)
+
+
 @lru_cache(maxsize=32)
-def _draws(walk: str, count: int, length: int) -> NDArray[np.int32]:
+def _draws(seed: int, walk: str, count: int, length: int) -> NDArray[np.int32]:
     """(RESAMPLES, count) places in the sample, in blocks of `length`."""
-    rng = np.random.default_rng([SEED, zlib.crc32(walk.encode()), count, length])
+    rng = np.random.default_rng([SEED, seed, zlib.crc32(walk.encode()), count, length])
     starts = rng.integers(count, size=(RESAMPLES, -(-count // length), 1))
     places = (starts + np.arange(length)) % count
     return places.reshape(RESAMPLES, -1)[:, :count].astype(np.int32)
@@ -95,7 +116,9 @@ class Estimate:
     `value`: of the frames that were judged. `resampled`: gives the figure of resampled frames,
     (RESAMPLES,) float64, and is asked once, where an interval is; None for what is no figure of
     frames, a single count or measurement, which has no interval. `blocks`: how many independent
-    blocks the frames make, the fewest where figures are joined.
+    blocks the frames make, the fewest where figures are joined. `at_least`, `at_most`: what the
+    figure of the whole path cannot pass, whatever the frames between: its worst is no better than
+    one that was seen.
 
     Arithmetic with numbers and other estimates gives estimates. Raises ZeroDivisionError where a
     quotient's denominator is zero.
@@ -104,6 +127,8 @@ class Estimate:
     value: float
     resampled: Callable[[], Floats] | None = None
     blocks: int = 0
+    at_least: float = -math.inf
+    at_most: float = math.inf
 
     @cached_property
     def resamples(self) -> Floats | None:
@@ -116,16 +141,15 @@ class Estimate:
         resample has no figure."""
         if self.resamples is None:
             return None
-        if np.ptp(self.resamples) == 0.0:
-            return self.value, self.value
         if self.blocks < 2 or not np.isfinite(self.resamples).all():
-            return -math.inf, math.inf
+            return self.at_least, self.at_most
         tail = (1.0 - CONFIDENCE) / 2.0
         wider = students_quantile(1.0 - tail, self.blocks - 1)
         wider *= math.sqrt(self.blocks / (self.blocks - 1))
         share = NormalDist().cdf(-wider)
         low, high = np.quantile(self.resamples, (share, 1.0 - share))
-        return min(float(low), self.value), max(float(high), self.value)
+        low, high = min(float(low), self.value), max(float(high), self.value)
+        return max(low, self.at_least), min(high, self.at_most)
 
     def __truediv__(self, other: Estimate | float) -> Estimate:
         return _joined(lambda a, b: a / b, self, other)
@@ -171,12 +195,25 @@ def _joined(of: Callable[..., Any], first: Estimate, *others: Estimate | float) 
 
 def least(*figures: Estimate) -> Estimate:
     """The least of several figures, as of several scenes."""
-    return _joined(np.minimum, *figures)
+    return _bounded(min, _joined(np.minimum, *figures), figures)
 
 
 def most(*figures: Estimate) -> Estimate:
     """The greatest of several figures."""
-    return _joined(np.maximum, *figures)
+    return _bounded(max, _joined(np.maximum, *figures), figures)
+
+
+def _bounded(
+    of: Callable[[Iterable[float]], float], joined: Estimate, figures: Sequence[Estimate]
+) -> Estimate:
+    """The least or greatest of figures is bounded by that of their bounds."""
+    if joined.resampled is None:
+        return joined
+    low, high = (
+        of(one.value if one.resampled is None else getattr(one, end) for one in figures)
+        for end in ("at_least", "at_most")
+    )
+    return replace(joined, at_least=low, at_most=high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,11 +235,13 @@ class Series:
 
     def most(self) -> Estimate:
         """The greatest: the path's is that or more. Raises ValueError without frames."""
-        return self._reflected(self._estimate(lambda values: values.max(axis=-1)))
+        worst = self._reflected(self._estimate(lambda values: values.max(axis=-1)))
+        return replace(worst, at_least=worst.value)
 
     def least(self) -> Estimate:
         """The least: the path's is that or less. Raises ValueError without frames."""
-        return self._reflected(self._estimate(lambda values: values.min(axis=-1)))
+        worst = self._reflected(self._estimate(lambda values: values.min(axis=-1)))
+        return replace(worst, at_most=worst.value)
 
     def __truediv__(self, other: Series) -> Series:
         """Frame by frame. Raises ZeroDivisionError where a frame's denominator is zero, ValueError
@@ -220,7 +259,7 @@ class Series:
         length = block_length(self.frames)
 
         def resampled() -> Floats:
-            return figure(self.values[_draws(self.walk, count, length)])
+            return figure(self.values[_draws(_seed.get(), self.walk, count, length)])
 
         return Estimate(float(figure(self.values)), resampled, count // length)
 

@@ -20,7 +20,7 @@ from visref.files import replacing_file
 from visref.judging.status import Exit, Status, decide, run_status
 from visref.papers import NO_NUMBERS, Paper
 from visref.papers.contents import Claim, Grade, Table
-from visref.papers.estimates import CONFIDENCE
+from visref.papers.estimates import CONFIDENCE, resampling
 from visref.provenance import machine, versions
 from visref.report import words
 from visref.report.environment import page_environment
@@ -95,6 +95,11 @@ def write_tables(done: PaperRuns) -> tuple[Path, Exit]:
     The status is that of all judged runs together, and at best "nothing judged" where
     something could not be measured.
     """
+    with resampling(done.seed):
+        return _write_tables(done)
+
+
+def _write_tables(done: PaperRuns) -> tuple[Path, Exit]:
     views = [_view(done, paper) for paper in done.papers]
     runs = [run for view in views for run, _ in view.runs]
     status = decide([run.exit for run in runs] + [Exit.NOTHING_JUDGED for _ in done.failures])
@@ -165,7 +170,10 @@ def counted_grades(claims: Sequence[Claim]) -> str:
 def _sampling(done: PaperRuns) -> str:
     frames = done.frames
     of = "every frame" if frames is None else f"{words.counted(frames, 'frame')} at most"
-    return f"{of} of each camera path"
+    text = f"{of} of each camera path"
+    if done.shift and frames is not None:
+        text += f", moved by {done.shift:+.2f} of the way from one to the next"
+    return f"{text}, scenes of seed {done.seed}" if done.seed else text
 
 
 def _verdict_line(runs: Sequence[RunFolder]) -> str:

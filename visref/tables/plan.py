@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from visref.camera_path import CameraPath, Frame, middles
 from visref.papers import Paper
@@ -29,25 +30,39 @@ class Task:
         return f"{self.paper}/{self.work.key}"
 
 
-def tasks(papers: Iterable[Paper], *, large: bool) -> list[Task]:
+def tasks(papers: Iterable[Paper], *, large: bool, seed: int = 0) -> list[Task]:
     """All that the papers need, those of one scene together, so that it is read once; the
-    large scenes last."""
+    large scenes last. Scenes are generated with `seed`; 0 is their own."""
     found: list[Task] = []
     for paper in papers:
         work: tuple[JudgedRun | Experiment, ...] = (*paper.runs, *paper.experiments)
-        found += [Task(paper.name, one) for one in work if large or not one.large]
+        found += [
+            Task(paper.name, replace(one, scene=seeded(one.scene, seed)))
+            for one in work
+            if large or not one.large
+        ]
     first: dict[str | None, int] = {}
     for place, task in enumerate(found):
         first.setdefault(task.work.scene, place)
     return sorted(found, key=lambda task: (task.work.large, first[task.work.scene]))
 
 
-def sampled(count: int, wanted: int | None, stretch: int) -> list[int]:
+def seeded(scene: str | None, seed: int) -> Any:
+    """A generated scene's spec with another seed, unless it names its own."""
+    if scene is None or not seed or "seed=" in scene:
+        return scene
+    return f"{scene}{',' if ':' in scene else ':'}seed={seed}"
+
+
+def sampled(count: int, wanted: int | None, stretch: int, shift: float = 0.0) -> list[int]:
     """Frames of a path of `count`: `wanted` of them, all for None, spread evenly in stretches of
-    `stretch` consecutive ones. Ascending, without repeats."""
+    `stretch` consecutive ones. Ascending, without repeats. `shift`, from -0.5 to 0.5: by what part
+    of the way from one stretch to the next they are moved along the path."""
     if wanted is None or wanted >= count:
         return list(range(count))
-    starts = middles(count, -(-wanted // stretch))
+    parts = -(-wanted // stretch)
+    moved = round(shift * count / parts)
+    starts = [min(max(start + moved, 0), count - 1) for start in middles(count, parts)]
     frames = {min(start + k, count - 1) for start in starts for k in range(stretch)}
     return sorted(frames)[:wanted]
 

@@ -104,11 +104,14 @@ class PaperResults:
 @dataclass(frozen=True)
 class PaperRuns:
     """What was run: the papers, where their results are, and what failed and why, by
-    `PAPER/KEY`."""
+    `PAPER/KEY`; on how many frames, moved by what share of the way to the next (`shift`), and with
+    which seed."""
 
     papers: tuple[Paper, ...]
     out: Path
     frames: int | None
+    shift: float = 0.0
+    seed: int = 0
     failures: dict[str, str] = field(default_factory=dict)
 
     def results(self, paper: Paper) -> PaperResults:
@@ -125,16 +128,24 @@ def run_all(
     frames: int | None = None,
     large: bool = False,
     threads: int | None = None,
+    shift: float = 0.0,
+    seed: int = 0,
 ) -> PaperRuns:
-    """Run all that the papers need, on `frames` frames of every path (None for all).
+    """Run all that the papers need, on `frames` frames of every path (None for all), moved along it
+    by a `shift` of the way from one to the next, from -0.5 to 0.5, through scenes generated with
+    `seed`.
 
     A thing that fails is told in `failures`, and its old results are no longer there; the others go
-    on. Raises InputError for a number of frames that is none.
+    on. Raises InputError for a number of frames that is none, or another shift.
     """
     if frames is not None and frames < 1:
         raise InputError(f"--frames is {frames}", fix="give 1 or more")
-    done = PaperRuns(tuple(papers), out, frames)
-    todo = tasks(done.papers, large=large)
+    if not -0.5 <= shift <= 0.5:
+        raise InputError(f"--shift is {shift}", fix="give -0.5 to 0.5")
+    if seed < 0:
+        raise InputError(f"--seed is {seed}", fix="give 0 or more")
+    done = PaperRuns(tuple(papers), out, frames, shift, seed)
+    todo = tasks(done.papers, large=large, seed=seed)
     progress.begin(sum(_steps(task, frames) for task in todo))
     stage = _Stage(out / "scenes", threads)
     code = code_digest()
@@ -142,12 +153,12 @@ def run_all(
         for task in todo:
             progress.task(task.label)
             folder = out / "records" / task.paper / task.work.key
-            asked = _asked(task, frames, code)
+            asked = _asked(task, frames, shift, code)
             steps = _Share(progress, _steps(task, frames))
             sweep(folder.parent)
             if _asked_before(folder, task) != asked:
                 try:
-                    _run_task(task, folder, asked, stage, frames, steps)
+                    _run_task(task, folder, asked, stage, (frames, shift), steps)
                 except (InputError, NothingToJudge) as error:
                     done.failures[task.label] = str(error)
                     # What an earlier run left is no result of this one.
@@ -190,10 +201,10 @@ class _Share:
         self._progress.advance(self._left)
 
 
-def _asked(task: Task, frames: int | None, code: str) -> dict[str, Any]:
+def _asked(task: Task, frames: int | None, shift: float, code: str) -> dict[str, Any]:
     """What a result must have been made of to be kept."""
     work = json.loads(json.dumps(vars(task.work)))
-    return {"work": work, "frames": frames, "code": code, "engine": ENGINE}
+    return {"work": work, "frames": frames, "shift": shift, "code": code, "engine": ENGINE}
 
 
 def _asked_before(folder: Path, task: Task) -> object:
@@ -274,7 +285,7 @@ def _run_task(
     folder: Path,
     asked: dict[str, Any],
     stage: _Stage,
-    frames: int | None,
+    sampling: tuple[int | None, float],
     share: _Share,
 ) -> None:
     work = task.work
@@ -282,7 +293,8 @@ def _run_task(
     picked: list[int] = []
     if work.scene is not None:
         scene, path = stage.scene(work.scene)
-        picked = sampled(len(path), frames, work.stretch)
+        frames, shift = sampling
+        picked = sampled(len(path), frames, work.stretch, shift)
         path = cut_path(path if work.size is None else path.resized(*work.size), picked)
     with replacing_folder(folder, kind=_kind(task)) as written:
         if isinstance(work, Experiment):
