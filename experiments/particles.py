@@ -32,7 +32,7 @@ SIDE_PX = 16
 OTHER_SIDE_PX = 24
 SEED = 2005
 FRAMES = 20
-TIMED_FRAMES = 5
+FEW_FRAMES = 5
 ROUNDS = 3
 
 
@@ -40,8 +40,8 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     """Averages over up to `FRAMES` frames of snow all over the scene: sprites in the view, those
     not hidden by one lookup, depth tests by rasterising all of them, lookups as the shader counts
     them, depth tests of the sprites left; the same by frame; and the verdict's counts summed.
-    `culled_ms`, `plain_ms`: of drawing scene and sprites, in each of up to `TIMED_FRAMES` frames.
-    `other`: of sprites of `OTHER_SIDE_PX`, by how many squares cover one."""
+    `culled_ms`, `plain_ms`: of drawing scene and sprites, in each of up to `FEW_FRAMES` frames.
+    `other`: of sprites of `OTHER_SIDE_PX`, by how many squares cover one, on as few."""
     scene = solid(scene)
     places = snow(scene, SPRITES)
     frames = middles(len(path), FRAMES)
@@ -51,8 +51,9 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     result |= _timed(scene, Sprites(places, SIDE_PX), path)
     other = Sprites(places, OTHER_SIDE_PX)
     result["other_side_px"] = OTHER_SIDE_PX
+    few = [path.cameras[frame] for frame in middles(len(path), FEW_FRAMES)]
     result["other"] = {
-        str(squares): _counted(scene, other, cameras, squares=squares) for squares in (ONE, FOUR)
+        str(squares): _counted(scene, other, few, squares=squares) for squares in (ONE, FOUR)
     }
     return result
 
@@ -91,7 +92,7 @@ def _timed(scene: Scene, sprites: Sprites, path: CameraPath) -> dict[str, list[f
     particles = Particles(scene, sprites)
     times: dict[str, list[float]] = {"culled_ms": [], "plain_ms": []}
     try:
-        for frame in middles(len(path), TIMED_FRAMES):
+        for frame in middles(len(path), FEW_FRAMES):
             jobs = [
                 partial(particles.draw_alone, path.cameras[frame], culled=culled)
                 for culled in (True, False)

@@ -48,6 +48,8 @@ TITLE = "Occlusion Culling: slides on the visualisation of seismic data (three p
 REDUCTION = int(WORKS.value)
 
 SCENE = "seismic:scale=0.5"
+# The same horizons, each one object, as a user's would be; and the tiles of `SCENE`.
+WHOLE, TILE = "seismic:scale=0.5,tiled=false", 2048
 SIZE = (384, 288)
 # Frames in a row, for what happens from one to the next.
 DYNAMIC, STRETCH = "busy_street", 5
@@ -83,10 +85,23 @@ def _counted(spec: str) -> str:
     return f"{spec}{',' if ':' in spec else ':'}fragments=true"
 
 
+def boxed(reduction: int) -> str:
+    """The published mode with boxes asked in the second pass instead of stand-ins."""
+    return f"{published(reduction)},ask=boxes"
+
+
+def in_tiles(spec: str) -> str:
+    """The same, of objects that the method divides."""
+    return f"{spec},tile={TILE}"
+
+
 CROSS = tuple(itertools.product(CROSSED, THRESHOLDS, SCALES))
 _PUBLISHED = dict.fromkeys(
-    [published(reduction) for reduction in REDUCTIONS] + [published(*at) for at in CROSS]
+    [published(reduction) for reduction in REDUCTIONS]
+    + [published(*at) for at in CROSS]
+    + [boxed(reduction) for reduction in REDUCTIONS]
 )
+_UNDIVIDED = (published(REDUCTION), conservative(REDUCTION))
 _FILLED = [FRUSTUM, published(1), *(published(REDUCTION, scale=scale) for scale in FILL_SCALES)]
 
 RUNS = (
@@ -97,6 +112,7 @@ RUNS = (
         tuple(conservative(*at) for at in itertools.product(CONSERVATIVE, SCALES)),
         size=SIZE,
     ),
+    JudgedRun("undivided", WHOLE, (FRUSTUM, *_UNDIVIDED, *map(in_tiles, _UNDIVIDED)), size=SIZE),
     JudgedRun("fill", SCENE, tuple(map(_counted, _FILLED)), size=SIZE),
     JudgedRun(
         "dynamic",
@@ -119,7 +135,9 @@ def tables(results: Results) -> list[Table]:
         _claims(by_spec, fill),
         _misses(by_spec),
         _cost(by_spec),
+        _precision(by_spec),
         _safe(runs["conservative"], by_spec),
+        _undivided(runs["undivided"]),
         _dynamic(runs["dynamic"]),
         _prediction(results.experiment("prediction")),
     ]
@@ -239,24 +257,80 @@ def _claims(by_spec: _ByCuller, fill: _ByCuller) -> Table:
             Sense.AT_LEAST,
             gain,
         ),
-        Claim(
-            "stand-ins are more precise than bounding boxes: what is drawn for nothing with those "
-            "of 1:100, over that with boxes",
-            Sense.AT_MOST,
-            _share(coarse, boxes),
-            told=_imprecise((boxes, coarse, fine)),
-        ),
     )
     return Table("What the slides say", PLACE, rows, claims)
 
 
-def _imprecise(shares: Sequence[Estimate | None]) -> str:
-    boxes, usual, fine = (f"{100 * share.value:.0f} %" if share else "nothing" for share in shares)
-    return (
-        f"drawn for nothing is {boxes} with boxes, {fine} with stand-ins of 1:10 and {usual} with "
-        "those of 1:100: one that sticks out of what hides its object shows, and where occluders "
-        "have shrunk more shows still; the boxes are asked one by one, against what is drawn"
+def _precision(by_spec: _ByCuller) -> Table:
+    """Stand-ins against boxes in the same passes, against the same depth."""
+    rows: list[Row] = []
+    wasted: list[Estimate | None] = []
+    missed: list[Estimate | None] = []
+    for reduction in REDUCTIONS:
+        shares = []
+        for spec, asked in ((published(reduction), "stand-ins"), (boxed(reduction), "boxes")):
+            shares.append((_wasted(by_spec, spec), _missed(by_spec, spec)))
+            rows += [
+                Row(f"1:{reduction}, {asked} asked: drawn for nothing", None,
+                    _value(shares[-1][0]), "%", 1),
+                Row(f"1:{reduction}, {asked} asked: visible objects missed", None,
+                    _value(shares[-1][1]), "%", 2),
+            ]  # fmt: skip
+        (ours, our_misses), (boxes, box_misses) = shares
+        wasted.append(_share(ours, boxes))
+        missed.append(None if our_misses is None or box_misses is None else our_misses - box_misses)
+    known = [one for one in wasted if one is not None]
+    more = [one for one in missed if one is not None]
+    claim = Claim(
+        "stand-ins are more precise than bounding boxes, asked in the same passes, at every "
+        "reduction: the most of what is drawn for nothing with them, over that with boxes",
+        Sense.AT_MOST,
+        most(*known) if len(known) == len(REDUCTIONS) else None,
     )
+    own = Claim(
+        "they miss more for it, or as much, at every reduction: the least difference in visible "
+        "objects missed",
+        Sense.AT_LEAST,
+        least(*more) if len(more) == len(REDUCTIONS) else None,
+        even=0.0,
+        ties=True,
+        unit="%",
+    )
+    return Table("Stand-ins against bounding boxes", PLACE, tuple(rows), (claim,), (own,))
+
+
+def _undivided(by_spec: _ByCuller) -> Table:
+    """What tiles are for: horizons that come as one object each."""
+    rows: list[Row] = []
+    own: list[Claim] = []
+    frustum = _mean(by_spec, FRUSTUM, "triangles_drawn")
+    for spec, name in zip(_UNDIVIDED, ("published", "conservative"), strict=True):
+        drawn = {}
+        for one, how in ((spec, "whole"), (in_tiles(spec), "in tiles")):
+            drawn[how] = _mean(by_spec, one, "triangles_drawn")
+            rows += [
+                Row(f"{name}, {how}: triangles drawn in full, of what is in the frustum", None,
+                    _value(_share(drawn[how], frustum)), "%", 1),
+                Row(f"{name}, {how}: visible objects missed", None, _value(_missed(by_spec, one)),
+                    "%", 2),
+                Row(f"{name}, {how}: samples lost", None, _value(_lost(by_spec, one)), "%", 3),
+            ]  # fmt: skip
+        own.append(
+            Claim(
+                f"{name}: in tiles of its own making less is drawn in full than of whole horizons: "
+                "triangles over triangles",
+                Sense.AT_MOST,
+                _share(drawn["in tiles"], drawn["whole"]),
+            )
+        )
+    own.append(
+        _nothing_missed(
+            "the conservative mode misses nothing in tiles of its own making",
+            _most_missed(by_spec, [in_tiles(_UNDIVIDED[1])]),
+        )
+    )
+    return Table("Horizons that come undivided", "Basic Algorithm: Preprocess", tuple(rows),
+                 own=tuple(own))  # fmt: skip
 
 
 def _name(reduction: int, threshold: int, scale: int) -> str:
