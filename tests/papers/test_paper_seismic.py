@@ -6,6 +6,7 @@ import pytest
 
 from tests.support.run_values import run_folder
 from visref.papers import seismic as paper
+from visref.papers import seismic_figures as figures
 from visref.papers.contents import Grade
 from visref.registry import make_culler
 from visref_experiments import three_pass
@@ -181,7 +182,7 @@ def test_specs_are_cullers_and_the_experiment_is_measured_at_the_runs_reductions
         for spec in judged.cullers:
             made = make_culler(spec)
             if spec.startswith("three-pass"):
-                assert (made.reduction, made.extra) == (options(spec)["reduction"], paper.EXTRA)
+                assert (made.reduction, made.extra) == (options(spec)["reduction"], figures.EXTRA)
             made.close()
     assert set(three_pass.REDUCTIONS) == set(paper.REDUCTIONS) - {1}
-    assert (three_pass.EXTRA, three_pass.MEASURES) == (paper.EXTRA, paper.MEASURES)
+    assert (three_pass.EXTRA, three_pass.MEASURES) == (figures.EXTRA, paper.MEASURES)
