@@ -78,7 +78,7 @@ def test_blocks_are_as_long_as_the_rule_says_and_never_part_a_stretch(frames, le
 # How often the interval holds the truth.
 
 
-# Blocks of 50^(1/3) frames leave out some of a memory of 0.3: 92 % of 2,000 intervals hold the mean.
+# Blocks of 50^(1/3) frames leave out some of a memory of 0.3: 92 % of 2,000 intervals hold it.
 @pytest.mark.parametrize(("memory", "often"), [(0.0, 0.95), (0.3, 0.92)])
 def test_interval_holds_the_mean_of_a_process_about_as_often_as_it_says(memory, often):
     rng = np.random.default_rng(3)

@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 
 from visref.cli.terminal import OUT
+from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.report import write_report
 from visref.report.bench_folder import is_bench
+from visref.report.run_tables import write_run_tables
 from visref.report.words import overall
 from visref.run_folder.read import read_run
 
@@ -17,11 +19,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "runs", nargs="+", type=Path, metavar="RUN", help="a run folder, or one of `visref bench`"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="a page, JUnit XML and Markdown")
+    parser.add_argument(
+        "--tables",
+        type=Path,
+        metavar="DIR",
+        help="tables of the runs as Markdown, LaTeX and CSV",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
-    OUT.line(f"The report: {write_report(given.runs, given.out)}")
-    runs = [folder for folder in given.runs if not is_bench(folder)]
-    _, exit_ = overall([read_run(folder, objects=False) for folder in runs])
+    if given.out is None and given.tables is None:
+        raise InputError("there is nowhere to write to", fix="give --out or --tables")
+    if given.out is not None:
+        OUT.line(f"The report: {write_report(given.runs, given.out)}")
+    folders = [folder for folder in given.runs if not is_bench(folder)]
+    runs = [read_run(folder, objects=given.tables is not None) for folder in folders]
+    if given.tables is not None:
+        for file in write_run_tables(runs, given.tables):
+            OUT.line(f"The tables: {file}")
+    _, exit_ = overall(runs)
     return exit_

@@ -37,7 +37,8 @@ from visref.judging.policy import Policy
 from visref.judging.status import Exit
 from visref.memory import default_budget
 from visref.numerals import whole_number
-from visref.plug_ins import Making, check_cullers, check_time_limit, making_cullers
+from visref.plug_ins import Making, check_cullers, check_time_limit, is_ours, making_cullers
+from visref.registry import find_culler
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew
 
@@ -53,6 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="repeat for several; `visref cullers` lists them; module:Class is your own",
     )
     add_command_arguments(parser)
+    parser.add_argument(
+        "--fragments",
+        action="store_true",
+        help="count fragments and depth tests in every culler on board that can, outside its time",
+    )
     parser.add_argument(
         "--in-process",
         action="store_true",
@@ -83,6 +89,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> Exit:
     specs, commands = given.culler or [], commands_of(given)
+    if given.fragments:
+        specs = [counting_fragments(spec) for spec in specs]
     if not specs and not commands:
         raise InputError("there is nothing to judge", fix="give --culler or --command")
     given_limit = memory_of(given)
@@ -154,6 +162,17 @@ def run(given: argparse.Namespace) -> Exit:
     if stamp is not None:
         write_stamp(stamp, given.out, {**command, "day": _day(policy)})
     return outcome.exit
+
+
+def counting_fragments(spec: str) -> str:
+    """A culler's spec with its fragments counted, where it comes with visref and can; one that says
+    what it wants is left as it is."""
+    if not is_ours(spec):
+        return spec
+    found, options = find_culler(spec)
+    if "fragments" not in found.options or "fragments" in options:
+        return spec
+    return f"{spec}{',' if options else ':'}fragments=true"
 
 
 def _day(policy: Policy | None) -> str:

@@ -11,6 +11,7 @@ from visref.plug_ins.making import (
     Making,
     check_cullers,
     check_time_limit,
+    is_ours,
     making_cullers,
 )
 
@@ -19,5 +20,6 @@ __all__ = [
     "Making",
     "check_cullers",
     "check_time_limit",
+    "is_ours",
     "making_cullers",
 ]

@@ -9,6 +9,8 @@ from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
 from visref.report.misses import cause_of, object_misses, why_lines
+from visref.report.run_tables import grid_markdown, savings_grid
+from visref.report.savings import savings
 from visref.report.summary import RATES, CullerSummary, summarise
 from visref.report.tables import table_markdown
 from visref.run_folder.read import RunFolder
@@ -66,6 +68,9 @@ def _run_lines(run: RunFolder, out: Path) -> list[str]:
             words.quantity(row.ms_median),
         ]
         lines.append(f"| {' | '.join(cells)} |")
+    if (found := savings(run)) is not None:
+        frames = words.counted(found.frames, "frame")
+        lines += ["", grid_markdown(savings_grid(found, frames)).rstrip()]
     for row in rows:
         if why := why_lines(run.verdict.cullers[row.culler].causes):
             lines += ["", f"Why {words.plain(row.culler)} missed them:", ""]

@@ -23,6 +23,8 @@ from visref.report.embedded import data_uri
 from visref.report.environment import page_environment
 from visref.report.misses import cause_of, object_misses, why_lines
 from visref.report.plots import STYLES, Plot, Series, on_scale
+from visref.report.run_tables import shares_text, value_text
+from visref.report.savings import savings
 from visref.report.summary import (
     NO_FPR_PX,
     RATES,
@@ -189,6 +191,8 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
     environment.filters |= {
         "percent": words.percent,
         "quantity": words.quantity,
+        "amount": value_text,
+        "shares": shares_text,
         "code": _code,
         "breakable": _breakable,
     }
@@ -241,6 +245,7 @@ def _run_view(run: RunFolder, index: int, out: Path, budget: CropBudget) -> dict
         "rows": [(number, row, words.culler_sentence(row)) for number, row in enumerate(rows)],
         "columns": (columns := _columns(rows)),
         "cells": _cells(rows, columns),
+        "savings": savings(run),
         "why": {
             culler: lines
             for culler in run.cullers
