@@ -30,7 +30,7 @@ FRAMES = 6
 
 
 def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
-    """Averages over up to `FRAMES` frames: casters, those kept, fragments in full and clamped, the
+    """Averages over up to `FRAMES` frames, which are told: casters, those kept, fragments in full and clamped, the
     same by frame, and the verdict's counts summed. `solid`: the share of triangles that bound a
     solid. `kinds`: fragments in full and clamped of the casters of a kind, by their names' first
     word, averages too."""
@@ -38,11 +38,12 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
     light = sun(SUN_DIRECTION, scene, LEXELS)
     volumes, rays = ShadowVolumes(scene, light), ShadowTruth(scene, light)
     verdict = ImageVerdict()
+    frames = middles(len(path), FRAMES)
     full, clamped, kept = [], [], []
     kinds = kinds_of(scene)
     of_kind: dict[str, list[list[int]]] = {kind: [[], []] for kind in kinds}
     try:
-        for frame in middles(len(path), FRAMES):
+        for frame in frames:
             camera = endless(path.cameras[frame])
             whole = volumes.frame(camera, clamped=False, fragments=True)
             cut = volumes.frame(camera, fragments=True)
@@ -60,7 +61,7 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
         volumes.close()
         rays.close()
     return {
-        "frames": len(full),
+        "frames": frames,
         "casters": scene.object_count,
         "casters_kept": fmean(kept),
         "solid": volumes.casters.solid / max(1, scene.triangle_count),

@@ -151,7 +151,8 @@ def test_what_clamping_leaves_is_graded_by_the_papers_share(clamped, grade):
 
 def test_fragments_by_frame_give_an_interval():
     by_frame = {"fragments_clamped": [20.0, 30.0, 10.0, 40.0], "fragments_full": [1000.0] * 4}
-    claim = paper.tables(shadows(fragments_clamped=25, by_frame=by_frame))[1].claims[0]
+    made = shadows(fragments_clamped=25, by_frame=by_frame, frames=[5, 15, 25, 35])
+    claim = paper.tables(made)[1].claims[0]
     assert claim.ours.value == 0.025
     assert claim.grade is Grade.OPEN
 
