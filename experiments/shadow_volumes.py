@@ -30,10 +30,10 @@ FRAMES = 6
 
 
 def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
-    """Averages over up to `FRAMES` frames, which are told: casters, those kept, fragments in full and clamped, the
-    same by frame, and the verdict's counts summed. `solid`: the share of triangles that bound a
-    solid. `kinds`: fragments in full and clamped of the casters of a kind, by their names' first
-    word, averages too."""
+    """Averages over up to `FRAMES` frames: casters, those kept, fragments in full and clamped, the
+    same by frame, which frames they are, and the verdict's counts summed. `solid`: the share of
+    triangles that bound a solid. `kinds`: fragments in full and clamped of the casters of a kind,
+    by their names' first word, averages too."""
     scene = solid(scene)
     light = sun(SUN_DIRECTION, scene, LEXELS)
     volumes, rays = ShadowVolumes(scene, light), ShadowTruth(scene, light)
