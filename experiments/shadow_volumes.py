@@ -69,7 +69,12 @@ def measure(scene: Scene, path: CameraPath) -> dict[str, Any]:
         "fragments_clamped": fmean(clamped),
         "by_frame": {"fragments_full": full, "fragments_clamped": clamped},
         "kinds": {
-            kind: {"fragments_full": fmean(whole), "fragments_clamped": fmean(cut)}
+            kind: {
+                "fragments_full": fmean(whole),
+                "fragments_clamped": fmean(cut),
+                "by_frame": {"fragments_full": whole, "fragments_clamped": cut},
+                "frames": frames,
+            }
             for kind, (whole, cut) in of_kind.items()
         },
         "verdict": verdict.to_json(),
