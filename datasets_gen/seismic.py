@@ -115,9 +115,9 @@ class _Layers:
         return near
 
 
-def seismic(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
+def seismic(*, seed: int = 0, scale: float = 1.0, frames: int = 60, tiled: bool = True) -> Dataset:
     """About a million triangles at scale 1, and in proportion: 240 horizon tiles, 4 faults, 3
-    opaque and 14 semi-transparent slices.
+    opaque and 14 semi-transparent slices. Without `tiled` each of the 5 horizons is one object.
 
     The path (1024 by 768) looks down on the first horizon, goes round the survey's rim, dives
     between the first two layers and flies there, cuts to between the third and the fourth, and
@@ -132,7 +132,7 @@ def seismic(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
         raise InputError(f"a path of {frames} frames", place="frames", fix="give 1 or more")
     layers = _layers(np.random.Generator(np.random.PCG64(seed)))
     quads = max(LEAST_QUADS, round(QUADS_AT_SCALE_1 * math.sqrt(scale)))
-    nodes = [node for number in range(HORIZONS) for node in _horizon(layers, number, quads)]
+    nodes = [node for number in range(HORIZONS) for node in _horizon(layers, number, quads, tiled)]
     nodes += [_fault(number, fault) for number, fault in enumerate(layers.faults)]
     return Dataset("seismic", (*nodes, *_slices()), _path(layers, frames))
 
@@ -159,8 +159,8 @@ def _layers(rng: np.random.Generator) -> _Layers:
     return _Layers(waves, tuple(faults))
 
 
-def _horizon(layers: _Layers, number: int, quads: int) -> list[Node]:
-    """The tiles; neighbours share the heights along their common side."""
+def _horizon(layers: _Layers, number: int, quads: int, tiled: bool) -> list[Node]:
+    """The tiles, neighbours sharing the heights along their common side; or the horizon whole."""
     colour = (*_HORIZON_COLOURS[number % len(_HORIZON_COLOURS)], 1.0)
     material = Material(f"horizon-{number}", colour)
     columns, rows = TILES[0] * quads + 1, TILES[1] * quads + 1
@@ -169,6 +169,8 @@ def _horizon(layers: _Layers, number: int, quads: int) -> list[Node]:
     grid = np.stack(np.broadcast_arrays(x[:, None], 0.0, z[None]), axis=-1).copy()
     grid[..., 1] = layers.height(number, x[:, None], z[None])
     open_here = layers.gap(number, x[:, None], z[None])
+    if not tiled:
+        return [_grid_node(f"horizon-{number}", grid, material, open_here)]
     nodes = []
     for i in range(TILES[0]):
         for j in range(TILES[1]):

@@ -136,9 +136,11 @@ def _node(name: str, mesh: Mesh, at: tuple[float, float, float], turns: int) -> 
 
 
 def _tower(rng: np.random.Generator) -> dict[str, Soup]:
-    """A round tower with a parapet of merlons and a conical roof."""
+    """A round tower with a parapet of merlons and a conical roof, all of them solids."""
     radius, tall = rng.uniform(2.5, 4.0), rng.uniform(14.0, 24.0)
-    shaft = lathe([(1.15 * radius, 0.0), (radius, 5.0), (radius, tall), (1.2 * radius, tall)], 24)
+    shaft = lathe(
+        [(1.15 * radius, 0.0), (radius, 5.0), (radius, tall - 1.0), (1.2 * radius, tall)], 24
+    )
     spots = ring(1.08 * radius, 12)
     middle = np.stack([spots[:, 0], np.full(12, tall + 0.6), spots[:, 1]], axis=1)
     half = np.array([0.35, 0.6, 0.35])

@@ -1,6 +1,6 @@
 #version 450
-// Scatters the visible samples into the litmaps: the least and the greatest distance along the
-// light of what is seen in each lexel. A work item a sample.
+// Scatters the samples seen from their lit side into the litmaps: the least and the greatest
+// distance along the light of what is seen in each lexel. A work item a sample.
 //
 // A sample is written to every lexel under its footprint: all points within `doubt` of it, which
 // is how far the rasteriser may put the sample and a shadow's face apart. Outward: too large a
@@ -10,6 +10,7 @@ layout(local_size_x = 16, local_size_y = 16) in;
 layout(std430, binding = 1) buffer Nearest { uint nearest_of_lexel[]; };
 layout(std430, binding = 2) buffer Farthest { uint farthest_of_lexel[]; };
 uniform sampler2D depth_buffer;
+uniform sampler2D unlit;
 uniform vec3 forward;
 uniform vec3 right_step;
 uniform vec3 up_step;
@@ -29,8 +30,8 @@ void main() {
         return;
     }
     float window = texelFetch(depth_buffer, at, 0).x;
-    if (window == 1.0) {
-        return;  // nothing is seen
+    if (window == 1.0 || texelFetch(unlit, at, 0).x > 0.0) {
+        return;  // nothing is seen, or nothing that a shadow could darken
     }
     float depth = near / (1.0 - window);
     vec2 ab = vec2(2 * at + 1 - size) + vec2(2.0, -2.0) * shift_px;

@@ -1,5 +1,6 @@
 // Looking up an N-buffer (culling/n_buffer): the join over a rectangle of pixels, x0, y0, x1, y1
 // inclusive, y down, clipped to the image and not empty. The same squares as cover.py's.
+// Who defines N_BUFFER_COUNTED has a buffer block with a uint `n_buffer_lookups`, which counts.
 uniform sampler2DArray n_buffer;
 uniform bool n_buffer_farthest;
 
@@ -8,6 +9,9 @@ float n_buffer_join(float a, float b) {
 }
 
 float n_buffer_square(ivec2 start, int level) {
+#ifdef N_BUFFER_COUNTED
+    atomicAdd(n_buffer_lookups, 1u);
+#endif
     return texelFetch(n_buffer, ivec3(start, level), 0).x;
 }
 

@@ -1,5 +1,5 @@
 #version 450
-// One sprite, tested by one lookup: is its square's farthest depth nearer than the sprite?
+// One sprite, tested by one lookup or four: is its square's farthest depth nearer than the sprite?
 layout(location = 0) in vec3 centre_world;
 uniform vec3 eye_high;
 uniform vec3 eye_low;
@@ -8,6 +8,9 @@ uniform ivec2 image_px;
 uniform int side_px;
 uniform float depth_shift;  // towards the eye, in window depth
 uniform bool culled;
+uniform bool four_squares;
+layout(std430, binding = 3) buffer Lookups { uint n_buffer_lookups; };
+#define N_BUFFER_COUNTED
 #include "n_buffer.glsl"
 layout(std430, binding = 2) writeonly buffer Record { uint record_of_sprite[]; };
 out Sprite {
@@ -26,7 +29,8 @@ ivec4 square(ivec2 corner_px) {
 
 bool shows(ivec4 r, float depth_ndc) {
     // Nearer than it is: too near a sprite is only drawn in vain.
-    return 0.5 * depth_ndc + 0.5 - depth_shift <= n_buffer_one(r);
+    float farthest = four_squares ? n_buffer_four(r) : n_buffer_one(r);
+    return 0.5 * depth_ndc + 0.5 - depth_shift <= farthest;
 }
 
 void main() {

@@ -1,12 +1,15 @@
 """Shadow volumes of triangle soup: caps, and sides along the silhouette.
 
-Objects of real scenes are seldom closed, and their triangles face either way. So every triangle
-is turned towards the light first, and casts a prism of its own: itself, the same moved away from
-the light, and three sides. Two neighbours' sides along their common edge cancel; what is left
-over, counted with its sign, is the silhouette. An edge of three sheets keeps a side, an edge
+What bounds a solid casts by its lit faces alone (`shadow_volumes.closed`): the silhouette is the
+edge between lit and unlit, and the shadow of the unlit faces lies in that of the lit ones.
+
+Objects of real scenes are seldom closed, and their triangles face either way. So every other
+triangle is turned towards the light first, and casts a prism of its own: itself, the same moved
+away from the light, and three sides. Two neighbours' sides along their common edge cancel; what is
+left over, counted with its sign, is the silhouette. An edge of three sheets keeps a side, an edge
 where two sheets fold back keeps two, and the volume of any soup is closed. A point's count in it
-is the number of triangles between it and the light. (P. Bergeron, A General Version of Crow's
-Shadow Volumes, IEEE Computer Graphics and Applications 6(9), 1986.)
+is the number of casting triangles between it and the light. (P. Bergeron, A General Version of
+Crow's Shadow Volumes, IEEE Computer Graphics and Applications 6(9), 1986.)
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from numpy.typing import NDArray
 
 from visref.effects.light import Light
 from visref.scene import Float32, Float64, Int32, Int64, Scene
+from visref_culling.shadow_volumes.closed import bounds_a_solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +38,13 @@ class Casters:
     """A scene's shadow volumes for one light; caster i is object i.
 
     `vertex_world`: (v, 3) float32, `caster`: (v,) int32. An index below v means a vertex, from v
-    on the same moved away from the light. `caps_front`, `caps_back`: the light caps, the scene's
-    own triangles in their own order of corners, whose front or back faces the light. `body`:
-    sides and dark caps, counter-clockwise from outside.
+    on the same moved away from the light. `caps_front`, `caps_back`: the light caps, those of the
+    scene's own triangles that cast, in their own order of corners, whose front or back faces the
+    light. `body`: sides and dark caps, counter-clockwise from outside. `solid`: how many triangles
+    bound a solid; of these, none of `caps_back` is one.
+
+    `front_lit`, `back_lit`: (k, 3) int32, all triangles whose front or back faces the light,
+    casting or not.
 
     `rectangle`: (n, 4) float64 in lexels, x0, y0, x1, y1, light-space bounds of the vertices
     (pixel k is k ... k + 1); `nearest`, `farthest`: (n,) float64 distances along the light, in
@@ -48,6 +56,9 @@ class Casters:
     caps_front: Faces
     caps_back: Faces
     body: Faces
+    solid: int
+    front_lit: Int32
+    back_lit: Int32
     rectangle: Float64
     nearest: Float64
     farthest: Float64
@@ -66,7 +77,8 @@ def casters_of(scene: Scene, light: Light) -> Casters:
     facing = np.sign((normal * light.toward(corners[:, 0])).sum(axis=1))
     # Either sign is right where the light grazes a triangle, so float64's is taken; edge-on it
     # casts nothing.
-    front, back = triangles[facing > 0.0], triangles[facing < 0.0]
+    solid = bounds_a_solid(vertex_world, triangles)
+    front, back = triangles[facing > 0.0], triangles[(facing < 0.0) & ~solid]
     turned = np.concatenate([front, back[:, ::-1]])
     body = np.concatenate([_sides(turned, size), turned[:, ::-1] + size])
     rectangle, nearest, farthest = _light_bounds(scene, light)
@@ -76,6 +88,9 @@ def casters_of(scene: Scene, light: Light) -> Casters:
         caps_front=_by_caster(front, caster, count),
         caps_back=_by_caster(back, caster, count),
         body=_by_caster(body, caster, count),
+        solid=int(np.count_nonzero(solid)),
+        front_lit=front,
+        back_lit=triangles[facing < 0.0],
         rectangle=rectangle,
         nearest=nearest,
         farthest=farthest,

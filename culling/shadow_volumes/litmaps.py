@@ -1,5 +1,8 @@
 """Min and max litmaps: how near and how far from the light the visible surface is, lexel by lexel.
 
+Of the visible surface only what is seen from its lit side can receive a shadow; the rest is dark
+as it is, and left out.
+
 Décoret 2005, section 3.3, draws the scene from the light and throws away the fragments that the
 observer does not see. That loses receivers: a visible sample that lies between two lexel centres
 may be in none of the light's fragments. So the samples themselves are scattered into the map,
@@ -51,8 +54,9 @@ class Litmaps:
         return self.device.compute("litmap.comp")
 
     def build(self, view: View, target: Target, reach: float) -> None:
-        """Both maps and all their levels from the target's depth, which `view` drew. `reach`:
-        the farthest that anything in the scene is from the eye."""
+        """Both maps and all their levels from the target's depth, which `view` drew, where its
+        colour is 0: elsewhere the unlit side is seen. `reach`: the farthest that anything in the
+        scene is from the eye."""
         self.clear()
         self.scatter(view, target, reach)
         base = self.device.compute("litmap_base.comp")
@@ -85,12 +89,18 @@ class Litmaps:
         )
 
     def scatter(self, view: View, target: Target, reach: float) -> None:
-        """Write every visible sample into the lexels under its footprint."""
+        """Write every sample seen from its lit side into the lexels under its footprint."""
         shader, camera, light = self.scatter_shader, view.camera, self.light.camera
         for binding, buffer in enumerate(self.buffers, start=1):
             buffer.bind_to_storage_buffer(binding)
         target.depth.use(0)
         shader["depth_buffer"] = 0
+        colour = target.framebuffer.color_attachments[0]
+        assert isinstance(colour, moderngl.Texture)
+        # Without mipmaps a texture is complete with this filter alone.
+        colour.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        colour.use(1)
+        shader["unlit"] = 1
         for name, vector in (
             ("forward", camera.forward),
             ("right_step", camera.right_step),

@@ -3,17 +3,17 @@
 X. Décoret: N-Buffers for efficient depth map query. Computer Graphics Forum 24(3), 2005, section
 3.3.
 
-The scene is drawn for the observer. What is seen is put into two maps over the light, of its
-nearest and farthest distance from the light, lexel by lexel; an N-buffer over each gives the
-extremes in any rectangle. A caster whose rectangle over the light holds nothing that is seen casts
-no visible shadow: it is culled. The others' volumes are clamped between two planes across the
-light, at the least and the greatest distance found. The volumes are then counted behind the
-visible surface ("z-fail": the eye may be in a volume, and no near plane cuts a cap open), and a
-sample is in shadow where the count is above 0.
+The scene is drawn for the observer. What is seen from the lit side is put into two maps over the
+light, of its nearest and farthest distance from the light, lexel by lexel; an N-buffer over each
+gives the extremes in any rectangle. A caster whose rectangle over the light holds nothing lit that
+is seen casts no visible shadow: it is culled. The others' volumes are clamped between two planes
+across the light, at the least and the greatest distance found. The volumes are then counted behind
+the visible surface ("z-fail": the eye may be in a volume, and no near plane cuts a cap open), and a
+sample is in shadow where the count is above 0, or where its unlit side is seen.
 
-Which way it errs. Maps hold every visible sample over its whole footprint
-(`shadow_volumes.litmaps`) and rectangles are whole lexels, rounded outward: so the planes
-enclose all samples that the full volume shadows, by more than GL may err. A map too coarse, or a
+Which way it errs. Maps hold every visible lit sample over its whole footprint
+(`shadow_volumes.litmaps`) and rectangles are whole lexels, rounded outward: so the planes enclose
+all of these samples that the full volume shadows, by more than GL may err. A map too coarse, or a
 box too wide, only clamps less. The sides of a clamped volume are other polygons than those of the
 full one, so a sample within GL's snap of a shadow's edge may fall to either side.
 
@@ -25,11 +25,14 @@ Departures from the paper:
   moves vertex by vertex; where the plane cuts a triangle, the moved corner takes the cap behind
   the triangle, and what is seen between the two loses its shadow.
 - A caster is culled too where all that is seen is nearer to the light than the caster.
-- Silhouettes are those of triangle soup (`shadow_volumes.casters`).
+- Silhouettes are those of triangle soup, and of solids where the soup has any
+  (`shadow_volumes.casters`).
+- What is seen from the side that the light does not meet is dark without any volume, and takes
+  part in no litmap. The paper puts all that is seen into its litmaps; the light cannot see those
+  samples either, but its slanted lexels let many in.
 - A light cap is drawn as the scene's own triangle, corner for corner, so it has the very depth
   that the visible surface has, and counts as behind it (`>=`): no bias is needed, and a surface
-  that the light meets from the eye's side is not in its own shadow. Seen from its other side it
-  is.
+  that the light meets from the eye's side is not in its own shadow.
 - The view has no far plane, and it is a perspective one.
 - The lookups, the extents and the draw commands are made on the GPU; nothing is read back.
 """
@@ -41,6 +44,7 @@ from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import RasterTolerance
@@ -65,13 +69,15 @@ LEXEL_SLACK = 2.0**-30
 class ShadowFrame:
     """One camera's shadows.
 
-    `count`: (height, width) int32, casters' triangles between a sample and the light, 0 where
-    nothing is seen; `image`: the same as 0 or 1. `planes`: (n, 2) float32, each caster's light
-    and dark plane, ±inf where it is not clamped; `kept`: (k,) int64 casters not culled.
-    `fragments`: of all volumes drawn, hidden ones included; None where not counted.
+    `count`: (height, width) int32, casting triangles between a lit sample and the light, 0 where
+    nothing is seen; `unlit`: (height, width) bool, samples seen from the side that the light does
+    not meet. `planes`: (n, 2) float32, each caster's light and dark plane, ±inf where it is not
+    clamped; `kept`: (k,) int64 casters not culled. `fragments`: of all volumes drawn, hidden ones
+    included; None where not counted. What is unlit is told by shading, and no fragment of these.
     """
 
     count: Int32
+    unlit: NDArray[np.bool_]
     planes: Float32
     kept: Int64
     fragments: int | None
@@ -79,7 +85,7 @@ class ShadowFrame:
     @property
     def image(self) -> Int32:
         """(height, width) int32: 1 where a seen sample is in shadow, else 0."""
-        return (self.count > 0).astype(np.int32)
+        return ((self.count > 0) | self.unlit).astype(np.int32)
 
 
 class ShadowVolumes:
@@ -93,6 +99,7 @@ class ShadowVolumes:
         self.litmaps = self.make_litmaps()
         self.extents_shader = self.load_extents()
         self.program = self.load_program()
+        self.unlit_program = self.device.program("mesh.vert", "unlit.frag")
         self._upload()
 
     def frame(
@@ -101,12 +108,9 @@ class ShadowVolumes:
         """The shadows that a camera sees; without `clamped` every volume is drawn in full, to
         infinity. `fragments` counts them, beside the frame."""
         view = self.view_of(camera)
-        target = self.sums.begin(view)
-        if clamped:
-            self.litmaps.build(view, target, self._reach(camera))
-            self._clamp()
-        else:
-            self._keep_all()
+        target = self.begin(view, camera, clamped=clamped)
+        unlit = self.sums.read(target) > 0
+        self.device.clear_colour(target.framebuffer)
         self.draw_volumes(view, self.sums.adding(target, self.program))
         # The background receives no shadow.
         count = np.where(target.read_depth() < 1.0, self.read(target), 0).astype(np.int32)
@@ -115,13 +119,39 @@ class ShadowVolumes:
             counted = self.sums.fragments(
                 target, self.program, lambda state: self.draw_volumes(view, state)
             )
-        return ShadowFrame(count, *self._read_extents(), counted)
+        return ShadowFrame(count, unlit, *self._read_extents(), counted)
+
+    def fragments_of(self, camera: Camera, casters: Int64, *, clamped: bool = True) -> int:
+        """The fragments of some casters' volumes alone, (k,) ids, hidden ones included."""
+        view = self.view_of(camera)
+        target = self.begin(view, camera, clamped=clamped)
+        words = np.frombuffer(self.commands.read(), np.uint32)
+        chosen = words[: COMMAND_WORDS * len(self.vertex_arrays) * self.casters.count].copy()
+        chosen = chosen.reshape(len(self.vertex_arrays), self.casters.count, COMMAND_WORDS)
+        others = np.ones(self.casters.count, np.bool_)
+        others[casters] = False
+        chosen[:, others, 1] = 0
+        self.commands.write(chosen.tobytes() or bytes(4))
+        return self.sums.fragments(
+            target, self.program, lambda state: self.draw_volumes(view, state)
+        )
 
     def tolerance(self, camera: Camera) -> RasterTolerance:
         """What this rasteriser declares for a camera."""
         return self.sums.tolerance(self.view_of(camera))
 
     # The steps.
+
+    def begin(self, view: View, camera: Camera, *, clamped: bool) -> Target:
+        """The scene's depth, its unlit samples marked, and what is to be drawn."""
+        target = self.sums.begin(view)
+        self.mark_unlit(view, target)
+        if clamped:
+            self.litmaps.build(view, target, self._reach(camera))
+            self._clamp()
+        else:
+            self._keep_all()
+        return target
 
     def view_of(self, camera: Camera) -> View:
         if not camera.is_perspective:
@@ -160,6 +190,16 @@ class ShadowVolumes:
         )
         return np.where(np.isnan(result), np.float32(-np.inf), result)
 
+    def mark_unlit(self, view: View, target: Target) -> None:
+        """Add 1 to each sample that is seen from the side which the light does not meet."""
+        view_uniforms(self.unlit_program, view)
+        state = self.sums.adding(target, self.unlit_program)._replace(depth_func="==")
+        for vertex_array, front_is_lit in zip(self.lit_arrays, (True, False), strict=True):
+            if vertex_array is not None:
+                self.unlit_program["front_is_lit"] = front_is_lit
+                self.device.apply(state)
+                vertex_array.render()
+
     def draw_volumes(self, view: View, state: State) -> None:
         """Caps and sides, as many triangles as their commands say; `state` has no depth test
         where all fragments are counted."""
@@ -195,6 +235,16 @@ class ShadowVolumes:
             if len(part.indices)
             else None
             for part, buffer in zip(lists, self.index_buffers, strict=True)
+        ]
+        lit = (casters.front_lit, casters.back_lit)
+        self.lit_buffers = [context.buffer(part.tobytes() or bytes(12)) for part in lit]
+        self.lit_arrays = [
+            context.vertex_array(
+                self.unlit_program, [(self.vertices, "3f 4x", "vertex_world")], index_buffer=buffer
+            )
+            if len(part)
+            else None
+            for part, buffer in zip(lit, self.lit_buffers, strict=True)
         ]
         words = np.zeros((len(lists), casters.count, COMMAND_WORDS), np.uint32)
         for row, part in zip(words, lists, strict=True):
@@ -253,11 +303,11 @@ class ShadowVolumes:
         return float(np.linalg.norm(np.maximum(low, high)))
 
     def close(self) -> None:
-        for array in self.vertex_arrays:
+        for array in (*self.vertex_arrays, *self.lit_arrays):
             if array is not None:
                 array.release()
         buffers = (self.vertices, self.commands, self.lexels, self.range, self.planes)
-        for buffer in (*self.index_buffers, *buffers):
+        for buffer in (*self.index_buffers, *self.lit_buffers, *buffers):
             buffer.release()
         self.litmaps.release()
         self.sums.release()

@@ -26,6 +26,10 @@ Departures from the slides, and what they leave open:
   the volume. They stand in for themselves in both passes, and are queried as all others are.
 - What is semi-transparent (BLEND) or alpha-tested does not occlude; it is queried and drawn.
 - Only objects whose boxes meet the view take part; what is drawn comes front to back.
+- The slides divide objects into tiles before anything else, and do not say how. Here objects are
+  taken as they come, or with `tile` the large ones divided (`three_pass.tiles`).
+- `ask=boxes` is not theirs: the second pass asks about bounding boxes instead of stand-ins, against
+  the same depth. So the slides' "more precise than bounding boxes" is measured and nothing else.
 - The slides do not say how they simplify: see `three_pass.stand_ins`.
 - They say that it "works for dynamic scenes", and not how. Here the stand-in of an object that
   moves as one (by an affine map) moves with it, and one of an object that is deformed is made anew
@@ -60,6 +64,7 @@ from visref_culling.queries.mesh_query import ask_meshes, mesh_fragments
 from visref_culling.three_pass.parts import parts_of
 from visref_culling.three_pass.small_image import FarthestDepth, grown, small_camera
 from visref_culling.three_pass.stand_ins import StandIns
+from visref_culling.three_pass.tiles import divided, tiles_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +102,12 @@ class ThreePassCulling(GLCuller):
         "threshold": Option(0, "an object is drawn if more samples than this of it show"),
         "scale": Option(1, "pixels a side for one of the image of the first passes", (1, 2, 4, 8)),
         "extra": Option(1000, "objects of at most so many triangles stand in for themselves"),
+        "tile": Option(0, "triangles of a tile, into which larger objects are divided; 0 for none"),
+        "ask": Option(
+            "stand-ins",
+            "what the published mode queries in the second pass",
+            ("stand-ins", "boxes"),
+        ),
         **GL_OPTIONS,
     }
 
@@ -108,6 +119,8 @@ class ThreePassCulling(GLCuller):
         threshold: int = 0,
         scale: int = 1,
         extra: int = 1000,
+        tile: int = 0,
+        ask: str = "stand-ins",
         depth: int = 24,
         fragments: bool = False,
     ) -> None:
@@ -117,7 +130,7 @@ class ThreePassCulling(GLCuller):
             self.promise = Promise.CONSERVATIVE
         if reduction < 1:
             raise InputError(f"reduction is {reduction}", place="reduction", fix="give 1 or more")
-        for name, value in (("threshold", threshold), ("extra", extra)):
+        for name, value in (("threshold", threshold), ("extra", extra), ("tile", tile)):
             if value < 0:
                 raise InputError(f"{name} is {value}", place=name, fix="give 0 or more")
         if threshold and self.conservative:
@@ -126,6 +139,13 @@ class ThreePassCulling(GLCuller):
                 place="threshold",
                 fix="give 0: an object of one sample is visible",
             )
+        if ask == "boxes" and self.conservative:
+            raise InputError(
+                "ask is boxes and the mode conservative",
+                place="ask",
+                fix="leave it out: that mode asks the boxes of parts",
+            )
+        self.tile, self.asks_boxes = tile, ask == "boxes"
         self.reduction, self.threshold = reduction, threshold
         self.scale, self.extra = scale, extra
         self.farthest = FarthestDepth(self.device)
@@ -139,7 +159,7 @@ class ThreePassCulling(GLCuller):
             self.parts, self.first_part = self.parts_of(scene)
             self.part_bounds = self.unit_bounds(scene, self.parts)
         else:
-            self.stand_ins = StandIns(scene, self.reduction, self.extra)
+            self.stand_ins = StandIns(self.tiled(scene), self.reduction, self.extra)
             self.make_low()
         return units
 
@@ -147,7 +167,7 @@ class ThreePassCulling(GLCuller):
         """Put the stand-ins on the GPU."""
         if self.low is not None:
             self.low.release()
-        self.low_scene = self.stand_ins_of(self.scene)
+        self.low_scene = self.stand_ins_of(self.tiled(self.scene))
         units, occludes = self.low_scene.object_units(), self.occluders(self.low_scene)
         self.low = Geometry(self.device, self.low_scene, units, occludes)
 
@@ -159,8 +179,9 @@ class ThreePassCulling(GLCuller):
             self.part_bounds[parts] = self.unit_bounds(self.scene, taken(self.parts, parts))
             return
         assert self.low is not None
-        self.stand_ins.update(self.scene, changes.units(self.units))
-        before, now = self.low_scene, self.stand_ins_of(self.scene)
+        tiled = self.tiled(self.scene)
+        self.stand_ins.update(tiled, changes.units(self.units))
+        before, now = self.low_scene, self.stand_ins_of(tiled)
         if (
             len(before.vertices) != len(now.vertices)
             or not np.array_equal(before.object_offsets, now.object_offsets)
@@ -193,14 +214,22 @@ class ThreePassCulling(GLCuller):
 
     # The steps.
 
+    def units_of(self, scene: Scene) -> Units:
+        return tiles_of(scene, self.tile) if self.tile else scene.object_units()
+
+    def tiled(self, scene: Scene) -> Scene:
+        """The scene with each unit as an object."""
+        return divided(scene, self.units) if self.tile else scene
+
     def stand_ins_of(self, scene: Scene) -> Scene:
         """Published: the same objects at low resolution."""
         return self.stand_ins.scene(scene)
 
     def parts_of(self, scene: Scene) -> tuple[Units, Int64]:
-        """Conservative: parts of each object, and each object's first part, (objects + 1,)
-        int64."""
-        return parts_of(scene, self.reduction)
+        """Conservative: parts of each unit, and each unit's first part, (units + 1,) int64."""
+        parts, first = parts_of(self.tiled(scene), self.reduction)
+        # Of the tiles' triangles, which come in the units' order.
+        return Units(parts.offsets, self.units.triangles[parts.triangles], parts.kind), first
 
     def small_camera(self, camera: Camera) -> Camera:
         return small_camera(camera, self.scale)
@@ -242,6 +271,8 @@ class ThreePassCulling(GLCuller):
     def ask(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
         """The second pass: which of the frame's units to draw, (k,) bool."""
         ids = frame.ids
+        if self.low is not None and self.asks_boxes:
+            return self.ask_bounds(frame, before)
         if self.low is not None:
             samples = ask_meshes(
                 self.low,
@@ -260,6 +291,23 @@ class ThreePassCulling(GLCuller):
         visible[places] = self.ask_objects(frame, places)
         places = np.flatnonzero(~self_asked & ~visible)
         visible[places] = self.ask_boxes(frame, before, places)
+        return visible
+
+    def ask_bounds(self, frame: Frame, before: PrePass) -> NDArray[np.bool_]:
+        """The second pass with `ask=boxes`: (k,) bool over the frame's units."""
+        ids, visible = frame.ids, frame.sure.copy()
+        places = np.flatnonzero(~frame.sure)
+        samples = self.queries.ask(
+            before.view,
+            before.target,
+            round_outward(frame.boxes[places]),
+            frame.stats,
+            way="batch",
+            cull_back_faces=True,
+            state_hook=self.query_state,
+        )
+        visible[places] = self.passes(samples)
+        self.observe("query", units=ids[places], samples=samples, visible=visible[places])
         return visible
 
     def answering(self, ids: Int64) -> Int64:
@@ -355,7 +403,7 @@ class ThreePassCulling(GLCuller):
         passed = np.isin(ids, drawn)
         if self.low is not None:
             filling = self.low.depth_fragments(before.view, before.target, ids)
-            of_unit = mesh_fragments(self.low, before.view, before.target, ids)
+            of_unit = self._published_fragments(frame, before)
         else:
             occluders = ids[self.inner_occluders(frame)]
             filling = self.geometry.depth_fragments(frame.view, frame.target, occluders)
@@ -364,6 +412,17 @@ class ThreePassCulling(GLCuller):
         stats.query_fragments_passed = int(of_unit[passed].sum())
         final = self.geometry.fragments(frame.view, frame.target, drawn)
         stats.depth_tests = filling + stats.query_fragments + final
+
+    def _published_fragments(self, frame: Frame, before: PrePass) -> Int64:
+        assert self.low is not None
+        if not self.asks_boxes:
+            return mesh_fragments(self.low, before.view, before.target, frame.ids)
+        result = np.zeros(len(frame.ids), np.int64)
+        places = np.flatnonzero(~frame.sure)
+        result[places] = self.queries.fragments(
+            before.view, before.target, round_outward(frame.boxes[places]), cull_back_faces=True
+        )
+        return result
 
     def _conservative_fragments(self, frame: Frame, before: PrePass) -> Int64:
         assert self.geometry is not None

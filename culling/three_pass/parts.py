@@ -27,14 +27,16 @@ def parts_of(scene: Scene, reduction: int) -> tuple[Units, Int64]:
     for start, end in zip(scene.object_offsets[:-1], scene.object_offsets[1:], strict=True):
         boxes = -(-int(end - start) // (TRIANGLES_A_BOX * reduction))
         if boxes:
-            pieces += _halved(np.arange(start, end), centroids, boxes)
+            pieces += halved(np.arange(start, end), centroids, boxes)
         first.append(len(pieces))
     offsets = np.cumsum([0, *map(len, pieces)])
     triangles: Int32 = np.concatenate([np.zeros(0, np.int64), *pieces]).astype(np.int32)
     return Units(offsets, triangles, "part"), np.array(first, np.int64)
 
 
-def _halved(triangles: Int64, centroids: NDArray[np.float64], count: int) -> list[Int64]:
+def halved(triangles: Int64, centroids: NDArray[np.float64], count: int) -> list[Int64]:
+    """Triangles, (k,) ids, in `count` pieces of nearly one size, cut across the longest axis.
+    `centroids`: (t, 3), of all triangles of the scene."""
     if count == 1:
         return [triangles]
     here: Float64 = centroids[triangles]
@@ -43,6 +45,6 @@ def _halved(triangles: Int64, centroids: NDArray[np.float64], count: int) -> lis
     left = count // 2
     at = len(order) * left // count
     return [
-        *_halved(order[:at], centroids, left),
-        *_halved(order[at:], centroids, count - left),
+        *halved(order[:at], centroids, left),
+        *halved(order[at:], centroids, count - left),
     ]

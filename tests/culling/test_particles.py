@@ -82,7 +82,7 @@ def test_sprites_without_a_middle_pixel_border_are_refused(side_px):
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("side_px", [2, 16, 32])
+@pytest.mark.parametrize("side_px", [2, 6, 16, 24, 32])
 def test_no_sprite_of_which_a_sample_shows_is_culled(side_px):
     assert particle_verdict(*snowfall(7, 200, side_px)).status == "no_violation_found"
 
@@ -123,6 +123,35 @@ def test_one_lookup_stands_for_a_sprite_in_the_image():
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize(("side_px", "squares", "a_sprite"), [(6, None, 4), (6, 1, 1), (8, 4, 4)])
+def test_lookups_are_counted_as_the_shader_makes_them(side_px, squares, a_sprite):
+    made, sprites = snowfall(1, side_px=side_px)
+    particles = Particles(made.scene, sprites, squares=squares)
+    frame = particles.frame(made.cameras[0])
+    assert frame.lookups == a_sprite * frame.in_image > 0
+    assert particles.frame(made.cameras[0], culled=False).lookups == 0
+
+
+@pytest.mark.gl
+def test_four_lookups_are_exact_for_any_size_and_one_is_not():
+    made, sprites = snowfall(3, side_px=6)
+    camera = made.cameras[0]
+    four, one = (Particles(made.scene, sprites, squares=squares) for squares in (4, 1))
+    kept = {name: set(made_.frame(camera).kept) for name, made_ in (("four", four), ("one", one))}
+    corner, depth = corners(sprites, camera)
+    farthest = four.levels.read()[0]
+    window = 1.0 - camera.near / depth
+    shift = 4.0 * four.depth_shift(View.of(camera, made.scene, 8))
+    for k in four.frame(camera, culled=False).kept:
+        x, y = np.maximum(corner[k], 0)
+        right, below = np.minimum(corner[k] + 6, (96, 72))
+        square = farthest[y:below, x:right].max()
+        if abs(window[k] - square) > shift:
+            assert (k in kept["four"]) == (window[k] < square)
+    assert kept["four"] < kept["one"]
+
+
+@pytest.mark.gl
 def test_endless_orthographic_view_is_refused_and_one_that_ends_is_judged():
     made, sprites = snowfall(1, 100)
     pose = made.cameras[0].world_from_camera
@@ -138,5 +167,11 @@ def test_experiment_counts_a_lookup_instead_of_a_squares_samples():
     made, _ = snowfall(1)
     result = measure(made.scene, CameraPath(made.cameras))
     assert result["verdict"]["status"] == "no_violation_found"
-    assert result["lookups"] == result["sprites_in_view"] >= result["sprites_kept"]
-    assert result["depth_tests_left"] < result["depth_tests_plain"] <= 256 * result["lookups"]
+    lookups = result["lookups_counted"]
+    assert lookups == result["sprites_in_view"] >= result["sprites_kept"]
+    assert result["depth_tests_left"] < result["depth_tests_plain"] <= 256 * lookups
+    one, four = (result["other"][squares] for squares in ("1", "4"))
+    assert four["lookups_counted"] == 4 * one["lookups_counted"]
+    assert four["sprites_kept"] <= one["sprites_kept"]
+    assert len(result["culled_ms"]) == len(result["plain_ms"]) == len(made.cameras)
+    assert sum(result["by_frame"]["lookups_counted"]) == lookups * len(made.cameras)

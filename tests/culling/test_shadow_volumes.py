@@ -11,6 +11,7 @@ import pytest
 from tests.support.effect_scenes import (
     Stage,
     camera_at,
+    grazed,
     ground,
     pedestals,
     scene_with,
@@ -27,9 +28,10 @@ from visref.errors import InputError
 from visref.scene import Alpha
 from visref_culling.shadow_volumes import ShadowVolumes
 from visref_culling.shadow_volumes.casters import casters_of
+from visref_culling.shadow_volumes.closed import bounds_a_solid
 from visref_culling.shadow_volumes.volumes import endless
 from visref_datasets_gen import scene_of
-from visref_datasets_gen.shapes import box
+from visref_datasets_gen.shapes import box, icosphere, lathe, loft, merge
 from visref_datasets_gen.terrain_towers import terrain_towers
 from visref_experiments.shadow_volumes import measure
 
@@ -144,14 +146,107 @@ def test_volumes_of_any_soup_are_closed(seed):
         assert not any(directed_edges(np.concatenate(parts)).values())
 
 
-def test_silhouette_of_a_box_under_a_slanted_sun_is_a_hexagon_of_its_sides_twice():
-    scene = scene_with(ground=ground(cells=1), board=BOARD)
+def dark_caps_and_sides(board):
+    """Of a board above the ground under a slanted sun: triangles of its dark cap and its sides."""
+    scene = scene_with(ground=ground(cells=1), board=board)
     casters = casters_of(scene, sun((0.3, -1.0, 0.2), scene, 8))
     body = casters.body.indices[casters.body.offsets[1] :]
     dark_caps = (body >= len(casters.caster)).all(axis=1)
-    # Lit and unlit faces both cast, so each of the six edges between them keeps two sides.
-    assert (dark_caps.sum(), (~dark_caps).sum()) == (12, 6 * 2 * 2)
     assert len(casters.caster) == 4 + 8
+    return dark_caps.sum(), (~dark_caps).sum()
+
+
+def test_silhouette_of_a_solid_box_under_a_slanted_sun_is_a_hexagon():
+    # Three lit faces of two triangles each, and six edges between them and the unlit ones.
+    assert dark_caps_and_sides(BOARD) == (6, 6 * 2)
+
+
+def test_silhouette_of_a_box_inside_out_is_that_hexagon_twice():
+    # Lit and unlit faces both cast, so each of the six edges between them keeps two sides.
+    assert dark_caps_and_sides((BOARD[0], BOARD[1][:, ::-1])) == (12, 6 * 2 * 2)
+
+
+def solid_of(soup):
+    """(t,) bool, which of a soup's triangles bound a solid."""
+    points, index = np.unique(np.asarray(soup[0], np.float32), axis=0, return_inverse=True)
+    return bounds_a_solid(points, index.reshape(-1)[np.asarray(soup[1])].astype(np.int32))
+
+
+def reversed_(soup):
+    return soup[0], np.asarray(soup[1])[:, ::-1]
+
+
+UNIT = box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+# A prism over a quadrilateral that crosses itself: closed, and of its two lobes the larger faces
+# outward.
+CROSSING = loft([[(-3, y, 3), (1, y, -1), (1, y, 1), (-3, y, -1)] for y in (0.0, 1.0)])
+SOLIDS = {
+    "box": UNIT,
+    "beside": merge([UNIT, box((2.0, 0.0, 0.0), (3.0, 1.0, 1.0))]),
+    # Each of them is left after it is entered, whatever the other does.
+    "through": merge([UNIT, box((0.5, 0.5, 0.5), (3.0, 2.0, 2.0))]),
+    "sphere": icosphere(2),
+    "lathe": lathe([(1.2, 0.0), (0.7, 1.0), (0.9, 3.0), (0.02, 4.0)], 24),
+    "tilted": (UNIT[0] @ [[0.8, 0.6, 0], [-0.48, 0.64, 0.6], [0.36, -0.48, 0.8]], UNIT[1]),
+    "bent": loft(
+        [[(0, y, 0), (3, y, 0), (3, y, 1), (1, y, 1), (1, y, 3), (0, y, 3)] for y in (1.0, 0.0)],
+        caps="",
+    ),
+}
+NO_SOLIDS = {
+    "open": box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "xXYzZ"),
+    "inside out": reversed_(UNIT),
+    "one face turned": (UNIT[0], np.concatenate([UNIT[1][:-1], UNIT[1][-1:, ::-1]])),
+    "one face twice": (UNIT[0], np.concatenate([UNIT[1], UNIT[1][:1]])),
+    "crossing itself": CROSSING,
+    "no thickness": (np.eye(3), np.array([[0, 1, 2], [0, 2, 1]])),
+    "two that share an edge": merge([UNIT, box((1.0, 0.0, 1.0), (2.0, 1.0, 2.0))]),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in SOLIDS if name != "bent"])
+def test_triangles_that_close_and_face_outward_bound_a_solid(name):
+    assert solid_of(SOLIDS[name]).all()
+
+
+@pytest.mark.parametrize("name", NO_SOLIDS)
+def test_whatever_has_a_rim_or_meets_itself_or_faces_inward_bounds_none(name):
+    assert not solid_of(NO_SOLIDS[name]).any()
+
+
+def test_one_solid_among_sheets_is_found():
+    apart = box((5.0, 5.0, 5.0), (6.0, 6.0, 6.0))
+    soup = merge([SOLIDS["bent"], NO_SOLIDS["open"], apart])
+    assert solid_of(soup).tolist() == [False] * (12 + 10) + [True] * 12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_on_any_ray_a_solid_is_entered_before_it_is_left(seed):
+    # The brute force that the rule stands for: random closed surfaces, some of them crossing.
+    rng = np.random.default_rng(seed)
+    points, faces = icosphere(1)
+    points = (points * rng.uniform(0.2, 2.2 if seed % 2 else 0.5, (len(points), 1))).astype(
+        np.float32
+    )
+    is_solid = bounds_a_solid(points, faces.astype(np.int32)).all()
+    corners = points[faces].astype(float)
+    ever_below = False
+    for _ in range(200):
+        way = rng.normal(size=3)
+        start = -5.0 * way + rng.uniform(-1.0, 1.0, 3)
+        a, b, c = corners.transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        t = ((a - start) * normal).sum(axis=1) / (normal @ way)
+        at = start + t[:, None] * way
+        sides = [
+            (np.cross(q - p, at - p) * normal).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))
+        ]
+        hit = (np.array(sides) > 0.0).all(axis=0)
+        enters = np.where(normal @ way < 0.0, 1, -1)[hit][np.argsort(t[hit])]
+        ever_below |= bool((np.cumsum(enters) < 0).any())
+    assert not (is_solid and ever_below)
+    if seed % 2 == 0:
+        assert is_solid
 
 
 # Clamping: Fig. 5.
@@ -196,12 +291,24 @@ WALLED = {"ground": ground(), "wall": box((-8.0, 0.0, 3.0), (8.0, 1.6, 3.2)), "b
 
 @pytest.mark.gl
 def test_case_c_shadow_hidden_the_volume_ends_behind_the_object():
-    made = stage(scene_with(**WALLED), (0.0, 1.5, 9.0), (0.0, 2.0, 0.0))
+    # Over a wall that hides all of the ground behind it, to the board's lit top.
+    wall = box((-8.0, 0.0, 3.0), (8.0, 2.0, 3.2))
+    made = stage(scene_with(**{**WALLED, "wall": wall}), (0.0, 3.0, 9.0), (0.0, 2.0, 0.0))
     (light_plane, dark_plane), kept = planes_of(made)
     assert kept
     assert light_plane == -np.inf
     nearest, lowest = distance(made.light, (0, 2.4, 0)), distance(made.light, (0, 2.0, 0))
     assert nearest < dark_plane < lowest + ACROSS < distance(made.light, FLOOR)
+
+
+@pytest.mark.gl
+def test_object_seen_from_its_unlit_side_alone_needs_no_volume():
+    made = stage(scene_with(**WALLED), (0.0, 1.5, 9.0), (0.0, 2.0, 0.0))
+    _, kept = planes_of(made)
+    assert not kept
+    frame = ShadowVolumes(made.scene, made.light).frame(made.cameras[0])
+    assert frame.unlit.any()
+    assert (frame.image[frame.unlit] == 1).all()
 
 
 @pytest.mark.gl
@@ -243,6 +350,14 @@ def test_no_sample_loses_its_shadow_under_a_spot_light(seed):
 
 
 @pytest.mark.gl
+def test_wall_that_the_light_all_but_runs_along_is_dark_all_over():
+    verdict = shadow_verdict(grazed())
+    assert verdict.status == "no_violation_found"
+    # Not even within tolerance, where depths tell the wall from no side of its volume.
+    assert verdict.held == verdict.shown
+
+
+@pytest.mark.gl
 def test_planes_are_the_extremes_over_each_casters_rectangle():
     made = pedestals(1)
     volumes = ShadowVolumes(made.scene, made.light)
@@ -265,20 +380,22 @@ def test_planes_are_the_extremes_over_each_casters_rectangle():
 
 
 @pytest.mark.gl
-def test_every_visible_sample_lies_in_its_lexels_range():
+def test_every_sample_seen_from_its_lit_side_lies_in_its_lexels_range():
     made = pedestals(2)
     camera = endless(made.cameras[0])
     volumes, rays = ShadowVolumes(made.scene, made.light), ShadowTruth(made.scene, made.light)
     volumes.frame(camera)
     nearest, farthest = volumes.litmaps.read()
     truth = rays.engine.frame(camera)
+    lit = ~volumes.frame(camera).unlit
     # Away from silhouettes, where GL may see another surface than rays do.
     whole = np.zeros(truth.buffer.triangle.shape, np.bool_)
     owner = truth.buffer.triangle
     whole[1:-1, 1:-1] = owner[1:-1, 1:-1] >= 0
     for shift, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
         whole &= owner == np.roll(owner, shift, axis)
-    samples = np.flatnonzero(whole)
+    assert (whole & ~lit).any()
+    samples = np.flatnonzero(whole & lit)
     points = sample_points(camera, samples, truth.buffer.depth.reshape(-1)[samples])
     pixel, along = made.light.camera.pixel_of(points)
     x, y = np.floor(pixel + 0.5).astype(int).T
@@ -312,8 +429,12 @@ def test_experiment_on_terrain_and_towers_loses_no_shadow_and_saves_fragments():
     small = tuple(replace(camera, width=160, height=120) for camera in dataset.path)
     result = measure(scene_of(dataset), CameraPath(small))
     assert result["verdict"]["status"] == "no_violation_found"
-    assert result["frames"] == 2
+    assert result["frames"] == [0, 1]
     assert result["fragments_clamped"] < result["fragments_full"]
-    assert math.isclose(
-        result["fragments_full"], sum(result["fragments_full_by_frame"]) / 2, rel_tol=1e-12
-    )
+    by_frame = result["by_frame"]["fragments_full"]
+    assert math.isclose(result["fragments_full"], sum(by_frame) / 2, rel_tol=1e-12)
+    # The volumes are those of the kinds together, and none of two.
+    assert set(result["kinds"]) == {"bird", "ground", "tower"}
+    for name in ("fragments_full", "fragments_clamped"):
+        assert sum(kind[name] for kind in result["kinds"].values()) == result[name]
+    assert 0.0 < result["solid"] < 1.0

@@ -36,6 +36,7 @@ from visref_culling.three_pass import ThreePassCulling
 from visref_culling.three_pass.parts import TRIANGLES_A_BOX, parts_of
 from visref_culling.three_pass.small_image import FarthestDepth, small_camera
 from visref_culling.three_pass.stand_ins import simplified, stand_ins
+from visref_culling.three_pass.tiles import divided, tiles_of
 from visref_datasets_gen.dataset import scene_of
 from visref_datasets_gen.seismic import seismic
 
@@ -50,6 +51,8 @@ CONSERVATIVE = [
     {"scale": 4, "extra": 5, "reduction": 1},
     {"scale": 8, "extra": 0, "reduction": 1, "depth": 32},
     {"scale": 4, "fragments": True},
+    {"extra": 0, "tile": 8, "reduction": 1},
+    {"extra": 4, "tile": 3, "reduction": 2, "scale": 2},
 ]
 
 
@@ -104,10 +107,13 @@ def test_conservative_mode_conforms(options):
     reduction=st.sampled_from([1, 2, 10]),
     extra=st.sampled_from([0, 2, 1000]),
     scale=st.sampled_from([1, 2, 4, 8]),
+    tile=st.sampled_from([0, 1, 5]),
 )
-def test_conservative_mode_misses_nothing_of_what_hypothesis_finds(built, reduction, extra, scale):
+def test_conservative_mode_misses_nothing_of_what_hypothesis_finds(
+    built, reduction, extra, scale, tile
+):
     def make() -> ThreePassCulling:
-        return conservative(reduction=reduction, extra=extra, scale=scale)
+        return conservative(reduction=reduction, extra=extra, scale=scale, tile=tile)
 
     problems, _ = judge_on(make, built, exact_truths(built))
     assert problems == ()
@@ -153,6 +159,8 @@ def test_conservative_mode_misses_nothing_between_layers_and_culls(survey):
         ({"threshold": -1}, "threshold"),
         ({"reduction": 0}, "reduction"),
         ({"extra": -1}, "extra"),
+        ({"tile": -1}, "tile"),
+        ({"mode": "conservative", "ask": "boxes"}, "ask"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options, place):
@@ -214,6 +222,75 @@ def test_worst_fill_is_three_times_the_pictures():
     culler.close()
     assert stats.depth_tests == 3 * stats.query_fragments
     assert stats.query_fragments > 0
+
+
+# Boxes asked in the second pass, and tiles.
+
+
+def test_boxes_asked_in_the_same_passes_draw_all_that_stand_ins_draw_and_more(survey):
+    scene, path = survey
+    drawn = {}
+    for ask in ("stand-ins", "boxes"):
+        # Of stand-ins that are the objects, each lies in its box: what shows of it shows of that.
+        culler = ThreePassCulling(reduction=1, extra=0, ask=ask, fragments=True)
+        culler.prepare(scene)
+        answers = [culler.cull(camera) for camera in path.cameras[::3]]
+        drawn[ask] = [set(answer.unit_ids.tolist()) for answer in answers]
+        assert all(answer.stats.batches == 1 for answer in answers)
+        assert all(answer.stats.query_fragments > 0 for answer in answers)
+        culler.close()
+    assert all(a <= b for a, b in zip(drawn["stand-ins"], drawn["boxes"], strict=True))
+    assert drawn["stand-ins"] != drawn["boxes"]
+
+
+@pytest.mark.parametrize("most", [1, 7, 100, 10_000])
+def test_tiles_hold_each_triangle_once_and_are_no_larger_than_asked(most):
+    scene = merged(wavy(20), case("crowd")[0])
+    tiles = tiles_of(scene, most)
+    sizes = np.diff(scene.object_offsets)
+    assert np.array_equal(np.sort(tiles.triangles), np.arange(scene.triangle_count))
+    assert tiles.count == np.maximum(-(-sizes // most), 1).sum()
+    assert tiles.sizes.max() <= max(most, 1)
+    owner = scene.object_of_triangle[tiles.triangles]
+    # No tile is of two objects, and the objects' tiles come in their order.
+    assert (np.diff(owner) >= 0).all()
+    assert tiles.are_objects(scene) == (sizes <= most).all()
+    made = divided(scene, tiles)
+    assert np.array_equal(made.triangles, scene.triangles[tiles.triangles])
+    assert np.array_equal(made.object_offsets, tiles.offsets)
+
+
+def merged(*scenes: Scene) -> Scene:
+    """All objects of some scenes."""
+    return Scene.from_objects(
+        [
+            (f"{number}/{name}", scene.vertices, scene.triangles[start:end])
+            for number, scene in enumerate(scenes)
+            for name, start, end in zip(
+                scene.names, scene.object_offsets[:-1], scene.object_offsets[1:], strict=True
+            )
+        ]
+    )
+
+
+@pytest.mark.parametrize("mode", ["published", "conservative"])
+def test_one_large_object_is_culled_in_tiles_as_if_it_had_come_in_them(mode):
+    whole = merged(wavy(24))
+    tiles = tiles_of(whole, 40)
+    apart = divided(whole, tiles)
+    camera = Camera(look_at((12, 3, -6), (12, 0, 8)), 96, 64, 0.1, 100.0, yfov=0.8)
+    answers = []
+    for scene, options in ((whole, {"tile": 40}), (apart, {}), (whole, {})):
+        culler = ThreePassCulling(mode=mode, extra=0, reduction=4, **options)
+        units = culler.prepare(scene)
+        drawn = culler.cull(camera).unit_ids
+        answers.append(units.sizes[drawn].sum())
+        if options:
+            assert units.kind == "tile"
+            assert np.array_equal(units.triangles, tiles.triangles)
+        culler.close()
+    tiled, came_in_tiles, undivided = answers
+    assert 0 < tiled == came_in_tiles < undivided == whole.triangle_count
 
 
 # Parts.

@@ -18,7 +18,12 @@ SUITE = Suite(
             "snowfall",
             lambda make: particle_verdict(*snowfall(1), make),
             lambda verdict: verdict.lost,
-        )
+        ),
+        image_check(
+            "odd sizes",
+            lambda make: particle_verdict(*snowfall(1, side_px=12), make),
+            lambda verdict: verdict.lost,
+        ),
     ],
 )
 PARTICLES = (SUITE.method("particles", Particles),)
@@ -110,3 +115,18 @@ class DepthOfTheFrameBefore(Particles):
     def build(self, target):
         if self.levels is None:
             super().build(target)
+
+
+@mutant("P", of=PARTICLES, caught_by="odd sizes")
+class OneSquareOfHalfTheSize(EditedParticles):
+    """The first of the four squares alone."""
+
+    changes = (("n_buffer_four(r)", "n_buffer_square(r.xy, n_buffer_level(r.z - r.x + 1) - 1)"),)
+
+
+@mutant("P", of=PARTICLES, caught_by="odd sizes")
+class LevelsBuiltTooLow(Particles):
+    """The levels end one below the four squares'."""
+
+    def top_level(self):
+        return super().top_level() - 1

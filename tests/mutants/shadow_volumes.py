@@ -7,13 +7,14 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+import pytest
 
 from tests.mutants.harness import Suite, image_check, mutant
-from tests.support.effect_scenes import eye_in_shadow, flat, pedestals, shadow_verdict
+from tests.support.effect_scenes import eye_in_shadow, flat, no_solids, pedestals, shadow_verdict
 from tests.support.shader_edits import edited
 from visref_culling.gl.device import device
 from visref_culling.n_buffer.gpu import NBufferTexture
-from visref_culling.shadow_volumes import ShadowVolumes
+from visref_culling.shadow_volumes import ShadowVolumes, closed
 from visref_culling.shadow_volumes.casters import Faces
 from visref_culling.shadow_volumes.litmaps import Litmaps
 
@@ -24,6 +25,7 @@ SUITE = Suite(
         image_check("pedestals", lambda make: shadow_verdict(pedestals(2), make)),
         image_check("coarse", lambda make: shadow_verdict(pedestals(2, lexels=5), make)),
         image_check("flat", lambda make: shadow_verdict(flat(), make)),
+        image_check("no_solids", lambda make: shadow_verdict(no_solids(), make)),
         image_check("eye_in_shadow", lambda make: shadow_verdict(eye_in_shadow(), make)),
     ],
 )
@@ -202,6 +204,67 @@ class SilhouetteByParity(EditedCasters):
         np.add.at(count, edge[side], 1)
         # Two triangles a side: four where an edge keeps two.
         return replace(casters, body=_some(casters.body, ~(side & (count[edge] % 4 == 0))))
+
+
+class TakenForSolids(ShadowVolumes):
+    """Other triangles than those of solids cast by their lit faces alone."""
+
+    def __init__(self, scene, light):
+        with pytest.MonkeyPatch.context() as patched:
+            self.patch(patched)
+            super().__init__(scene, light)
+
+    def patch(self, patched):
+        raise NotImplementedError
+
+
+@mutant("S", of=VOLUMES, caught_by="no_solids")
+class RimsAreNoRims(TakenForSolids):
+    """A box without its top is a solid: what is lit through the hole casts nothing."""
+
+    def patch(self, patched):
+        connected = closed._connected
+
+        def rimless(triangles, points):
+            part, found = connected(triangles, points)
+            return part, np.ones_like(found)
+
+        patched.setattr(closed, "_connected", rimless)
+
+
+@mutant("S", of=VOLUMES, caught_by="no_solids")
+class SolidsInsideOut(TakenForSolids):
+    """A solid whose triangles face inward is one: its far side casts, and the near one not."""
+
+    def patch(self, patched):
+        patched.setattr(closed, "_outward", lambda points, triangles, part, parts: True)
+
+
+@mutant("S", of=VOLUMES, caught_by="no_solids")
+class SolidsThatCrossThemselves(TakenForSolids):
+    """Edges alone make a solid: where one is inside out it is left before it is entered."""
+
+    def patch(self, patched):
+        patched.setattr(closed, "_embedded", lambda *_: True)
+
+
+@mutant("S", of=VOLUMES, caught_by="pedestals")
+class UnlitSidesNeedNoShading(ShadowVolumes):
+    """What is seen from its unlit side takes part in no litmap, and is left to the volumes."""
+
+    def frame(self, camera, **how):
+        found = super().frame(camera, **how)
+        return replace(found, unlit=np.zeros_like(found.unlit))
+
+
+@mutant("S", of=VOLUMES, caught_by="pedestals")
+class LitSidesMarked(ShadowVolumes):
+    """The sides are exchanged: what could receive a shadow is in no litmap."""
+
+    def mark_unlit(self, view, target):
+        self.lit_arrays.reverse()
+        super().mark_unlit(view, target)
+        self.lit_arrays.reverse()
 
 
 class OtherDepthTest(ShadowVolumes):

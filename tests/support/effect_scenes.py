@@ -17,7 +17,7 @@ from visref.scene import Scene
 from visref_culling.n_buffer.particles import Particles
 from visref_culling.shadow_volumes import ShadowVolumes
 from visref_culling.shadow_volumes.volumes import endless
-from visref_datasets_gen.shapes import Soup, box
+from visref_datasets_gen.shapes import Soup, box, loft
 
 Point = tuple[float, float, float]
 
@@ -91,9 +91,42 @@ def flat() -> Stage:
 
 
 def eye_in_shadow() -> Stage:
-    """The eye under a roof of which it sees the far end, so that the volume stays around it."""
+    """The eye under a roof, beside a pillar whose lit side it sees up to above its own height, so
+    that the volume stays around it."""
     roof = box((-3.0, 3.0, -3.0), (3.0, 3.2, 3.0))
-    return stage(scene_with(ground=ground(), roof=roof), (0.0, 1.0, 2.0), (0.0, 1.4, -1.0))
+    pillar = box((1.2, 0.0, -0.5), (1.6, 2.6, 0.0))
+    made = scene_with(ground=ground(), roof=roof, pillar=pillar)
+    return stage(made, (0.0, 1.0, 2.0), (0.0, 1.4, -1.0))
+
+
+def no_solids() -> Stage:
+    """Casters in the air that look like solids, and of which the lit faces alone cast too little:
+    inside out, without their top, and one that crosses itself, part of it inside out."""
+    board = box((-4.0, 2.0, -1.0), (-2.0, 3.0, 1.0))
+    crossing = [
+        [(-1.0, y, 2.0), (3.0, y, -2.0), (3.0, y, 0.0), (-1.0, y, -2.0)] for y in (2.0, 3.0)
+    ]
+    objects: dict[str, Soup] = {
+        "ground": ground(),
+        "inside-out": (board[0], np.asarray(board[1])[:, ::-1]),
+        "topless": box((-4.0, 2.0, 3.0), (-2.0, 3.5, 5.0), "xXyzZ"),
+        "crossing": loft(crossing),
+    }
+    from_above = (0.0, 9.0, 9.0), (0.0, 0.0, 0.0)
+    # What is lost of these is lost to an eye inside: outside, the far side's shadow does as well.
+    inside_out = (-3.7, 2.5, -0.7), (-2.0, 2.4, 0.5)
+    lobe = (2.6, 2.5, -0.7), (3.0, 2.4, -0.9)
+    made = scene_with(**objects)
+    return stage(made, *from_above, inside_out, lobe, direction=(0.3, -1.0, 0.2))
+
+
+def grazed() -> Stage:
+    """A wall that the light all but runs along, seen from its unlit side: the volume of what it
+    belongs to begins nearer to it than depths tell apart."""
+    points, faces = box((-1.0, 0.0, -2.0), (0.0, 3.0, 2.0))
+    turn = np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
+    made = scene_with(ground=ground(), wall=(points @ turn, faces))
+    return stage(made, (6.0, 2.0, 1.0), (0.0, 1.5, 0.0), direction=(1e-6, -1.0, 0.0))
 
 
 def shadow_verdict(made: Stage, method: type[ShadowVolumes] = ShadowVolumes) -> ImageVerdict:

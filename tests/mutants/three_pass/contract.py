@@ -24,6 +24,7 @@ SUITE = Suite(
         "U6": "transparent slice as occluder",
         "U7": "small image with another aspect",
         "U8": "tile outside its own proxy",
+        "U9": "a tile's proxy is another tile's",
         "W9": "stand-ins at another reduction",
         "W10": "a stand-in drawn and asked twice",
         "W11": "a wait for each query",

@@ -11,10 +11,12 @@ import numpy as np
 from tests.mutants.common import COMMON, GlassOccludes, common
 from tests.mutants.harness import equivalent, mutant, not_here
 from tests.mutants.three_pass.contract import SUITE
+from visref_culling.gl.changes import taken
 from visref_culling.gl.geometry import Geometry
 from visref_culling.queries.mesh_query import ask_meshes
 from visref_culling.three_pass import ThreePassCulling
 from visref_culling.three_pass.method import PrePass
+from visref_culling.three_pass.parts import parts_of
 from visref_culling.three_pass.stand_ins import stand_ins
 
 
@@ -29,6 +31,9 @@ WHOLE = conservative("whole")
 BOXES = conservative("boxes", extra=0)
 SMALL = conservative("small", extra=0, scale=4)
 SAFE = (WHOLE, BOXES, SMALL)
+
+# Tiles instead of objects.
+TILED = conservative("tiles", extra=0, tile=8)
 
 # The published mode, on meshes that it simplifies.
 PUBLISHED = SUITE.method("three-pass-published", ThreePassCulling, reduction=4, extra=0)
@@ -48,7 +53,13 @@ not_here("G3 G4 G7", (WHOLE, BOXES), "no rectangle is rounded, no depth copied o
 not_here("G11", SAFE, "nothing is kept from one frame to the next")
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W") and id != "U3"]
 not_here(" ".join(UNSAFE), (PUBLISHED,), "it promises nothing: what it leaves out is measured")
-not_here("W9 W10 W11 W12", SAFE, "the contracts are those of the published mode")
+not_here(
+    " ".join(id for id in (*COMMON, *SUITE.ids) if id not in ("U9", "W9", "W10", "W11", "W12")),
+    (TILED,),
+    "it is three-pass-boxes, with other units",
+)
+not_here("U9", SAFE, "objects are not divided")
+not_here("W9 W10 W11 W12", (*SAFE, TILED), "the contracts are those of the published mode")
 
 
 not_here("M6", (WHOLE,), "no box is asked: an object is, where it is")
@@ -171,6 +182,26 @@ class AskedAtLowResolution:
         samples = ask_meshes(geometry, frame.view, frame.target, frame.ids[places], frame.stats)
         geometry.release()
         return self.passes(samples)
+
+
+@mutant("U9", of=(TILED,), caught_by="torn_layers")
+class TriangleIdsOfTheTiledScene:
+    """The boxes are of what has these places in the scene as it came, and not in its tiles."""
+
+    def parts_of(self, scene):
+        return parts_of(self.tiled(scene), self.reduction)
+
+
+@mutant("U9", of=(TILED,), caught_by="torn_layers")
+class TilesInTheOrderOfTheirHalves:
+    """Tiles are numbered from the last of each object, their proxies from the first."""
+
+    def parts_of(self, scene):
+        parts, first = super().parts_of(scene)
+        order = np.arange(self.units.count)[::-1]
+        kept = [np.arange(first[unit], first[unit + 1]) for unit in order]
+        counts = np.diff(first)[order]
+        return taken(parts, np.concatenate(kept)), np.concatenate([[0], np.cumsum(counts)])
 
 
 # The smaller image.

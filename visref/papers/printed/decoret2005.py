@@ -34,3 +34,5 @@ FRAGMENTS = (  # the city: without and with clamping
 )
 CLAMPED_SHARE = Printed(2.5, "section 4.4", "city; the same ratio for the terrain, %", per=100)
 SIMPLE_SHARE = Printed(20, "section 4.4", "other simpler scenes, average ratio, %", per=100)
+CULLED_HZ = Printed(3, "section 4.3", "frame rate with culling, Hz")
+PLAIN_HZ = Printed(100, "section 4.3", "without culling, Hz")

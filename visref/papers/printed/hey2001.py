@@ -6,9 +6,9 @@ from visref.papers.published import Printed, PrintedRange
 
 SCENE_TRIANGLES = {
     "forest": Printed(1_694_426, "section 7", "forest scene, triangles"),
-    "city_large": Printed(34_034_176, "section 7", "city scene, triangles"),
+    "city": Printed(34_034_176, "section 7", "city scene, triangles"),
 }
-NAMES = {"forest": "Forest", "city_large": "City"}
+NAMES = {"forest": "Forest", "city": "City"}
 CELL_PX = Printed(32, "section 7", "size of the grid's cells, 32x32 pixels")
 TRIANGLES_A_BOX = Printed(1500, "section 7", "city: no more triangles in a bounding box")
 
@@ -33,8 +33,8 @@ TRIANGLES_DRAWN = _printed(
     {
         ("forest", 640): (7_009, 147_969),
         ("forest", 1280): (7_510, 147_969),
-        ("city_large", 640): (11_981, 1_964_918),
-        ("city_large", 1280): (11_775, 1_964_918),
+        ("city", 640): (11_981, 1_964_918),
+        ("city", 1280): (11_775, 1_964_918),
     },
 )
 PIXEL_QUERIES = _printed(
@@ -43,8 +43,8 @@ PIXEL_QUERIES = _printed(
     {
         ("forest", 640): (498, 2_394),
         ("forest", 1280): (650, 6_781),
-        ("city_large", 640): (565, 1_332),
-        ("city_large", 1280): (937, 4_227),
+        ("city", 640): (565, 1_332),
+        ("city", 1280): (937, 4_227),
     },
 )
 FRAME_RATE_GAIN = PrintedRange(
