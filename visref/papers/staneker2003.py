@@ -20,7 +20,7 @@ are frames over the time of all frames. Processor time of all threads stands bes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 from visref.papers.contents import (
@@ -131,7 +131,8 @@ def tables(results: Results) -> list[Table]:
     """Fig. 1, the map, Tables 3, 1, 2, 4 and 5, Figs. 8 to 11, and the map's options."""
     fitted, unfitted = _counted(results, SCENES), _counted(results, UNFITTED)
     large = _runs(results, {model: f"{scene}-1000" for model, scene in SCENES.items()})
-    turns, pairs = _taken(results, "turns"), _taken(results, "pair")
+    turns = _taken(results, "turns", SCENES)
+    pairs = _taken(results, "pair", FRAME_RATE_HP)
     return [
         _models(large),
         latency_table(results),
@@ -172,9 +173,9 @@ def _runs(results: Results, keys: Mapping[str, str]) -> Runs:
     return found
 
 
-def _taken(results: Results, kind: str) -> TurnsOf:
+def _taken(results: Results, kind: str, models: Iterable[str]) -> TurnsOf:
     """By model, what methods that took turns took."""
-    found = {model: results.experiment(f"{scene}-{kind}") for model, scene in SCENES.items()}
+    found = {model: results.experiment(f"{SCENES[model]}-{kind}") for model in models}
     return {model: Turns(SCENES[model], one) for model, one in found.items() if one is not None}
 
 
