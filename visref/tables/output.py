@@ -212,7 +212,8 @@ def _markdown(done: PaperRuns, views: Sequence[PaperView]) -> str:
     lines = [
         "# The papers' tables, measured again",
         "",
-        f"{headline(views)}. On {_sampling(done)}. {_DEFINED}",
+        _summary(done, views),
+        _DEFINED,
         "",
         _GRADES,
         "",
