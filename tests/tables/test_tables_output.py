@@ -102,7 +102,11 @@ def test_claims_are_counted_and_those_not_measured_apart(tmp_path):
 def test_a_claim_of_ours_is_in_no_count(measured):
     page, _ = write_tables(measured)
     assert "1 of 1 claim of the papers hold here" in page.read_text()
-    assert "1 of 1 claim" in (page.parent / "summary.md").read_text()
+    summary = (page.parent / "summary.md").read_text()
+    assert summary.startswith("1 of 1 claim of the papers hold here. On 2 frames")
+    assert "A Paper" in summary
+    assert "|" not in summary
+    assert summary in texts(page.parent)[".md"]
     theirs, _, own = (page.parent / "claims.md").read_text().partition("Claims of ours")
     assert "fewer than eight" in own
     assert "fewer than eight" not in theirs

@@ -145,15 +145,16 @@ def _view(done: PaperRuns, paper: Paper) -> PaperView:
 
 def headline(views: Sequence[PaperView]) -> str:
     """How many of the papers' claims hold, of those measured."""
-    return counted_grades([claim for view in views for claim in view.claims])
+    claims = [claim for view in views for claim in view.claims]
+    return counted_grades(claims, hold=" of the papers hold here")
 
 
-def counted_grades(claims: Sequence[Claim]) -> str:
+def counted_grades(claims: Sequence[Claim], *, hold: str = " hold") -> str:
     """So many of so many hold, and what the others do."""
     count = Counter(claim.grade for claim in claims)
     left = count.pop(Grade.UNMEASURED, 0)
     text = f"{words.count(count[Grade.HOLDS])} of {words.counted(count.total(), 'claim')}"
-    text += " of the papers hold here"
+    text += hold
     others = [
         f"{words.count(number)} {said}"
         for number, said in (
@@ -212,7 +213,8 @@ def _markdown(done: PaperRuns, views: Sequence[PaperView]) -> str:
     lines = [
         "# The papers' tables, measured again",
         "",
-        f"{headline(views)}. On {_sampling(done)}. {_DEFINED}",
+        _summary(done, views),
+        _DEFINED,
         "",
         _GRADES,
         "",
@@ -255,7 +257,7 @@ def _summary(done: PaperRuns, views: Sequence[PaperView]) -> str:
     """The headline, and a line per paper."""
     lines = [f"{headline(views)}. On {_sampling(done)}.", ""]
     lines += [f"- {words.plain(view.paper.title)}: {counted_grades(view.claims)}" for view in views]
-    return "\n".join(lines).replace(" of the papers hold here", " hold", len(lines)) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def _latex(done: PaperRuns, views: Sequence[PaperView]) -> str:
