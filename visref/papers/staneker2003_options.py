@@ -14,7 +14,7 @@ from visref.papers.contents import (
     least,
     most,
 )
-from visref.papers.printed.staneker2003 import BOX_PIXELS, CORNERS
+from visref.papers.printed.staneker2003 import BOX_PIXELS, CORNERS, MODELS
 from visref.papers.staneker2003_records import PROCESSOR, Run, Runs, TurnsOf, of, value
 
 ASKED = "occupancy-map:maps=1,fragments=true"
@@ -98,16 +98,21 @@ def _missed(run: Run) -> float:
 def arranging_table(turns: TurnsOf) -> Table:
     """Lists arranged in a second thread while what shows at once is drawn."""
     rows = []
-    for model, taken in turns.items():
+    for model in MODELS:
+        taken = turns.get(model)
         rows += [
             Row(f"{model}: frame rate, in a second thread over in one", None,
-                taken.gain("thread", "multiple").value, "", 2, Basis.WITHIN_RUN),
+                of(taken, lambda t: t.gain("thread", "multiple").value),
+                "", 2, Basis.WITHIN_RUN),
             Row(f"{model}: the same by processor time", None,
-                taken.gain("thread", "multiple", PROCESSOR).value, "", 2, Basis.WITHIN_RUN),
+                of(taken, lambda t: t.gain("thread", "multiple", PROCESSOR).value),
+                "", 2, Basis.WITHIN_RUN),
             Row(f"{model}: arranging, of a frame's time, in one thread", None,
-                taken.mean("multiple", "arrange_ms") / taken.mean("multiple", "frame_ms"), "%", 1),
+                of(taken, lambda t: t.mean("multiple", "arrange_ms")
+                   / t.mean("multiple", "frame_ms")), "%", 1),
             Row(f"{model}: arranging and waiting for it, of a frame's time, in two", None,
-                taken.mean("thread", "arrange_ms") / taken.mean("thread", "frame_ms"), "%", 1),
+                of(taken, lambda t: t.mean("thread", "arrange_ms")
+                   / t.mean("thread", "frame_ms")), "%", 1),
         ]  # fmt: skip
     gains = [taken.gain("thread", "multiple") for taken in turns.values()]
     own = Claim(
@@ -121,10 +126,10 @@ def arranging_table(turns: TurnsOf) -> Table:
 def detail_table(results: Results) -> Table:
     """Levels of detail chosen by the lookup's rectangle."""
     found = results.experiment("detail")
-    rows = []
+    drawn = of(found, lambda f: f["triangles"])
+    rows = [Row(f"{DETAILED}: polygons of the shapes drawn", None, drawn)]
     if found:
         levels = ", ".join(f"1 in {reduction}" for reduction in found["reductions"][1:])
-        rows.append(Row(f"{DETAILED}: polygons of the shapes drawn", None, found["triangles"]))
         for place, pixels in enumerate(found["pixels_a_triangle"]):
             words = f"{DETAILED}: a polygon for each {pixels} pixels of a shape's rectangle"
             left = found["triangles_left"][place] / found["triangles"]
