@@ -258,6 +258,18 @@ def test_the_keeper_has_the_worst_misses_and_the_worst_of_each_object(most, monk
         assert keeper.get(number, "", obj).triangle.tolist() == buffer.triangle.tolist()
 
 
+def test_a_cut_that_is_neither_of_the_worst_nor_its_objects_worst_any_more_is_let_go_once() -> None:
+    scene = scene_of_squares(0.0, 1.0)
+    camera = Camera(look_at((0, 0, 10.0), (0, 0, 0)), 4, 2, near=1.0, far=99.0, ymag=1.0)
+    buffer = VisibilityBuffer(np.zeros((2, 4), np.int32), np.full((2, 4), 9.0))
+    frame = settled(scene, FrameTruth(camera, "hand", buffer), scene.object_units(), [])
+    keeper = CutKeeper(1)
+    for number, samples in enumerate((3, 5, 2, 8)):
+        miss = Miss(0, MissKind.CONFIRMED, samples, 9, 0, 2, 9.0, width=4)
+        keeper.add(number, Misses.of((miss,)), (frame,))
+    assert [keeper.get(number, "", 0) is not None for number in range(4)] == [False] * 3 + [True]
+
+
 def test_readers_know_how_far_a_margin_is_told() -> None:
     assert MAX_MARGIN_PX == REACH_PX
 

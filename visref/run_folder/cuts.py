@@ -261,6 +261,7 @@ class CutKeeper:
                 for other, at in self._cuts.items()
             }
             self._spool, self._written = spool, self._live
+        self._live -= self._cuts.get(place, (0, 0))[1]
         self._cuts[place] = self._spool.put_bytes(cut)
         self._written += len(cut)
         self._live += len(cut)
@@ -268,7 +269,8 @@ class CutKeeper:
     def _forget(self, entry: tuple[Key, Place]) -> None:
         best = self._best.get(entry[1][2]) == entry
         if entry not in self._top and not best and entry[1] not in self._open:
-            self._live -= self._cuts.pop(entry[1])[1]
+            # One entry may leave both: the worst ones, and its object's place for the worst.
+            self._live -= self._cuts.pop(entry[1], (0, 0))[1]
 
     def get(self, frame: int, view: str, obj: int) -> Cut | None:
         """The cut of a miss, None where it was not kept."""
