@@ -36,6 +36,7 @@ STEPS = {
     # A cell, or a part, does not hold its triangles; a stand-in shrinks.
     "OnlyInTheCentroidsLeaf": "box or sphere too small",
     "PartsOfCentroids": "box or sphere too small",
+    "TriangleIdsOfTheTiledScene": "box or sphere too small",
     "AskedAtLowResolution": "box or sphere too small",
     # Rectangles.
     "LastRowAndColumnLeftOut": "rectangle too small",
@@ -145,6 +146,7 @@ STEPS = {
     "ResultsShiftedByOne": "answers shifted",
     "IndicesShifted": "answers shifted",
     "UnfinishedQueryReadAsZero": "answers lost",
+    "TilesInTheOrderOfTheirHalves": "answers shifted",
     "LastListNotFlushed": "answers lost",
     "DroppedAfterTheLastMap": "answers lost",
     # Two ids are one, or an id is the background's: the answers of some cells are lost.
