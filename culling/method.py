@@ -206,6 +206,12 @@ class GLCuller(UsesDevice, Culler):
         """(t,) bool, the triangles that write depth."""
         return geometry.occluders(scene)
 
+    def units_with(self, triangles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(u,) bool: the units that hold some of these triangles, (t,) bool."""
+        before = np.concatenate([[0], np.cumsum(triangles[self.units.triangles])])
+        found: NDArray[np.bool_] = np.diff(before[self.units.offsets]) > 0
+        return found
+
     def geometry_of(self, scene: Scene) -> geometry.Geometry:
         return geometry.Geometry(self.device, scene, self.units, self.occluders(scene))
 

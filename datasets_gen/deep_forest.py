@@ -34,7 +34,7 @@ from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.graph import Mesh, Node
 from visref_datasets_gen.shapes import Float64, Soup, icosphere, lathe, quarter_turn, snap
 from visref_datasets_gen.stock import plain
-from visref_datasets_gen.terrain import Height, Winding, patch
+from visref_datasets_gen.terrain import Height, Winding, ground, patch
 
 TRIANGLES_AT_SCALE_1 = 1_694_426
 
@@ -78,7 +78,7 @@ def deep_forest(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datas
             fix="give a greater scale",
         )
     side = tiles * TILE_M
-    nodes = _ground(tiles, height)
+    nodes = ground(tiles, TILE_M, TILE_TRIANGLES, height)
     walk = _walk(side, frames, height)
     trees, left = _trees(rng, stock, side, height, walk, left)
     if left:
@@ -95,17 +95,6 @@ def _height(phases: Float64, x: Float64, z: Float64) -> Float64:
     """Less than half a metre up and down, some 100 metres from crest to crest."""
     result: Float64 = 0.4 * np.sin(x / 15.7 + phases[0]) * np.sin(z / 17.3 + phases[1])
     return result
-
-
-def _ground(tiles: int, height: Height) -> list[Node]:
-    nodes = []
-    for j in range(tiles):
-        for i in range(tiles):
-            low, high = (i * TILE_M, j * TILE_M), ((i + 1) * TILE_M, (j + 1) * TILE_M)
-            name = f"ground-{i}-{j}"
-            soup = patch(low, high, TILE_TRIANGLES, height)
-            nodes.append(Node(name, plain(name, {"earth": soup})[0]))
-    return nodes
 
 
 def _trees(

@@ -22,7 +22,7 @@ from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.graph import Mesh, Node
 from visref_datasets_gen.shapes import Float64, Soup, icosphere, lathe, merge, quarter_turn, snap
 from visref_datasets_gen.stock import plain
-from visref_datasets_gen.terrain import Height, Winding, patch
+from visref_datasets_gen.terrain import Height, Winding, ground, patch
 
 TRIANGLES_AT_SCALE_1 = 1_694_426
 
@@ -66,7 +66,7 @@ def forest(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
             fix="give a greater scale",
         )
     side = tiles * TILE_M
-    nodes = _ground(tiles, height)
+    nodes = ground(tiles, TILE_M, TILE_TRIANGLES, height)
     walk = _walk(side, frames, height)
     trees, left = _trees(rng, stock, side, height, walk, left)
     if left:
@@ -90,17 +90,6 @@ def _height(phases: Float64, x: Float64, z: Float64) -> Float64:
     small = np.sin(x / 4.1 + phases[3]) * np.sin((z - 0.3 * x) / 3.7 + phases[4])
     result: Float64 = 2.6 * wide + 1.8 * tilted + 0.35 * small
     return result
-
-
-def _ground(tiles: int, height: Height) -> list[Node]:
-    nodes = []
-    for j in range(tiles):
-        for i in range(tiles):
-            low, high = (i * TILE_M, j * TILE_M), ((i + 1) * TILE_M, (j + 1) * TILE_M)
-            soup = patch(low, high, TILE_TRIANGLES, height)
-            name = f"ground-{i}-{j}"
-            nodes.append(Node(name, plain(name, {"earth": soup})[0]))
-    return nodes
 
 
 def _trees(

@@ -26,7 +26,7 @@ from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.graph import AlphaTexture, Material, Mesh, Node, Primitive
 from visref_datasets_gen.shapes import Float64, lathe, quads, quarter_turn, snap
 from visref_datasets_gen.stock import plain
-from visref_datasets_gen.terrain import Height, Winding, patch
+from visref_datasets_gen.terrain import Height, Winding, ground
 
 SIDE_M = 110.0
 TREE_PITCH_M = 4.5
@@ -73,7 +73,7 @@ def leaves(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Dataset:
     side = tiles * TILE_M
     walk = _walk(side, frames, height)
     eyes = np.array([camera.eye for camera in walk])[:, [0, 2]]
-    nodes = _ground(tiles, height)
+    nodes = ground(tiles, TILE_M, TILE_TRIANGLES, height)
     for kind, stock, pitch in (("tree", trees, TREE_PITCH_M), ("shrub", shrubs, SHRUB_PITCH_M)):
         nodes += _planted(rng, kind, stock, pitch, side, height, eyes)
     return Dataset("leaves", tuple(nodes), walk)
@@ -168,17 +168,6 @@ def _height(phases: Float64, x: Float64, z: Float64) -> Float64:
     """Low hills, about 70 metres from crest to crest."""
     result: Float64 = 0.8 * np.sin(x / 11.0 + phases[0]) * np.sin(z / 12.0 + phases[1])
     return result
-
-
-def _ground(tiles: int, height: Height) -> list[Node]:
-    nodes = []
-    for j in range(tiles):
-        for i in range(tiles):
-            low, high = (i * TILE_M, j * TILE_M), ((i + 1) * TILE_M, (j + 1) * TILE_M)
-            name = f"ground-{i}-{j}"
-            soup = patch(low, high, TILE_TRIANGLES, height)
-            nodes.append(Node(name, plain(name, {"earth": soup})[0]))
-    return nodes
 
 
 def _planted(

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from visref_datasets_gen.graph import Node
 from visref_datasets_gen.shapes import EMPTY, Float64, Soup, merge, quads
+from visref_datasets_gen.stock import plain
 
 Height = Callable[[Float64, Float64], Float64]  # y from x and z
 
@@ -77,3 +79,16 @@ def patch(
     a, b, c, d = corners[-1]
     points = np.array([a, b, (b + c) / 2.0, c, d])
     return merge([quads(corners[:-1]), (points, np.array([[2, 3, 4], [2, 4, 0], [2, 0, 1]]))])
+
+
+def ground(tiles: int, side_m: float, triangles: int, height: Height) -> list[Node]:
+    """A square of `tiles` by `tiles` patches of earth from the origin on, `side_m` wide and of so
+    many triangles each."""
+    nodes = []
+    for j in range(tiles):
+        for i in range(tiles):
+            low, high = (i * side_m, j * side_m), ((i + 1) * side_m, (j + 1) * side_m)
+            name = f"ground-{i}-{j}"
+            soup = patch(low, high, triangles, height)
+            nodes.append(Node(name, plain(name, {"earth": soup})[0]))
+    return nodes

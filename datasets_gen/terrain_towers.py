@@ -20,7 +20,7 @@ from visref_datasets_gen.dataset import Dataset
 from visref_datasets_gen.graph import Mesh, Node
 from visref_datasets_gen.shapes import Float64, Soup, boxes, lathe, merge, quarter_turn, ring, snap
 from visref_datasets_gen.stock import plain
-from visref_datasets_gen.terrain import Height, Winding, patch
+from visref_datasets_gen.terrain import Height, Winding, ground
 
 SIDE_AT_SCALE_1_M = 400.0
 TILE_M = 25.0
@@ -53,7 +53,11 @@ def terrain_towers(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Da
     walk = _walk(side, frames, height)
     return Dataset(
         "terrain_towers",
-        (*_ground(tiles, height), *_towers(rng, side, height, walk), *_birds(rng, tiles, height)),
+        (
+            *ground(tiles, TILE_M, TILE_TRIANGLES, height),
+            *_towers(rng, side, height, walk),
+            *_birds(rng, tiles, height),
+        ),
         walk,
     )
 
@@ -64,17 +68,6 @@ def _height(phases: Float64, x: Float64, z: Float64) -> Float64:
     small = np.sin((x + 0.4 * z) / 6.3 + phases[2]) * np.sin((z - 0.3 * x) / 7.1 + phases[3])
     result: Float64 = 2.5 * wide + 0.3 * small
     return result
-
-
-def _ground(tiles: int, height: Height) -> list[Node]:
-    nodes = []
-    for j in range(tiles):
-        for i in range(tiles):
-            low, high = (i * TILE_M, j * TILE_M), ((i + 1) * TILE_M, (j + 1) * TILE_M)
-            name = f"ground-{i}-{j}"
-            (mesh,) = plain(name, {"earth": patch(low, high, TILE_TRIANGLES, height)})
-            nodes.append(Node(name, mesh))
-    return nodes
 
 
 def _towers(rng: np.random.Generator, side: float, height: Height, walk: CameraPath) -> list[Node]:

@@ -38,8 +38,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-
 from visref.camera import Camera
 from visref.culler import Option, Promise
 from visref.scene import Scene, Units
@@ -87,14 +85,12 @@ class TwoPassHZB(GLCuller):
     def prepare(self, scene: Scene) -> Units:
         units = super().prepare(scene)
         assert self.geometry is not None
-        # Commands on the GPU draw no masked occluder.
-        hides = self.occluders(scene)
-        hiding = np.concatenate([[0], np.cumsum(hides[units.triangles])])
         self.gpu = self.pyramid_cull(
             self.device,
             self.geometry,
             self.unit_boxes,
-            np.diff(hiding[units.offsets]) > 0,
+            # Commands on the GPU draw no masked occluder.
+            self.units_with(self.occluders(scene)),
             lookup=self.lookup,
             by_set=self.by_set,
             twice=self.twice,

@@ -93,8 +93,7 @@ class NBufferCulling(GLCuller):
         self.map = self.map_queries(self.squares)
         # Commands on the GPU draw no masked occluder.
         hides = self.occluders(scene) if self.on_gpu else self.geometry.hides
-        hiding = np.concatenate([[0], np.cumsum(hides[units.triangles])])
-        self.can_occlude: NDArray[np.bool_] = np.diff(hiding[units.offsets]) > 0
+        self.can_occlude = self.units_with(hides)
         # By view, whose occluders are what it saw itself.
         self.seen_of_view: dict[str, NDArray[np.bool_]] = {}
         if self.on_gpu:
