@@ -8,6 +8,8 @@ nearest depth of anybody else: with these every unit has the depth buffer withou
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +37,10 @@ class Layers:
         shape = (height, width)
         return cls(np.full(shape, np.inf), np.full(shape, -1, np.int32), np.full(shape, np.inf))
 
+    @property
+    def bytes(self) -> int:
+        return self.nearest.nbytes + self.owner.nbytes + self.second.nbytes
+
     def picked(self, rows: Any, columns: Any) -> Layers:
         """The layers at some rows and columns."""
         return Layers(
@@ -47,6 +53,32 @@ class Layers:
     def mapped(self, change: Any) -> Layers:
         """The layers with both depths changed alike, an image at a time."""
         return replace(self, nearest=change(self.nearest), second=change(self.second))
+
+
+class LayersKept:
+    """Layers, made once each as far as so many bytes go: those that were not asked for longest go
+    first."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._held = most, 0
+        self._kept: OrderedDict[Hashable, Layers] = OrderedDict()
+
+    @property
+    def held(self) -> int:
+        """Bytes."""
+        return self._held
+
+    def get(self, key: Hashable, make: Callable[[], Layers]) -> Layers:
+        found = self._kept.get(key)
+        if found is None:
+            found = make()
+            self._kept[key] = found
+            self._held += found.bytes
+            while self._held > self._most and len(self._kept) > 1:
+                _, gone = self._kept.popitem(last=False)
+                self._held -= gone.bytes
+        self._kept.move_to_end(key)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
