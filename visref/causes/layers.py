@@ -128,6 +128,16 @@ def draw(
     )
 
 
+def turned(
+    vertices: NDArray[Any], corners: Int32, towards: Float64, is_point: bool
+) -> NDArray[np.bool_]:
+    """(t,) bool, which of (t, 3) `corners` of (v, 3) `vertices` turn their front, from which they
+    are counter-clockwise, to the point `towards`, (3,) float64, or else in that direction."""
+    found = np.empty(len(corners), np.bool_)
+    _turned(vertices, corners, np.asarray(towards, np.float64), is_point, found)
+    return found
+
+
 def ask(
     layers: Layers,
     rectangles: Int32,
@@ -209,6 +219,28 @@ def _ask(
                 if z > depth + 1e-9 * abs(depth):
                     behind += 1
         farthest_found[k], nearest_found[k], passing[k], beyond[k] = far, near, at, behind
+
+
+@njit()
+def _turned(
+    vertices: NDArray[Any],
+    corners: NDArray[Any],
+    towards: NDArray[Any],
+    is_point: bool,
+    found: NDArray[Any],
+) -> None:
+    e = np.empty((2, 3))
+    for t in range(len(corners)):
+        a = corners[t, 0]
+        for i in range(2):
+            for k in range(3):
+                e[i, k] = np.float64(vertices[corners[t, i + 1], k]) - np.float64(vertices[a, k])
+        side = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            way = towards[k] - vertices[a, k] if is_point else towards[k]
+            side += (e[0, i] * e[1, j] - e[0, j] * e[1, i]) * way
+        found[t] = side > 0.0
 
 
 @njit()

@@ -14,7 +14,7 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.causes.boxes import Boxes
 from visref.causes.evidence import Answers, Membership
-from visref.causes.layers import Layers, LayersKept, draw
+from visref.causes.layers import Layers, LayersKept, draw, turned
 from visref.engines.base import TruthEngine
 from visref.scene import Alpha, Float64, Int32, Int64, Scene, Units
 from visref.timeline import Timeline
@@ -235,13 +235,9 @@ class Sight:
 def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = False) -> Bool:
     """(t,) bool, the triangles whose front the camera sees. `axis`: asked of the view's axis in
     place of the ray; `eye`: of the eye, whatever the projection."""
-    a, b, c = (scene.vertices[scene.triangles[:, i]].astype(np.float64) for i in range(3))
-    normal = np.cross(b - a, c - a)
-    towards = camera.eye - a
-    if axis or not (camera.is_perspective or eye):
-        towards = np.broadcast_to(-camera.forward, a.shape)
-    found: Bool = np.einsum("ij,ij->i", normal, towards) > 0.0
-    return found
+    orthographic = not (camera.is_perspective or eye)
+    towards = -camera.forward if axis or orthographic else camera.eye
+    return turned(scene.vertices, scene.triangles, towards, not (axis or orthographic))
 
 
 class Sights:
