@@ -164,7 +164,7 @@ def _seal(file: Path, parts: Any, facts: dict[str, Any]) -> None:
 
 
 class _Digest:
-    """SHA-256 (hexadecimal) of facts and rows: of the values alone, however the file is laid out."""
+    """SHA-256 (hexadecimal) of facts and rows, whatever the layout of the file."""
 
     def __init__(self, facts: dict[str, Any]) -> None:
         said = {name: value for name, value in facts.items() if name != "digest"}

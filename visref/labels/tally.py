@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.scene import Int32, Int64, Scene
+from visref.scene import Scene
 from visref.visibility import BACKGROUND, FrameTruth, blended_beside
 
 # What `Owners.at` says besides an object's id. Below the last: number -(value - TIED) of the ties.
@@ -177,3 +177,37 @@ def tally(runs: NDArray[Any], width: int, objects: int, owners: Owners) -> Tally
                 count += 1
             touching = 0
     return Tally(visible, undecided, hit, boxes, hidden[:count].copy())
+
+
+@njit(error_model="numpy")
+def visible_runs(runs: NDArray[Any], width: int, owners: Owners) -> NDArray[np.int64]:
+    """Of silhouettes that hold all that anything owns, what is visible, as runs too."""
+    at, glass_offsets, glass = owners.at, owners.glass_offsets, owners.glass
+    result = np.empty((1024, 4), np.int64)
+    count = 0
+    for r in range(len(runs)):
+        o, y = runs[r, 0], runs[r, 1]
+        own = glass[glass_offsets[o] : glass_offsets[o + 1]]
+        next_glass = np.searchsorted(own, y * width + runs[r, 2])
+        begin = -1
+        for x in range(runs[r, 2], runs[r, 3] + 2):
+            seen = False
+            if x <= runs[r, 3]:
+                sample = y * width + x
+                value = at[sample]
+                seen = value == o or (value <= TIED and _is_tied(owners, value, o))
+                if next_glass < len(own) and own[next_glass] == sample:
+                    seen = True
+                    next_glass += 1
+            if seen and begin < 0:
+                begin = x
+            if not seen and begin >= 0:
+                if count == len(result):
+                    more = np.empty((2 * count, 4), np.int64)
+                    more[:count] = result
+                    result = more
+                result[count, 0], result[count, 1] = o, y
+                result[count, 2], result[count, 3] = begin, x - 1
+                count += 1
+                begin = -1
+    return result[:count].copy()

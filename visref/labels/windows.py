@@ -102,8 +102,8 @@ class Window:
 class Reach:
     """How far objects reach, (n,) arrays: `behind` bool, a vertex of it is nearer than near;
     `whole` bool, its silhouette lies in the image for certain; `boxes` (n, 4) int64, first and last
-    column and row of an image that holds all of it, `fits` bool, whether there can be such an image:
-    not where a vertex is nearer than near, nor where it would be too large."""
+    column and row of an image that holds all of it, `fits` bool, whether there can be such an
+    image: not where a vertex is nearer than near, nor where it would be too large."""
 
     behind: Bool
     whole: Bool
