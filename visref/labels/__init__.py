@@ -2,9 +2,7 @@
 
 A truth says who owns which samples; a label says of each object besides how large it would be if it
 stood alone, how much of that shows, and what hides the rest. `docs/labels.md` defines each column.
+
+`frame` makes them, from `silhouettes` (each object alone, by `kernels`) and `tally` (whose samples
+those are); `table`, `images`, `coco` and `bop` write them; `writing` does so for a run.
 """
-
-from visref.labels.frame import FrameLabels, Labeller
-from visref.labels.table import LabelTable
-
-__all__ = ["FrameLabels", "LabelTable", "Labeller"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,7 +159,7 @@ def _take(
         result.add(pairs[:, 0], pairs[:, 1], keep=keep)
 
 
-def _exact_frame(scene: Scene, window: Window, triangles: NDArray[np.int64]) -> ExactFrame:
+def _exact_frame(scene: Scene, window: Window, triangles: NDArray[Any]) -> ExactFrame:
     return ExactFrame(
         window, scene.vertices[scene.triangles[triangles]], scene.one_sided[triangles]
     )

@@ -149,13 +149,15 @@ def _exactly_behind(scene: Scene, camera: Camera, object_id: int) -> bool:
         for v in (camera.eye, camera.forward, camera.right_step, camera.up_step)
     )
     normal = [right[i - 2] * up[i - 1] - right[i - 1] * up[i - 2] for i in range(3)]
-    along = sum(normal[i] * forward[i] for i in range(3))
+    along = sum((normal[i] * forward[i] for i in range(3)), Fraction(0))
     limit = Fraction(float(camera.near)) * abs(along)
     sign = 1 if along > 0 else -1
-    return any(
-        sign * sum(normal[i] * (Fraction(float(v[i])) - eye[i]) for i in range(3)) < limit
-        for v in vertices
-    )
+
+    def depth(vertex: NDArray[np.float32]) -> Fraction:
+        away = [Fraction(float(vertex[i])) - eye[i] for i in range(3)]
+        return sign * sum((normal[i] * away[i] for i in range(3)), Fraction(0))
+
+    return any(depth(vertex) < limit for vertex in vertices)
 
 
 @njit(error_model="numpy")
