@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -225,7 +226,7 @@ def test_wrong_places_are_refused_in_one_line(inputs, tmp_path, capsys, argument
 
 
 def test_bop_refuses_an_orthographic_camera_before_anything_is_cast(inputs, tmp_path, capsys):
-    path = json.loads(open(inputs[2], encoding="utf-8").read())
+    path = json.loads(Path(inputs[2]).read_text(encoding="utf-8"))
     path["ymag"] = path.pop("yfov")
     (tmp_path / "flat.json").write_text(json.dumps(path))
     flat = [inputs[0], "--path", str(tmp_path / "flat.json")]
