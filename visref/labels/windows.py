@@ -129,9 +129,9 @@ def reach_of(scene: Scene, camera: Camera, objects: Int64) -> Reach:
     size = np.array([camera.width, camera.height])
     whole = ~behind & (low >= 0).all(axis=1) & (high <= size - 1).all(axis=1)
     limit = float(MAX_IMAGE_SIDE)
-    with np.errstate(invalid="ignore"):
-        # Also false where a place is not a number.
-        fits = ~behind & (low > -limit).all(axis=1) & (high < limit).all(axis=1)
+    # Not where a place is no number, nor of an object without triangles.
+    fits = ~behind & (low <= high).all(axis=1)
+    fits &= (low > -limit).all(axis=1) & (high < limit).all(axis=1)
     boxes = np.zeros((len(found), 4), np.int64)
     boxes[fits] = np.stack([low[fits, 0], high[fits, 0], low[fits, 1], high[fits, 1]], axis=1)
     sides = boxes[:, 1::2] - boxes[:, ::2] + 1
