@@ -23,8 +23,12 @@ from visref.labels.table import SCHEMA
 from visref.scene import Scene
 from visref.visibility import objects_seen
 
-# A box before a wall, and a third that flies past both; two views.
+# A cart that passes before a wall, a crate before it and one behind; two views.
 FRAMES = 4
+# pycocotools hands out its masks in a way that NumPy 2 finds old.
+NUMPY_1_STYLE = pytest.mark.filterwarnings(
+    "ignore:__array__ implementation doesn't accept a copy keyword:DeprecationWarning"
+)
 
 
 def box(centre: tuple[float, float, float], size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -42,8 +46,9 @@ def inputs(tmp_path_factory):
     scene = Scene.from_objects(
         [
             ("wall", wall, np.array([[0, 1, 2], [0, 2, 3]])),
-            ("crate", *box((0.0, 0.0, 0.0), 1.0)),
+            ("cart", *box((0.0, 0.0, 0.0), 1.0)),
             ("crate", *box((0.5, 0.0, -8.0), 1.0)),
+            ("crate", *box((1.5, -0.5, -5.0), 0.75)),
         ]
     )
     (folder / "scene.glb").write_bytes(glb_of(scene, given=True))
@@ -63,7 +68,7 @@ def inputs(tmp_path_factory):
                     "left": {"world_from_camera": np.eye(4).tolist()},
                     "right/eye": {"world_from_camera": aside.tolist(), "width": 40},
                 },
-                "world_from_object": {"crate": world.tolist()},
+                "world_from_object": {"cart": world.tolist()},
                 **({"absent": ["crate#2"]} if number == 2 else {}),
             }
         )
@@ -118,7 +123,7 @@ def test_labels_of_a_moving_scene_agree_with_each_object_drawn_by_itself(inputs,
     hidden = 0
     for given, frame, camera, scene in every_cell(inputs):
         there = [row["object"] for row in by_cell[frame, camera.view]]
-        assert there == ([0, 1] if frame == 2 else [0, 1, 2])
+        assert there == ([0, 1, 2] if frame == 2 else [0, 1, 2, 3])
         cast = ExactScene(scene, threads=1).certify(camera)
         nearest = np.where(
             cast.buffer.triangle >= 0, scene.object_of_triangle[cast.buffer.triangle], -1
@@ -248,6 +253,7 @@ def test_folders_of_ours_are_replaced_and_only_those(inputs, made, tmp_path, cap
     assert "rgb" in capsys.readouterr().err
 
 
+@NUMPY_1_STYLE
 def test_images_are_the_truth_of_each_view(inputs, made):
     index = json.loads((made / "images" / "labels.json").read_text())
     assert index["bits"] == 16
@@ -300,11 +306,12 @@ def test_more_objects_than_16_bits_hold_take_32(tmp_path):
     assert set(np.unique(ids).tolist()) == {0, count}
 
 
+@NUMPY_1_STYLE
 def test_coco_is_read_by_its_own_tools(inputs, made):
     coco = pytest.importorskip("pycocotools.coco")
     mask_utils = pytest.importorskip("pycocotools.mask")
     read = coco.COCO(str(made / "coco.json"))
-    assert [one["name"] for one in read.loadCats(read.getCatIds())] == ["wall", "crate"]
+    assert [one["name"] for one in read.loadCats(read.getCatIds())] == ["wall", "cart", "crate"]
     found = 0
     for number, (_given, _frame, camera, scene) in enumerate(every_cell(inputs), 1):
         (image,) = read.loadImgs(number)
