@@ -10,6 +10,7 @@ from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.report import write_report
 from visref.report.bench_folder import is_bench
+from visref.report.board import write_board
 from visref.report.run_tables import write_run_tables
 from visref.report.words import overall
 from visref.run_folder.read import read_run
@@ -26,17 +27,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="tables of the runs as Markdown, LaTeX and CSV",
     )
+    parser.add_argument(
+        "--board",
+        type=Path,
+        metavar="FILE.md",
+        help="one table of all methods on all scenes, a run being a scene",
+    )
 
 
 def run(given: argparse.Namespace) -> Exit:
-    if given.out is None and given.tables is None:
-        raise InputError("there is nowhere to write to", fix="give --out or --tables")
+    if given.out is None and given.tables is None and given.board is None:
+        raise InputError("there is nowhere to write to", fix="give --out, --tables or --board")
     if given.out is not None:
         OUT.line(f"The report: {write_report(given.runs, given.out)}")
+    tables = given.tables is not None or given.board is not None
     folders = [folder for folder in given.runs if not is_bench(folder)]
-    runs = [read_run(folder, objects=given.tables is not None) for folder in folders]
+    runs = [read_run(folder, objects=tables) for folder in folders]
     if given.tables is not None:
         for file in write_run_tables(runs, given.tables):
             OUT.line(f"The tables: {file}")
+    if given.board is not None:
+        write_board(runs, given.board)
+        OUT.line(f"The board: {given.board}")
     _, exit_ = overall(runs)
     return exit_
