@@ -52,7 +52,8 @@ class Walk:
     `nearest`, the least view depth.
 
     `open`: nodes to look at, as the method keeps them; `gathered`: hidden nodes to ask about;
-    `later`: visible leaves to ask about; `waiting`: units to draw before the next query.
+    `later`: visible leaves to ask about; `waiting`: units to draw before the next query; `awaited`:
+    how many questions are about what is not drawn yet.
     """
 
     frame: Frame
@@ -66,6 +67,7 @@ class Walk:
     gathered: list[int] = field(default_factory=list)
     later: deque[int] = field(default_factory=deque)
     waiting: list[int] = field(default_factory=list)
+    awaited: int = 0
     looked: int = 0
     groups: int = 0
     waited_for: int = -1
@@ -75,7 +77,7 @@ COHERENT_OPTIONS: dict[str, Option] = {
     "wait": Option(
         True, "wait for hidden nodes' answers; else they count a frame later, not conservative"
     ),
-    "ahead": Option(8, "nodes looked at while an answer is under way, 0 or more"),
+    "ahead": Option(8, "nodes looked at while an answer is under way, 1 or more"),
     "threshold": Option(0, "samples up to which a node is hidden; above 0 not conservative"),
     "query": Option(
         "gl", "GL's occlusion queries, or a depth buffer on the CPU", ("gl", "software")
@@ -106,7 +108,7 @@ class CoherentCulling(GLCuller):
         super().__init__(depth=depth, fragments=fragments)
         within("every", every, 1, None)
         within("tight", tight, 0, MOST_TIGHT)
-        within("ahead", ahead, 0, None)
+        within("ahead", ahead, 1, None)
         within("threshold", threshold, 0, None)
         if threshold and query == "software":
             raise InputError(
@@ -250,7 +252,7 @@ class CoherentCulling(GLCuller):
         )
 
     def traverse(self, walk: Walk) -> None:
-        while walk.open or (self.waits and walk.questions):
+        while walk.open or (self.waits and walk.awaited):
             if self.waits and walk.questions and (not walk.open or self.is_there(walk)):
                 if not self.is_there(walk):
                     self.wait(walk)
@@ -266,9 +268,10 @@ class CoherentCulling(GLCuller):
 
     def wait(self, walk: Walk) -> None:
         self.while_waiting(walk)
-        # Queries that went out together are waited for together.
-        if walk.questions[0].group != walk.waited_for:
-            walk.waited_for = walk.questions[0].group
+        question = walk.questions[0]
+        # Queries that went out together are waited for together, and none about what is drawn.
+        if not question.drawn and question.group != walk.waited_for:
+            walk.waited_for = question.group
             walk.frame.stats.batches = (walk.frame.stats.batches or 0) + 1
 
     def look_at(self, walk: Walk, node: int) -> None:
@@ -325,6 +328,7 @@ class CoherentCulling(GLCuller):
         question = Question(query, tuple(nodes), drawn, of_drawing, walk.looked, walk.groups)
         walk.questions.append(question)
         if not drawn:
+            walk.awaited += 1
             units = self.nodes.unit[list(nodes)]
             walk.frame.note_asked(units[units != INNER])
         self.observe("ask", nodes=question.nodes, drawn=drawn)
@@ -333,6 +337,7 @@ class CoherentCulling(GLCuller):
         """The answer of the question that was sent first. One that is not in time changes nothing
         in this frame."""
         question = walk.questions.popleft()
+        walk.awaited -= not question.drawn
         with phase(walk.frame.stats, "query"):
             samples = self.under_way.samples(question.query)
         self.note_boxes(walk, question, samples)

@@ -15,8 +15,9 @@ from visref.conformance import case
 from visref.conformance.moving import moved, posed
 from visref.conformance.scenes import box, pixel_panel
 from visref.conformance.scenes import camera as camera_at
+from visref.conformance.suite import built_case
 from visref.culler import Promise, QueryStats
-from visref.engines import make_engine
+from visref.engines.recalled import RecalledTruths
 from visref.errors import InputError
 from visref.judging.referee import Referee
 from visref.registry import make_culler
@@ -35,7 +36,7 @@ from visref_culling.queries.under_way import BoxesUnderWay
 pytestmark = pytest.mark.gl
 
 BOTH = ["chc", "chc++"]
-EVERY_WAY = [*BOTH, "chc:query=software", "chc++:query=software", "chc:ahead=0", "chc++:batch=1"]
+EVERY_WAY = [*BOTH, "chc:query=software", "chc++:query=software", "chc:ahead=1", "chc++:batch=1"]
 
 
 # The hierarchy.
@@ -103,7 +104,7 @@ def test_tight_boxes_hold_each_leaf_once_and_have_little_more_surface(tight, fla
         assert surface[:-1].sum() <= MOST_SURFACE * surface[-1] * (1.0 + 1e-12)
         deeper += list(boxes) != [node]
     # Cubes in a row touch each other, so that all of them have little more surface than the row.
-    assert (deeper > 0) == (tight > 0 and flat)
+    assert (deeper > 0) == (tight > 0)
 
 
 def test_a_unit_that_appears_is_found_where_it_is():
@@ -230,9 +231,10 @@ def drawn_by(spec: str, cameras: list[Camera], scene: Scene = WALLED) -> list[li
 
 @pytest.mark.parametrize("spec", EVERY_WAY)
 def test_nothing_is_late_where_answers_are_waited_for(spec):
-    drawn = drawn_by(spec, [FROM] * 3 + [ASIDE] * 2)
-    assert drawn[1:3] == [[0, 2], [0, 2]]
-    assert drawn[3] == [1, 2]
+    # In the first frame all may be asked about before anything is drawn.
+    drawn = drawn_by(spec, [FROM] * 8 + [ASIDE] * 2)
+    assert drawn[7] == [0, 2]
+    assert drawn[8] == drawn[9] == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -264,10 +266,10 @@ def test_each_view_remembers_what_it_saw_itself(spec):
 @pytest.mark.parametrize("spec", ["chc:wait=false", "chc++:wait=false", "chc++:wait=false,every=1"])
 @pytest.mark.parametrize("name", ["fast_turn", "sliding_door", "walk_through_a_city"])
 def test_all_that_is_missed_without_waiting_has_just_come_into_view(spec, name):
-    scene, path = case(name)
-    outcome = Referee(scene, lambda: make_engine("exact", scene)).run(
-        path, range(len(path)), [(spec, make_culler(spec))]
-    )
+    built, truths = built_case(name, 0)
+    path = built.path.relative_to(built.scene.origin)
+    referee = Referee(built.scene, lambda: RecalledTruths(built.scene, path, truths))
+    outcome = referee.run(path, range(len(path)), [(spec, make_culler(spec))])
     (record,) = outcome.cullers
     assert not record.failed
     assert set(record.ages()) <= {0}
@@ -341,7 +343,20 @@ def test_hidden_branches_are_asked_about_as_a_whole_and_several_at_once():
     assert several[-1].queries < 0.5 * alone[-1].queries
     # What is asked together is waited for together.
     assert several[-1].batches < single[-1].batches
-    assert several[-1].state_changes < single[-1].state_changes
+
+
+def test_what_is_gathered_changes_the_state_less_and_is_drawn_together():
+    scene, path = case("walk_through_a_city")
+    totals = {}
+    for spec in BOTH:
+        culler = make_culler(spec + ":every=1")
+        culler.prepare(scene)
+        stats = [culler.cull(path.views(k)[0]).stats for k in range(len(path)) for _ in range(2)]
+        culler.close()
+        totals[spec] = stats
+    for count in ("state_changes", "draw_calls", "batches"):
+        one, several = (sum(getattr(s, count) for s in totals[spec]) for spec in BOTH)
+        assert several < 0.7 * one, count
 
 
 def test_what_is_visible_is_not_asked_in_each_frame():
@@ -386,7 +401,7 @@ def test_the_promise_says_what_is_not_waited_for():
     "spec",
     [
         "chc:every=0",
-        "chc:ahead=-1",
+        "chc:ahead=0",
         "chc:threshold=-1",
         "chc:query=software,threshold=1",
         "chc++:batch=0",
