@@ -25,13 +25,7 @@ class BoxTree:
     def __init__(self, bounds: Float64) -> None:
         filled = np.flatnonzero(bounds[:, 0, 0] <= bounds[:, 1, 0])
         self.ids: Int64 = filled[np.argsort(_morton(bounds[filled]), kind="stable")]
-        self.levels: list[Float64] = [bounds[self.ids]]
-        while len(self.levels[-1]) > 1:
-            below = self.levels[-1]
-            starts = np.arange(0, len(below), FAN_OUT)
-            low = np.minimum.reduceat(below[:, 0], starts, axis=0)
-            high = np.maximum.reduceat(below[:, 1], starts, axis=0)
-            self.levels.append(np.stack([low, high], axis=1))
+        self.levels = levels_over(bounds[self.ids])
 
     def in_frustum(self, view: View) -> Int64:
         """(k,) int64: the units whose inflated boxes meet the view, ascending."""
@@ -43,6 +37,19 @@ class BoxTree:
                 children = (nodes[:, None] * FAN_OUT + np.arange(FAN_OUT)).reshape(-1)
                 nodes = children[children < len(self.levels[depth - 1])]
         return np.sort(self.ids[nodes])
+
+
+def levels_over(leaves: Float64) -> list[Float64]:
+    """The boxes of each level, (n, 2, 3) float64: those of the leaves, (k, 2, 3), first, of the
+    root last."""
+    levels = [leaves]
+    while len(levels[-1]) > 1:
+        below = levels[-1]
+        starts = np.arange(0, len(below), FAN_OUT)
+        low = np.minimum.reduceat(below[:, 0], starts, axis=0)
+        high = np.maximum.reduceat(below[:, 1], starts, axis=0)
+        levels.append(np.stack([low, high], axis=1))
+    return levels
 
 
 def front_to_back(ids: Int64, nearest_depth: Float64) -> Int64:

@@ -96,10 +96,11 @@ class BoxQueries:
         stats.state_changes = (stats.state_changes or 0) + changes
         return samples
 
-    def _upload(
+    def upload(
         self, program: moderngl.Program, view: View, boxes: Float32, corners_only: bool
     ) -> tuple[int, int]:
-        """Make boxes and uniforms ready; returns the primitive and its number of vertices."""
+        """Make boxes, (k, 2, 3) float32 relative to the eye, and uniforms ready for a program;
+        returns the primitive and its number of vertices."""
         set_uniform(program, "corners_only", np.int32(corners_only).tobytes())
         set_uniform(program, "clip_from_relative", view.clip_from_relative_bytes)
         set_uniform(program, "depth_shift_ndc", np.float32(view.depth_shift_ndc).tobytes())
@@ -121,7 +122,7 @@ class BoxQueries:
         *,
         wait_for_each: bool,
     ) -> tuple[Int64, int, int]:
-        mode, vertices = self._upload(self.plain, view, boxes, corners_only)
+        mode, vertices = self.upload(self.plain, view, boxes, corners_only)
         state = State(
             target.framebuffer,
             self.plain,
@@ -158,7 +159,7 @@ class BoxQueries:
         depth_func: str = "<=",
     ) -> tuple[Int64, int, int]:
         program = self.instanced[way]
-        mode, vertices = self._upload(program, view, boxes, corners_only)
+        mode, vertices = self.upload(program, view, boxes, corners_only)
         self.answers.orphan(max(self.answers.size, 4 * len(boxes)))
         self.answers.clear()
         self.answers.bind_to_storage_buffer(2)

@@ -22,6 +22,7 @@ SEED = 17
 LATER = frozenset(
     {
         "mutant/hzb",
+        "mutant/chc",
         "mutant/masked",
         "mutant/three_pass/TilesInTheOrderOfTheirHalves",
         "mutant/three_pass/TriangleIdsOfTheTiledScene",
