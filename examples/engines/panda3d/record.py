@@ -39,6 +39,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "recorders" / "pyth
 from visref_recorder import Recorder, from_panda3d  # noqa: E402
 
 Json = dict[str, Any]
+# Cosine of an angle that is right but for the rounding of float32 corners.
+RIGHT_ANGLE = 1e-5
 
 
 def read_glb(file: Path) -> tuple[Json, bytes]:
@@ -129,12 +131,12 @@ class Panda:
         self.region.camera = self.camera
 
     def _largest_walls(self, most: int) -> Iterator[tuple[int, list[core.LPoint3]]]:
-        """The largest upright parallelograms of opaque objects: two triangles that follow one
+        """The largest upright rectangles of opaque objects: two triangles that follow one
         another in a Geom, lie in one plane and share an edge."""
         found = []
         for node, one in self.objects.items() if most else ():
             if self.hides[node]:
-                for quad in parallelograms(one):
+                for quad in rectangles(one):
                     area = (quad[1] - quad[0]).cross(quad[3] - quad[0]).length()
                     found.append((-area, node, quad))
         for _, node, quad in sorted(found, key=lambda wall: wall[:2])[:most]:
@@ -227,7 +229,7 @@ def hides(document: Json, node: Json) -> bool:
     return True
 
 
-def parallelograms(one: core.NodePath) -> Iterator[list[core.LPoint3]]:
+def rectangles(one: core.NodePath) -> Iterator[list[core.LPoint3]]:
     for child in one.find_all_matches("+GeomNode"):
         node = child.node()
         for geom in map(node.get_geom, range(node.get_num_geoms())):
@@ -250,7 +252,7 @@ def primitives(geom: core.Geom) -> Iterator[core.GeomPrimitive]:
 
 
 def joined(first: list[core.LPoint3], second: list[core.LPoint3]) -> list[core.LPoint3] | None:
-    """The upright parallelogram of two triangles, its corners in order."""
+    """The upright rectangle of two triangles, its corners in order."""
     shared = [corner for corner in first if corner in second]
     if len(shared) != 2:
         return None
@@ -258,8 +260,10 @@ def joined(first: list[core.LPoint3], second: list[core.LPoint3]) -> list[core.L
     (other,) = (corner for corner in second if corner not in shared)
     if one + other != shared[0] + shared[1]:  # the diagonals do not halve each other
         return None
-    normal = (shared[0] - one).cross(shared[1] - one)
-    return [one, shared[0], other, shared[1]] if normal.z == 0 else None
+    across, along = shared[0] - one, shared[1] - one
+    if abs(across.dot(along)) > RIGHT_ANGLE * across.length() * along.length():
+        return None
+    return [one, shared[0], other, shared[1]] if across.cross(along).z == 0 else None
 
 
 def record(scene: Path, path: Path, recording: Path, options: argparse.Namespace) -> None:
@@ -269,7 +273,7 @@ def record(scene: Path, path: Path, recording: Path, options: argparse.Namespace
     first = views_of(top, told["frames"][0])[0][1]
     with Recorder(str(recording), first["width"], first["height"]) as r:
         for number, frame in enumerate(told["frames"]):
-            if "time_s" in frame and panda.animated:
+            if panda.animated and ("time_s" in frame or "fps" in top):
                 raise SystemExit(f"{scene} is animated, and here it stands still")
             panda.pose(frame)
             r.begin_frame(number)
@@ -281,7 +285,7 @@ def record(scene: Path, path: Path, recording: Path, options: argparse.Namespace
                 r.absent(name)
             for name, view in views_of(top, frame):
                 panda.look(view)
-                r.visible_nodes(panda.drawn(), name)
+                tell_drawn(r, panda, name)
                 tell_camera(r, panda, view, name)
                 if options.pictures:
                     options.pictures.mkdir(parents=True, exist_ok=True)
@@ -293,6 +297,15 @@ def record(scene: Path, path: Path, recording: Path, options: argparse.Namespace
 def views_of(top: Json, frame: Json) -> list[tuple[str | None, Json]]:
     views = frame.get("views", {None: {}})
     return [(name, {**top, **frame, **fields}) for name, fields in views.items()]
+
+
+def tell_drawn(r: Recorder, panda: Panda, name: str | None) -> None:
+    """By name where all nodes have names of their own, and else by number."""
+    drawn = panda.drawn()
+    if "" not in panda.names and len(set(panda.names)) == len(panda.names):
+        r.visible([panda.names[node] for node in drawn], name)
+    else:
+        r.visible_nodes(drawn, name)
 
 
 def tell_camera(r: Recorder, panda: Panda, view: Json, name: str | None) -> None:
