@@ -3,8 +3,8 @@ page's tables.
 
     python examples/engines/judge.py panda3d|three|babylonjs|playcanvas --out OUT
 
-Each command is printed before it runs; all of them can be given by hand. What is generated, recorded
-and judged stays in OUT: `visref report OUT/RUN --out PAGE` draws the page of a run.
+Each command is printed before it runs; all of them can be given by hand. What is generated,
+recorded and judged stays in OUT: `visref report OUT/RUN --out PAGE` draws the page of a run.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def judged(engine: str, trial: Trial, out: Path) -> dict[str, Any]:
     folder = out / label.replace("=", "-")
     recording = folder.with_suffix(".jsonl")
     run(*recorder(engine), scene, path, recording, *trial.settings)
-    run(*VISREF, "-q", "check", scene, "--recording", recording, "--out", folder, good=(0, 1))
+    run(*VISREF, "check", scene, "--recording", recording, "--out", folder, good=(0, 1))
     (sums,) = json.loads((folder / "verdict.json").read_text())["cullers"].values()
     return sums
 

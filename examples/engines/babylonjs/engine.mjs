@@ -1,6 +1,7 @@
 /* Babylon.js: the scene culls by its frustum, and with --occlusion=optimistic|strict by occlusion queries
  * too, one per mesh, which the graphics card answers late: a mesh is left out in the frames after the one in
- * whose picture its box had no sample. What was drawn: the active meshes that were not held to be occluded.
+ * whose picture its box had no sample. What was drawn, each mesh's `onAfterRenderObservable` tells, which is not
+ * notified where a mesh is held to be occluded.
  *
  * --occluders=N: the N largest meshes (0) are drawn first, without queries, in a rendering group of their own;
  * so the documentation says to do. --accurate: the queries' target is ANY_SAMPLES_PASSED instead of its conservative variant.
@@ -27,7 +28,9 @@ export class Engine {
     const engine = new BABYLON.Engine(canvas, false, { preserveDrawingBuffer: true });
     const scene = new BABYLON.Scene(engine);
     scene.clearColor = new BABYLON.Color4(0, 0, 0, 1);
-    await BABYLON.AppendSceneAsync(new File([glb], "scene.glb"), scene);
+    // A mesh of its own for each node: what is asked and drawn by instances is the first one's.
+    const pluginOptions = { gltf: { createInstances: false } };
+    await BABYLON.AppendSceneAsync(new File([glb], "scene.glb"), scene, { pluginOptions });
     const made = new Engine(engine, scene, nodes, options);
     await scene.whenReadyAsync();
     return made;
@@ -55,6 +58,8 @@ export class Engine {
       material.backFaceCulling = options.oneSided && (mesh.material?.backFaceCulling ?? true);
       material.sideOrientation = mesh.material?.sideOrientation ?? material.sideOrientation;
       mesh.material = material;
+      const node = this.#node(mesh);
+      mesh.onAfterRenderObservable.add(() => this.drawn.push(node));
       if (options["no-culling"]) mesh.alwaysSelectAsActiveMesh = true;
       if (options.occlusion && !occluders.has(mesh)) {
         mesh.renderingGroupId = occluders.size > 0 ? 1 : 0;
@@ -128,13 +133,12 @@ export class Engine {
   async draw() {
     for (let round = 0; round < this.rounds; round++) {
       await new Promise(requestAnimationFrame); // queries are answered between frames, as in any page
+      this.drawn = [];
       this.engine.beginFrame();
       this.scene.render();
       this.engine.endFrame();
     }
-    const active = this.scene.getActiveMeshes();
-    const drawn = active.data.slice(0, active.length).filter((mesh) => mesh.getTotalVertices() > 0 && !mesh.isOccluded);
-    return drawn.map((mesh) => this.#node(mesh));
+    return this.drawn;
   }
 
   tell(r, view, name) {

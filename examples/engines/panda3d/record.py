@@ -5,11 +5,13 @@
     python record.py --suite SUITE OUT        every case of `visref conformance --write SUITE`
 
 After each frame the *cull result* is asked for, the list of Geoms that Panda hands to its draw
-traversal (`DisplayRegion.make_cull_result_graph`). To know them again there, each object has a flat
-colour of its own, without light and texture; no culling looks at a colour. So the frame buffer is an
-item buffer as well, which `--pictures` keeps.
+traversal (`DisplayRegion.make_cull_result_graph`). To know them again there, each object has a
+flat colour of its own, without light and texture; no culling looks at a colour. So the frame buffer
+is an item buffer as well, which `--pictures` keeps.
 
-Needs panda3d and panda3d-gltf (`pip install 'visref[engines]'`); the recorder is ../../../recorders.
+--occluders N: the N largest upright rectangles of opaque objects become OccluderNodes, as Panda
+culls by what is marked as an occluder alone. Needs panda3d and panda3d-gltf (the extra `engines`);
+the recorder is ../../../recorders/python.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import struct
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +63,8 @@ def write_glb(file: Path, document: Json, rest: bytes) -> None:
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> core.LMatrix4:
-    """Panda's matrix of a glTF one: (x, y, z) there is (x, -z, y) here, on both sides, and vectors are
-    rows."""
+    """Panda's matrix of a glTF one: (x, y, z) there is (x, -z, y) here, on both sides, and vectors
+    are rows."""
     (xx, xy, xz, xw), (yx, yy, yz, yw), (zx, zy, zz, zw), _ = (list(row) for row in matrix)
     columns = (xx, -zx, yx, 0, -xz, zz, -yz, 0, xy, -zy, yy, 0, xw, -zw, yw, 1)
     return core.LMatrix4(*columns)
@@ -98,8 +101,8 @@ class Panda:
         self._open()
 
     def _load(self, document: Json, rest: bytes) -> None:
-        """By panda3d-gltf. Nodes are called by their number, since names need not be unique; what the
-        file animates stands still."""
+        """By panda3d-gltf. Nodes are called by their number, since names need not be unique; what
+        the file animates stands still."""
         for number, node in enumerate(document.get("nodes", ())):
             node["name"] = str(number)
         self.animated = document.pop("animations", None) is not None
@@ -191,7 +194,9 @@ class Panda:
         made."""
         self.engine.render_frame()
         found = set()
-        for one in core.NodePath(self.region.make_cull_result_graph()).find_all_matches("**/+GeomNode"):
+        for one in core.NodePath(self.region.make_cull_result_graph()).find_all_matches(
+            "**/+GeomNode"
+        ):
             for index in range(one.node().get_num_geoms()):
                 state = one.node().get_geom_state(index)
                 attrib = state.get_attrib(core.ColorAttrib) or one.get_net_state().get_attrib(
@@ -242,7 +247,7 @@ def rectangles(one: core.NodePath) -> Iterator[list[core.LPoint3]]:
                         places.set_row(primitive.get_vertex(index + corner))
                         corners.append(core.LPoint3(places.get_data3()))
                     triangles.append(corners)
-            for first, second in zip(triangles, triangles[1:]):
+            for first, second in pairwise(triangles):
                 if quad := joined(first, second):
                     yield quad
 

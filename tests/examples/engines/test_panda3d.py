@@ -84,7 +84,9 @@ def test_occluders_before_an_endless_far_plane_hide_what_is_before_them(tmp_path
     assert problems([name], tmp_path / "without") == {name: ()}
     (tmp_path / "with").mkdir()
     (told,) = problems([name], tmp_path / "with", "--occluders", "50")[name]
-    assert told.startswith("MISSED_OBJECT: frame 1 (64 x 48): 'near' (object 0) lost 144 of its 144")
+    assert told.startswith(
+        "MISSED_OBJECT: frame 1 (64 x 48): 'near' (object 0) lost 144 of its 144"
+    )
 
 
 def test_it_refuses_what_it_does_not_do(tmp_path):
