@@ -53,7 +53,7 @@ TRIALS = {
         Trial("city", ("--occlusion=strict", "--occluders=20")),
         Trial("city", (*QUERIES, "--rounds=4")),
     ),
-    "playcanvas": (Trial("city"), Trial("rooms")),
+    "playcanvas": (Trial("city"),),
 }
 # Settings with which the conformance suite is recorded too, and what is expected of it.
 SUITES = {

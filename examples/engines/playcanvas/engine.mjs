@@ -50,7 +50,7 @@ export class Engine {
       }
     }
     this.eye = new pc.Entity("eye");
-    this.eye.addComponent("camera", { clearColor: new pc.Color(0, 0, 0), gammaCorrection: pc.GAMMA_NONE, toneMapping: pc.TONEMAP_NONE });
+    this.eye.addComponent("camera", { frustumCulling: true, clearColor: new pc.Color(0, 0, 0), gammaCorrection: pc.GAMMA_NONE, toneMapping: pc.TONEMAP_NONE });
     app.root.addChild(this.eye);
     app.scene.ambientLight = new pc.Color(0, 0, 0);
   }
