@@ -97,6 +97,7 @@ def test_it_refuses_what_it_does_not_do(tmp_path):
     assert "bending_reeds/scene.glb is animated, and here it stands still" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_page_has_the_figures_of_a_rerun(tmp_path):
     done = subprocess.run(
         [sys.executable, ENGINES / "judge.py", "panda3d", "--out", tmp_path, "--no-suite"],
