@@ -359,7 +359,10 @@ def main() -> None:
     if len(options.files) != (2 if options.suite else 3):
         parser.error("which files?")
     core.load_prc_file_data("", f"bounds-type {options.bounds}")
-    (record_suite if options.suite else record)(*options.files, options)
+    try:
+        (record_suite if options.suite else record)(*options.files, options)
+    except OSError as problem:
+        raise SystemExit(f"{problem.filename}: {problem.strerror}") from None
 
 
 if __name__ == "__main__":
