@@ -89,6 +89,17 @@ def test_occluders_before_an_endless_far_plane_hide_what_is_before_them(tmp_path
     )
 
 
+def test_the_shrunk_case_still_shows_it(tmp_path):
+    case = ENGINES / "panda3d" / "endless"
+    files = (case / "scene.glb", case / "path.json")
+    record(*files, tmp_path / "r.jsonl", "--occluders", "50")
+    status, sums = status_and_sums(files[0], tmp_path)
+    assert (status, sums["visible"], sums["missed"]) == (1, 11, 10)
+    record(*files, tmp_path / "r.jsonl")
+    status, sums = status_and_sums(files[0], tmp_path)
+    assert (status, sums["visible"], sums["missed"]) == (0, 11, 0)
+
+
 def test_it_refuses_what_it_does_not_do(tmp_path):
     suite, out = recorded_cases(["bending_reeds", "cut_by_a_plane"], tmp_path)
     done = subprocess.run([*RECORD, "--suite", suite, out], capture_output=True, text=True)
