@@ -82,7 +82,7 @@ bench: warm
 engines: warm
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint constraints.txt --editable '.[engines]'
-	@tools/apt-install npm
+	@command -v npm >/dev/null || tools/apt-install npm
 	cd examples/engines && npm install --no-package-lock --ignore-scripts --no-audit --no-fund --silent
 	$(BIN)/python -m pytest -q tests/examples/engines
 
