@@ -1,4 +1,4 @@
-# warm, demo, test, test-fast, soak, fuzz, lint, bench, tables, board: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# warm, demo, test, test-fast, soak, fuzz, lint, bench, engines, tables, board: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -15,7 +15,7 @@ TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 # all source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: board demo test test-fast warm soak fuzz lint bench tables setup clean
+.PHONY: board demo test test-fast warm soak fuzz lint bench engines tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -78,6 +78,14 @@ bench: warm
 	  --constraint constraints.txt --editable '.[bench]' || echo "without Mitsuba" >&2
 	$(BIN)/python -m benchmarks $(BENCH)
 
+# Other people's engines, which examples/engines records and docs/engines tells of, and their tests.
+engines: warm
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint constraints.txt --editable '.[engines]'
+	@command -v npm >/dev/null || tools/apt-install npm
+	cd examples/engines && npm install --no-package-lock --ignore-scripts --no-audit --no-fund --silent
+	$(BIN)/python -m pytest -q tests/examples/engines
+
 # The papers' tables, on so many frames of each path, and the documentation made from them.
 TABLES := tables
 tables: setup
@@ -95,4 +103,4 @@ board: setup
 	$(BIN)/visref report board/batch/runs/* --board docs/board.md || test $$? -eq 1
 
 clean:
-	rm -rf $(VENV) board demo tables build dist
+	rm -rf $(VENV) board demo tables build dist examples/engines/node_modules

@@ -11,6 +11,7 @@ import os
 import shutil
 import sys
 from collections.abc import Generator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,14 @@ for name in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
 Report = pytest.TestReport | pytest.CollectReport
 
 
-# Toolchains of recorders whose packages are large, or that few distributions have.
-NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server"})
+# Engines that `make engines` brings, and where they then are.
+NODE_MODULES = Path(__file__).parent.parent / "examples" / "engines" / "node_modules"
+ENGINES = {
+    "panda3d": lambda: find_spec("panda3d") is not None and find_spec("gltf") is not None,
+    **{name: (NODE_MODULES / name).is_dir for name in ("three", "babylonjs", "playcanvas")},
+}
+# Those, and toolchains of recorders whose packages are large, or that few distributions have.
+NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", *ENGINES})
 EXCUSED = pytest.StashKey[bool]()
 
 # Where rustup installs, whatever the shell.
@@ -44,11 +51,15 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "needs(*programs): skipped where one of them is missing")
 
 
+def is_there(needed: str) -> bool:
+    return ENGINES[needed]() if needed in ENGINES else shutil.which(needed) is not None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """`needs("gcc", "godot4|godot3-server")`: each, and of those between bars any."""
     for marker in item.iter_markers("needs"):
-        missing = [one for one in marker.args if not any(map(shutil.which, one.split("|")))]
+        missing = [one for one in marker.args if not any(map(is_there, one.split("|")))]
         if missing:
             item.stash[EXCUSED] = all(NOT_ON_CI.issuperset(one.split("|")) for one in missing)
             pytest.skip(f"there is no {', no '.join(missing)}")
