@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT
+from visref.doing import doing
 from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.report import write_report
@@ -26,17 +28,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="tables of the runs as Markdown, LaTeX and CSV",
     )
+    add_json(parser, "print what was written, and the status, for programs")
 
 
 def run(given: argparse.Namespace) -> Exit:
     if given.out is None and given.tables is None:
         raise InputError("there is nowhere to write to", fix="give --out or --tables")
+    page = None
     if given.out is not None:
-        OUT.line(f"The report: {write_report(given.runs, given.out)}")
+        with doing("writing the page"):
+            page = write_report(given.runs, given.out)
     folders = [folder for folder in given.runs if not is_bench(folder)]
     runs = [read_run(folder, objects=given.tables is not None) for folder in folders]
-    if given.tables is not None:
-        for file in write_run_tables(runs, given.tables):
-            OUT.line(f"The tables: {file}")
-    _, exit_ = overall(runs)
+    tables = [] if given.tables is None else list(write_run_tables(runs, given.tables))
+    status, exit_ = overall(runs)
+    if given.json:
+        said = {"status": status, "exit_status": int(exit_), "tables": [str(one) for one in tables]}
+        OUT.json({**said, "page": None if page is None else str(page)})
+    for file in tables:
+        OUT.remark(f"The tables: {file}")
+    if page is not None:
+        OUT.remark(f"The report: {page}. Next: open it in a browser")
     return exit_
