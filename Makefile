@@ -15,7 +15,7 @@ TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 # all source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-fast warm soak fuzz lint bench tables setup clean
+.PHONY: docs demo test test-fast warm soak fuzz lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -26,7 +26,7 @@ $(READY): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --constraint constraints.txt --editable '.[dev,open3d,collada,usd,ifc,dask]'
+	  --constraint constraints.txt --editable '.[dev,docs,plots,open3d,collada,usd,ifc,dask]'
 	@touch $@
 
 $(SYSTEM_READY): $(READY) tools/apt-install

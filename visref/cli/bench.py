@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 
 from visref.bench import BenchRun, write_bench
@@ -10,6 +11,7 @@ from visref.bench.verdict import headline, sentences
 from visref.cli.arguments import add_scene_arguments, inputs_of
 from visref.cli.manners import add_json
 from visref.cli.terminal import OUT, frame_bar
+from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
 from visref.inputs import Inputs
 from visref.judging.status import Exit
@@ -29,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Exit:
+    if find_spec("matplotlib") is None:
+        raise InputError("the plot needs matplotlib", fix="run: pip install 'visref[plots]'")
     inputs = inputs_of(given)
     refuse_inputs(given.out, inputs.files)
     frames = _some_frames(inputs) if given.frames is None else list(inputs.frames)
