@@ -52,7 +52,7 @@ def _row(name: str, make: Callable[..., Any]) -> dict[str, Any]:
 
 def _first_paragraph(text: str) -> str:
     """Without what it raises, which is for programmers."""
-    return " ".join(text.partition("\n\n")[0].partition("Raises ")[0].split())
+    return " ".join(text.partition("\n\n")[0].split()).partition(" Raises ")[0]
 
 
 def _first_line(text: str) -> str:
