@@ -33,7 +33,11 @@ def test_it_installs_extras_and_system_packages_that_there_are():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     runs = " ".join(rest for keyword, rest in steps() if keyword == "RUN")
     (extras,) = re.findall(r"source\[([\w,]+)\]", runs)
-    assert set(extras.split(",")) == set(project["optional-dependencies"]) - {"dev", "bench", "docs"}
+    assert set(extras.split(",")) == set(project["optional-dependencies"]) - {
+        "dev",
+        "bench",
+        "docs",
+    }
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     (packages,) = re.findall(r"(?m)^SYSTEM_PACKAGES := (.*)$", makefile)
     (installed,) = re.findall(r"--no-install-recommends (.*?) &&", runs)

@@ -109,15 +109,15 @@ def test_the_page_of_the_api_has_every_public_name_and_no_other():
 
 
 def test_the_page_of_the_schemas_has_each():
-    listed = re.findall(r"^\| \[`(\w+)`\]\(\.\./visref/schemas/\1\.json\)", page("docs/schemas.md"), re.M)
+    listed = re.findall(
+        r"^\| \[`(\w+)`\]\(\.\./visref/schemas/\1\.json\)", page("docs/schemas.md"), re.M
+    )
     assert sorted(listed) == sorted(NAMES)
 
 
 def build(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(folder)]
-    return subprocess.run(
-        [*command, *more], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    return subprocess.run([*command, *more], cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.slow

@@ -236,6 +236,8 @@ def prepare() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    # Else numba has colorama, where that is installed, end colours that nobody began.
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     warnings.showwarning = _show_warning
     logging.lastResort = _Last(logging.WARNING)
 
@@ -310,7 +312,8 @@ def progress() -> Progress:
 
     class Display(Progress):
         def start(self) -> None:
-            _showing[:] = [self]
+            if not self.disable:
+                _showing[:] = [self]
             super().start()
 
         def stop(self) -> None:
