@@ -36,9 +36,6 @@ def run(given: argparse.Namespace) -> Exit:
         ]
         left = [heading not in ("id", "triangles", "node") for heading in HEADINGS]
         OUT.columns(chain([HEADINGS], map(_cells, _rows(scene))), [*widths[:-1], 0], left=left)
-        OUT.remark(
-            "Next: record what an engine draws, by id or name, and let `visref check` judge it"
-        )
     # Its output is all that it does.
     return Exit.NO_VIOLATION if OUT.whole else Exit.BAD_INPUT
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, cast
 
 from visref.cli.manners import add_json
-from visref.cli.terminal import OUT
+from visref.cli.terminal import ERRORS, OUT
 from visref.generators import options_of
 from visref.judging.status import Exit
 from visref.registry import SCENES, available, load_entry
@@ -32,8 +32,8 @@ def run(given: argparse.Namespace) -> Exit:
         OUT.line(f"{scene['name']}:{options}" if options else scene["name"])
         OUT.line(f"    {scene['summary']}")
         OUT.line(f"    {scene['size']}")
-    OUT.remark()
-    OUT.remark(
+    # A listing goes on to other programs too.
+    ERRORS.remark(
         "Options are shown with their defaults. Next: `visref run city:scale=0.05 --culler "
         "frustum --out run`, or write one: `python -m visref_datasets_gen city --out data`"
     )
