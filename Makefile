@@ -1,4 +1,4 @@
-# warm, demo, test, test-fast, soak, fuzz, lint, bench, tables, docs: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# warm, demo, test, test-fast, soak, fuzz, lint, bench, tables, docs, board: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -15,7 +15,7 @@ TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 # all source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: docs demo test test-fast warm soak fuzz lint bench tables setup clean
+.PHONY: board docs demo test test-fast warm soak fuzz lint bench tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
@@ -88,5 +88,15 @@ docs: $(READY)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site/index.html"
 
+# Every method on board on scenes of ours and of others, and docs/board.md made from it.
+MODELS := /usr/share/assimp/models
+board: setup
+	mkdir -p board
+	$(BIN)/visref path orbit $(MODELS)/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb \
+	  --frames 24 --out board/engine.path.json
+	$(BIN)/visref path walk $(MODELS)/IFC/AC14-FZK-Haus.ifc --frames 24 --out board/house.path.json
+	$(BIN)/visref batch docs/board.toml --out board/batch || test $$? -eq 1
+	$(BIN)/visref report board/batch/runs/* --board docs/board.md || test $$? -eq 1
+
 clean:
-	rm -rf $(VENV) demo tables build dist site
+	rm -rf $(VENV) board demo tables build dist site

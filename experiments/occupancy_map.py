@@ -75,7 +75,6 @@ def lookup(scene: Scene | None, path: CameraPath | None) -> dict[str, Any]:
         "tiles": list(LOOKUP_TILES),
         "lookup_ms": times,
         "map_bytes": culler.maps[0].nbytes,
-        "lists": culler.lists,
     }
     culler.close()
     return result

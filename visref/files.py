@@ -226,21 +226,31 @@ def _not_ours(folder: Path, kind: FolderKind, *, shared: bool = False) -> str | 
         wrote = None
     if wrote is None:
         return f"the folder is not empty and its {kind.marker} is not visref's"
-    for name in _files_in(folder, entries, {pattern.partition("/")[0] for pattern in wrote}):
+    for name in _files_in(folder, entries, _entered(wrote)):
         if not any(re.fullmatch(pattern, name) for pattern in wrote):
             return f"the folder holds {name!r}, which visref did not write"
     return None
 
 
-def _files_in(folder: Path, entries: Iterable[Path], entered: set[str]) -> Iterator[str]:
-    """Paths of all that stands in a folder; of its folders, only the `entered` ones are looked
-    into, and anything but an ordinary file ends in "/"."""
+def _entered(patterns: Sequence[str]) -> set[str]:
+    """The patterns of the folders that lie on the way to files of some patterns."""
+    parts = [pattern.split("/") for pattern in patterns]
+    return {"/".join(part[:end]) for part in parts for end in range(1, len(part))}
+
+
+def _files_in(top: Path, entries: Iterable[Path], entered: set[str]) -> Iterator[str]:
+    """Paths below `top` of all that stands in a folder; only folders of the `entered` patterns are
+    looked into, and anything but an ordinary file ends in "/"."""
     for entry in entries:
-        name = entry.relative_to(folder).as_posix()
+        name = entry.relative_to(top).as_posix()
         if _is_ordinary(entry):
             yield name
-        elif name in entered and entry.is_dir() and not entry.is_symlink():
-            yield from _files_in(folder, entry.iterdir(), set())
+        elif (
+            any(re.fullmatch(pattern, name) for pattern in entered)
+            and entry.is_dir()
+            and not entry.is_symlink()
+        ):
+            yield from _files_in(top, entry.iterdir(), entered)
         else:
             yield f"{name}/"
 

@@ -7,6 +7,7 @@ line and for Python alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -29,6 +30,7 @@ from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.referee import JudgedFrame, Listener, Referee
+from visref.labels.writing import LabelFiles, Labelling, labelling
 from visref.merging import merge_into
 from visref.merging.joining import Cell, Joined
 from visref.picking import Shard
@@ -142,11 +144,13 @@ def merge_with_scene(parts: Sequence[Path], out: Path, scene: str, path: str | N
 class CastTruth:
     """What `truth_to_file` found. `visible`: (n,) bool, the objects that own a sample in some
     frame; `between`: who shows between the samples, one per frame, empty unless asked for;
-    `findings`: what else a reader should know."""
+    `findings`: what else a reader should know. `left_out`: the names of objects that bend or are
+    scaled, and so are in no dataset of poses."""
 
     visible: NDArray[np.bool_]
     between: tuple[FrameGeometry, ...] = ()
     findings: tuple[Finding, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 def truth_to_file(
@@ -154,10 +158,12 @@ def truth_to_file(
     out: Path | str,
     *,
     geometric: Path | str | None = None,
+    labels: LabelFiles | None = None,
     listeners: Sequence[Listener] = (),
 ) -> CastTruth:
     """Cast who owns which samples in each frame and write it to `out`, a Parquet file; with
-    `geometric`, who shows between the samples to another.
+    `geometric`, who shows between the samples to another; with `labels`, what makers of data ask
+    for to those.
 
     Raises InputError where a file cannot be written or is one of the inputs, and NothingToJudge
     where the engine cannot start.
@@ -167,8 +173,16 @@ def truth_to_file(
             refuse_inputs(file, inputs.files)
     if geometric is not None and Path(geometric).resolve() == Path(out).resolve():
         raise InputError("--geometric and --out are the same file", fix="name two")
-    with replacing_file(out, begins=TRUTH_BEGINS) as file:
+    files = labels if labels is not None else LabelFiles()
+    others = {"--out": Path(out)}
+    if geometric is not None:
+        others["--geometric"] = Path(geometric)
+    files.check(inputs, others)
+    with replacing_file(out, begins=TRUTH_BEGINS) as file, ExitStack() as closing:
         engine = inputs.make_engine()
+        labelled: Labelling | None = None
+        if files.asked:
+            labelled = closing.enter_context(labelling(files, inputs, engine))
         search = _geometric_search(inputs, engine) if geometric is not None else None
         cast_ = _Casting(inputs, search)
         try:
@@ -180,7 +194,8 @@ def truth_to_file(
                 examine=True,
                 timeline=inputs.timeline,
             )
-            outcome = referee.run(inputs.path, inputs.frames, (), [cast_, *listeners])
+            kept: list[Listener] = [cast_] if labelled is None else [cast_, labelled]
+            outcome = referee.run(inputs.path, inputs.frames, (), [*kept, *listeners])
         finally:
             engine.close()
             if search is not None:
@@ -198,7 +213,8 @@ def truth_to_file(
             exact=engine.exact,
         )
     between = tuple(one for _, one in cast_.between)
-    return CastTruth(cast_.visible, between, tuple(outcome.findings))
+    left_out = () if labelled is None else tuple(labelled.left_out)
+    return CastTruth(cast_.visible, between, tuple(outcome.findings), left_out)
 
 
 class _Casting:

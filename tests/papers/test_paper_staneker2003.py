@@ -73,7 +73,7 @@ def test_set_ups_are_scenes_and_cullers_of_ours():
 @pytest.mark.gl
 def test_experiments_measure_the_map_and_every_size():
     lookup = measured.lookup(None, None)
-    assert (lookup["map_bytes"], lookup["lists"]) == (2_048, 5)
+    assert lookup["map_bytes"] == 2_048
     assert len(lookup["tiles"]) == len(lookup["lookup_ms"])
     latency = measured.latency(None, None)
     for key in ("culled_ms", "unculled_ms"):
@@ -167,7 +167,7 @@ def turns(with_map=45.0, many=20.0, stalls=5, thread=16.0):
 LATENCY = {"sizes_px": [8, 1000], "culled_ms": [0.04, 1.0], "unculled_ms": [0.05, 2.0],
            "lookup_ms": [2e-4, 4e-4], "bits_ms": [1e-5, 2e-4],
            "each_ms": {"sync": 0.04, "batch": 0.02, "instanced": 0.01}}  # fmt: skip
-LOOKUP = {"tiles": [1, 128], "lookup_ms": [4e-6, 2e-4], "map_bytes": 2_048, "lists": 5}
+LOOKUP = {"tiles": [1, 128], "lookup_ms": [4e-6, 2e-4], "map_bytes": 2_048}
 TRIANGLES = {"query_ms": 0.04, "triangle_ms": 0.0002}
 DETAIL = {"reductions": [1, 4], "pixels_a_triangle": [8], "triangles": 80.0,
           "triangles_left": [20.0], "samples_changed": [0.01]}  # fmt: skip

@@ -17,11 +17,15 @@ from typing import Any
 
 import jsonschema
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
+from tests.labels.test_closed_forms import CAMERA
+from tests.labels.test_silhouettes import labelled
 from tests.search.test_shrinking import once, suspect_of
 from tests.support import report_runs
 from tests.support.hand_made import still_path
+from tests.support.truth_scenes import build, quad
 from visref.batch.plan import jobs_of
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath, Frame
@@ -32,6 +36,8 @@ from visref.conformance.suite import Judged
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.judging.policy_file import policy_of
+from visref.labels.table import SCHEMA as LABEL_COLUMNS
+from visref.labels.table import LabelTable
 from visref.recordings import read_recording, read_visible_sets
 from visref.run_folder.claims import read_witness
 from visref.run_folder.facts import read_manifest, read_verdict
@@ -138,11 +144,25 @@ BATCH = {
 }
 
 
+def label_row() -> Any:
+    """A row of a label file, of an object that is hidden in part."""
+    scene = build(quad(CAMERA, (4, 4, 12, 12), 5.0), quad(CAMERA, (8, 4, 16, 12), 3.0))
+    table = LabelTable(scene)
+    table.add(0, labelled(scene, CAMERA))
+    path = CameraPath((CAMERA,))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "labels.parquet"
+        table.write(file, engine="exact", exact=True, scene=scene.digest, path=path)
+        return pq.read_table(file).to_pylist()[0]
+
+
 def valid(run, name: str) -> Any:
     if name == "batch":
         return BATCH
     if name == "policy":
         return POLICY
+    if name == "labels":
+        return label_row()
     if name == "manifest":
         policy = replace(policy_of(POLICY), today=date(2029, 12, 1), source="visref.toml")
         return {**json.loads((run / "manifest.json").read_text()), "policy": policy.to_json()}
@@ -252,6 +272,10 @@ def test_schema_is_one_and_every_property_is_known_to_the_writer(name, run):
     of = schema(name.split()[0])
     jsonschema.Draft202012Validator.check_schema(of)
     jsonschema.validate(valid(run, name), of)
+
+
+def test_the_schema_of_labels_has_the_columns_of_the_file():
+    assert list(schema("labels")["properties"]) == LABEL_COLUMNS.names
 
 
 def test_a_recordings_frames_are_a_paths_with_what_was_drawn():

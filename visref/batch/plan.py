@@ -37,9 +37,11 @@ OPTIONS: Mapping[str, type] = {
     "repeat": int,
     "time_limit": float,
     "cull_backfaces": bool,
+    "fragments": bool,
     "image_check": bool,
     "lenient": bool,
     "rest_pose": bool,
+    "superfluous_rows": bool,
 }
 _SAID = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 # Of one scene and path.

@@ -8,6 +8,8 @@ nearest depth of anybody else: with these every unit has the depth buffer withou
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +37,10 @@ class Layers:
         shape = (height, width)
         return cls(np.full(shape, np.inf), np.full(shape, -1, np.int32), np.full(shape, np.inf))
 
+    @property
+    def bytes(self) -> int:
+        return self.nearest.nbytes + self.owner.nbytes + self.second.nbytes
+
     def picked(self, rows: Any, columns: Any) -> Layers:
         """The layers at some rows and columns."""
         return Layers(
@@ -47,6 +53,32 @@ class Layers:
     def mapped(self, change: Any) -> Layers:
         """The layers with both depths changed alike, an image at a time."""
         return replace(self, nearest=change(self.nearest), second=change(self.second))
+
+
+class LayersKept:
+    """Layers, made once each as far as so many bytes go: those that were not asked for longest go
+    first."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._held = most, 0
+        self._kept: OrderedDict[Hashable, Layers] = OrderedDict()
+
+    @property
+    def held(self) -> int:
+        """Bytes."""
+        return self._held
+
+    def get(self, key: Hashable, make: Callable[[], Layers]) -> Layers:
+        found = self._kept.get(key)
+        if found is None:
+            found = make()
+            self._kept[key] = found
+            self._held += found.bytes
+            while self._held > self._most and len(self._kept) > 1:
+                _, gone = self._kept.popitem(last=False)
+                self._held -= gone.bytes
+        self._kept.move_to_end(key)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +126,16 @@ def draw(
         layers.owner,
         layers.second,
     )
+
+
+def turned(
+    vertices: NDArray[Any], corners: Int32, towards: Float64, is_point: bool
+) -> NDArray[np.bool_]:
+    """(t,) bool, which of (t, 3) `corners` of (v, 3) `vertices` turn their front, from which they
+    are counter-clockwise, to the point `towards`, (3,) float64, or else in that direction."""
+    found = np.empty(len(corners), np.bool_)
+    _turned(vertices, corners, np.asarray(towards, np.float64), is_point, found)
+    return found
 
 
 def ask(
@@ -177,6 +219,28 @@ def _ask(
                 if z > depth + 1e-9 * abs(depth):
                     behind += 1
         farthest_found[k], nearest_found[k], passing[k], beyond[k] = far, near, at, behind
+
+
+@njit()
+def _turned(
+    vertices: NDArray[Any],
+    corners: NDArray[Any],
+    towards: NDArray[Any],
+    is_point: bool,
+    found: NDArray[Any],
+) -> None:
+    e = np.empty((2, 3))
+    for t in range(len(corners)):
+        a = corners[t, 0]
+        for i in range(2):
+            for k in range(3):
+                e[i, k] = np.float64(vertices[corners[t, i + 1], k]) - np.float64(vertices[a, k])
+        side = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            way = towards[k] - vertices[a, k] if is_point else towards[k]
+            side += (e[0, i] * e[1, j] - e[0, j] * e[1, i]) * way
+        found[t] = side > 0.0
 
 
 @njit()

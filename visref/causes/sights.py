@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.causes.boxes import Boxes
 from visref.causes.evidence import Answers, Membership
-from visref.causes.layers import Layers, draw
+from visref.causes.layers import Layers, LayersKept, draw, turned
 from visref.engines.base import TruthEngine
 from visref.scene import Alpha, Float64, Int32, Int64, Scene, Units
 from visref.timeline import Timeline
@@ -45,8 +45,10 @@ SPECIAL = frozenset(
 )
 # How the variants end in which the depth that is asked holds the unit itself.
 OWN_TOO = ", own depth too"
-# Of so many moments the depths are kept; a hypothesis looks at two or three.
+# So many moments are kept; a hypothesis looks at two or three.
 KEPT = 8
+# Bytes of their layers: those of some twenty pictures of 1280 x 960.
+LAYERS_BYTES = 512 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +163,7 @@ class Sight:
     place: Place
     shown: Callable[[], Shown]
     owners: Callable[[], Int32]
-    _layers: dict[object, Layers] = field(default_factory=dict)
+    store: LayersKept
 
     @cached_property
     def seen(self) -> Bool:
@@ -198,8 +200,9 @@ class Sight:
     ) -> Layers:
         """What hides, triangle by triangle: by default what is opaque and turned this way, between
         near, far and clip plane."""
-        key = (id(camera), masks, glass, back_faces, unclipped, before_near)
-        if key not in self._layers:
+        key = (camera, masks, glass, back_faces, unclipped, before_near)
+
+        def make() -> Layers:
             taken = camera or self.camera
             scene = self.place.scene
             kinds = [Alpha.OPAQUE, *[Alpha.MASK] * masks, *[Alpha.BLEND] * glass]
@@ -220,29 +223,21 @@ class Sight:
                 np.flatnonzero(solid),
                 self.place.unit_of,
             )
-            self._layers[key] = layers
-        return self._layers[key]
+            return layers
 
-    def kept(self, key: object, make: Callable[[], Layers]) -> Layers:
-        """Other layers of this sight, made once."""
-        if key not in self._layers:
-            self._layers[key] = make()
-        return self._layers[key]
+        return self.kept(key, make)
 
-    def forget(self) -> None:
-        self._layers.clear()
+    def kept(self, key: Hashable, make: Callable[[], Layers]) -> Layers:
+        """Layers of this sight, made once, or again where they were given up."""
+        return self.store.get((self, key), make)
 
 
 def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = False) -> Bool:
     """(t,) bool, the triangles whose front the camera sees. `axis`: asked of the view's axis in
     place of the ray; `eye`: of the eye, whatever the projection."""
-    a, b, c = (scene.vertices[scene.triangles[:, i]].astype(np.float64) for i in range(3))
-    normal = np.cross(b - a, c - a)
-    towards = camera.eye - a
-    if axis or not (camera.is_perspective or eye):
-        towards = np.broadcast_to(-camera.forward, a.shape)
-    found: Bool = np.einsum("ij,ij->i", normal, towards) > 0.0
-    return found
+    orthographic = not (camera.is_perspective or eye)
+    towards = -camera.forward if axis or orthographic else camera.eye
+    return turned(scene.vertices, scene.triangles, towards, not (axis or orthographic))
 
 
 class Sights:
@@ -254,6 +249,7 @@ class Sights:
         self._members = Membership(units)
         self._places: dict[int, Place] = {}
         self._sights: dict[tuple[int, str, int | None], Sight] = {}
+        self._layers = LayersKept(LAYERS_BYTES)
 
     @cached_property
     def shares_triangles(self) -> bool:
@@ -273,7 +269,7 @@ class Sights:
         key = frame, view, standing
         if key not in self._sights:
             if len(self._sights) > KEPT:
-                self._sights.pop(next(iter(self._sights))).forget()
+                self._sights.pop(next(iter(self._sights)))
             camera = next(one for one in self.moments.cameras(frame) if one.view == view)
             scene = self.moments.timeline.at(frame if standing is None else standing)
             self._sights[key] = Sight(
@@ -286,6 +282,7 @@ class Sights:
                     else self.moments.cast(scene, camera)
                 ),
                 lambda: self.moments.owners(scene, camera),
+                self._layers,
             )
         return self._sights[key]
 
@@ -297,6 +294,7 @@ class Sights:
             self.place(scene),
             lambda: self.moments.cast(scene, camera),
             lambda: self.moments.owners(scene, camera),
+            self._layers,
         )
 
 

@@ -98,20 +98,26 @@ class Weighed:
     ) -> None:
         self._looked, self._every = looked, [*looked, *clean]
         self.told = _told(looked, clean)
-        self.tried = [one for one in map(self._try, hypotheses) if one is not None]
+        # An answer at a time, as its pictures are kept for a while only.
+        kept = [[one.kept(hypothesis) for hypothesis in hypotheses] for one in self._every]
+        self.tried = self._tried(hypotheses, kept)
 
-    def _try(self, hypothesis: Hypothesis) -> Tried | None:
-        """None where it says nothing of what was lost."""
-        kept = [one.kept(hypothesis) for one in self._every]
-        if all(one is None for one in kept):
-            return None
-        culled = np.concatenate(
-            [
-                np.zeros(len(one.ids), np.bool_) if flags is None else ~flags
-                for one, flags in zip(self._every, kept, strict=True)
-            ]
-        )
-        return Tried(hypothesis, culled) if (culled & self.told.lost).any() else None
+    def _tried(
+        self, hypotheses: Sequence[Hypothesis], kept: Sequence[Sequence[Bool | None]]
+    ) -> list[Tried]:
+        """Those of the hypotheses that say something of what was lost; `kept`: by answer and
+        hypothesis what it keeps, None where it says nothing."""
+        found = []
+        for hypothesis, told in zip(hypotheses, zip(*kept, strict=True), strict=True):
+            culled = np.concatenate(
+                [
+                    np.zeros(len(one.ids), np.bool_) if flags is None else ~flags
+                    for one, flags in zip(self._every, told, strict=True)
+                ]
+            )
+            if (culled & self.told.lost).any():
+                found.append(Tried(hypothesis, culled))
+        return found
 
     def fits(self, open_: Bool) -> list[Tried]:
         """Hypotheses with a number in them that is chosen to fit."""
@@ -120,9 +126,9 @@ class Weighed:
         for fit in FITS:
             values = np.concatenate([one.value(fit) for one in self._looked])
             limit = threshold(values, lost, good, fit.below)
-            tried = None if limit is None else self._try(_fitted(fit, limit))
-            if tried is not None:
-                found.append(tried)
+            if limit is not None:
+                hypothesis = _fitted(fit, limit)
+                found += self._tried([hypothesis], [[one.kept(hypothesis)] for one in self._every])
         return found
 
     def candidates(self, open_: Bool) -> list[Tried]:

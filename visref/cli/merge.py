@@ -1,4 +1,4 @@
-"""visref merge: the parts of a run, or of a truth, put together."""
+"""visref merge: the parts of a run, of a truth, or of labels, put together."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
 from visref.errors import InputError
 from visref.judging.status import Exit
+from visref.labels.table import is_labels, merge_labels
 from visref.merging import merge_runs, merge_truths
 from visref.runs import merge_with_scene
 from visref.wording import counted
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="PART",
-        help="the folders that --shard left, all of them; or truth files of parts of a path",
+        help="the folders that --shard left, all of them; or truths or labels of parts of a path",
     )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="the run folder, or the truth file"
@@ -52,7 +53,12 @@ def run(given: argparse.Namespace) -> Exit:
         raise InputError(
             "some are files and some are folders", fix="give run folders, or truth files"
         )
-    frames = merge_truths(files, given.out)
+    labels = [is_labels(file) for file in files]
+    if any(labels) and not all(labels):
+        raise InputError(
+            "some are labels and some are not", fix="merge labels, and truths, by themselves"
+        )
+    frames = (merge_labels if labels[0] else merge_truths)(files, given.out)
     if given.json:
         OUT.json({"out": str(given.out), "frames": frames})
     OUT.remark(f"{given.out}: {counted(frames, 'frame')}")

@@ -12,6 +12,7 @@ from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.report import write_report
 from visref.report.bench_folder import is_bench
+from visref.report.board import write_board
 from visref.report.run_tables import write_run_tables
 from visref.report.words import overall
 from visref.run_folder.read import read_run
@@ -28,25 +29,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="tables of the runs as Markdown, LaTeX and CSV",
     )
+    parser.add_argument(
+        "--board",
+        type=Path,
+        metavar="FILE.md",
+        help="one table of all methods on all scenes, a run being a scene",
+    )
     add_json(parser, "print what was written, and the status, for programs")
 
 
 def run(given: argparse.Namespace) -> Exit:
-    if given.out is None and given.tables is None:
-        raise InputError("there is nowhere to write to", fix="give --out or --tables")
+    if given.out is None and given.tables is None and given.board is None:
+        raise InputError("there is nowhere to write to", fix="give --out, --tables or --board")
     page = None
     if given.out is not None:
         with doing("writing the page"):
             page = write_report(given.runs, given.out)
+    whole = given.tables is not None or given.board is not None
     folders = [folder for folder in given.runs if not is_bench(folder)]
-    runs = [read_run(folder, objects=given.tables is not None) for folder in folders]
+    runs = [read_run(folder, objects=whole) for folder in folders]
     tables = [] if given.tables is None else list(write_run_tables(runs, given.tables))
+    if given.board is not None:
+        write_board(runs, given.board)
     status, exit_ = overall(runs)
     if given.json:
         said = {"status": status, "exit_status": int(exit_), "tables": [str(one) for one in tables]}
-        OUT.json({**said, "page": None if page is None else str(page)})
+        files = {"page": page, "board": given.board}
+        OUT.json(said | {name: None if file is None else str(file) for name, file in files.items()})
     for file in tables:
         OUT.remark(f"The tables: {file}")
+    if given.board is not None:
+        OUT.remark(f"The board: {given.board}")
     if page is not None:
         OUT.remark(f"The report: {page}. Next: open it in a browser")
     return exit_

@@ -9,7 +9,7 @@ from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.judging.status import Exit
 from visref.numerals import decimal_number, whole_number
 from visref.papers import load_paper, paper_names
-from visref.tables import run_all, write_tables
+from visref.tables import default_workers, run_all, write_tables
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--large", action="store_true", help="the 34-million-triangle city too: some 12 GiB"
     )
-    parser.add_argument("--threads", type=whole_number, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "--workers",
+        type=whole_number,
+        metavar="N",
+        help="scenes measured at once, each on cores of its own (default: one per core)",
+    )
+    parser.add_argument(
+        "--threads",
+        type=whole_number,
+        metavar="N",
+        help="of what is measured alone (default: all cores)",
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -57,16 +68,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> Exit:
     names = list(dict.fromkeys(given.paper or paper_names()))
     papers = [load_paper(name) for name in names]
-    with progress() as shown:
+    workers = default_workers() if given.workers is None else given.workers
+    with Steps(progress()) as steps:
         measured = run_all(
             papers,
             given.out,
-            Steps(shown),
+            steps,
             frames=given.frames,
             large=given.large,
             threads=given.threads,
             shift=given.shift,
             seed=given.seed,
+            workers=workers,
         )
     page, status = write_tables(measured)
     for label, why in measured.failures.items():

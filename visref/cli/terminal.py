@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from itertools import islice
-from typing import IO, TYPE_CHECKING, Any, NoReturn, cast
+from typing import IO, TYPE_CHECKING, Any, NoReturn, Self, cast
 
 from visref.cli.manners import MANNERS, coloured
 from visref.wording import shown
@@ -278,14 +278,21 @@ class Bar:
 
 
 class Steps:
-    """Progress over what the papers' tables need."""
+    """Progress over what the papers' tables need, shown from where it begins to the block's end."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._bar = progress.add_task("measuring", total=None)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
     def begin(self, steps: int) -> None:
         self._progress.update(self._bar, total=steps)
+        self._progress.start()
 
     def task(self, label: str) -> None:
         self._progress.update(self._bar, description=shown(label))

@@ -107,7 +107,8 @@ class JudgedRun:
     images' width and height, None for the path's own. `large`: only with `--large`. `stretch`: a
     sample of the path's frames comes in stretches of that many consecutive ones, for methods that
     remember the frame before; each stretch starts with a cut. `cull_backfaces`: as `visref run
-    --cull-backfaces`, in the truth and for the cullers.
+    --cull-backfaces`, in the truth and for the cullers. `alone`: what it measures hangs on the
+    other cores, so nothing else may be measured beside it.
     """
 
     key: str
@@ -117,6 +118,7 @@ class JudgedRun:
     large: bool = False
     stretch: int = 1
     cull_backfaces: bool = False
+    alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,7 @@ class Experiment:
     large: bool = False
     stretch: int = 1
     cull_backfaces: bool = False
+    alone: bool = False
 
 
 class Basis(StrEnum):

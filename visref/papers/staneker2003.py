@@ -120,7 +120,7 @@ EXPERIMENTS = (
         for model in FRAME_RATE_HP
     ),
     *(
-        Experiment(f"{scene}-turns", "occupancy-map-turns", scene, LARGE)
+        Experiment(f"{scene}-turns", "occupancy-map-turns", scene, LARGE, alone=True)
         for scene in SCENES.values()
     ),
     Experiment("detail", "occupancy-map-detail", SCENES[DETAILED], LARGE),

@@ -12,6 +12,7 @@ conformance         the manifest of a conformance suite, version 1
 conformance_results what `visref conformance --json` writes, version 1
 fault               `expected.json` of a shrunk fault, version 1
 fuzz                `summary.json` of a search for faults, version 1
+labels              a row of a label file (Parquet, as its value in JSON), version 1
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from importlib.resources import files
 from typing import Any
 
 NAMES = (
-    "batch", "conformance", "conformance_results", "fault", "fuzz", "manifest", "path", "policy",
-    "recording", "verdict", "visible_sets", "witness",
+    "batch", "conformance", "conformance_results", "fault", "fuzz", "labels", "manifest", "path",
+    "policy", "recording", "verdict", "visible_sets", "witness",
 )  # fmt: skip
 
 

@@ -15,6 +15,9 @@ from visref.papers.contents import Experiment, JudgedRun
 from visref.registry import CULLERS, SCENES, available
 
 EXPERIMENTS = "visref.experiments"
+# What a path counts whose frames are not known yet, and an experiment.
+PATH_STEPS = 100
+EXPERIMENT_STEPS = 20
 _SOURCES = (".py", ".vert", ".frag", ".comp", ".geom", ".glsl")
 
 
@@ -45,6 +48,23 @@ def tasks(papers: Iterable[Paper], *, large: bool, seed: int = 0) -> list[Task]:
     for place, task in enumerate(found):
         first.setdefault(task.work.scene, place)
     return sorted(found, key=lambda task: (task.work.large, first[task.work.scene]))
+
+
+def side_by_side(todo: Sequence[Task], frames: int | None) -> list[list[Task]]:
+    """What may be measured at once: those of one scene together, one after the other, and those
+    with most to do first. Without what is to be measured alone, and what is large."""
+    groups: dict[str | None, list[Task]] = {}
+    for task in todo:
+        if not (task.work.alone or task.work.large):
+            groups.setdefault(task.work.scene, []).append(task)
+    return sorted(groups.values(), key=lambda group: -sum(steps(task, frames) for task in group))
+
+
+def steps(task: Task, frames: int | None) -> int:
+    """How much there is to do: of a run a step is one culler's frame."""
+    if isinstance(task.work, Experiment):
+        return EXPERIMENT_STEPS
+    return len(task.work.cullers) * (frames or PATH_STEPS)
 
 
 def seeded(scene: str | None, seed: int) -> Any:

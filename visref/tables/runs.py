@@ -15,9 +15,9 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 from visref.beside import sweep
 from visref.camera import Camera
@@ -37,7 +37,18 @@ from visref.run_folder.layout import MANIFEST, RUN_FOLDER, slug
 from visref.run_folder.read import RunFolder, read_run
 from visref.run_folder.write import RunWriter, write_json
 from visref.scene import Scene
-from visref.tables.plan import EXPERIMENTS, Task, code_digest, cut_path, sampled, tasks
+from visref.tables.at_once import measuring_at_once
+from visref.tables.plan import (
+    EXPERIMENTS,
+    Task,
+    code_digest,
+    cut_path,
+    sampled,
+    side_by_side,
+    steps,
+    tasks,
+)
+from visref.tables.progress import Progress
 from visref.timeline import Timeline
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -52,24 +63,6 @@ def _wrote(record: Any) -> Sequence[str] | None:
 
 
 EXPERIMENT_FOLDER = FolderKind(RESULT, _wrote)
-
-# What nobody knows beforehand, for the progress alone: the length of a path that was not
-# generated yet, and an experiment's share in frames.
-PATH_STEPS = 100
-EXPERIMENT_STEPS = 20
-
-
-class Progress(Protocol):
-    """Told how far it is; one step is one culler's frame."""
-
-    def begin(self, steps: int) -> None:
-        """All there is to do."""
-
-    def task(self, label: str) -> None:
-        """What is under way."""
-
-    def advance(self, steps: float) -> None:
-        """Steps done, or found done already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +113,55 @@ class PaperRuns:
         return PaperResults(self.out / "records" / paper.name, failed)
 
 
+@dataclass(frozen=True)
+class Measuring:
+    """What is measured, beside the tasks: into which folder, on how many frames of every path (None
+    for all), moved along it by what share of the way from one to the next, by how many processes at
+    once, and with how many threads each (None: all there are)."""
+
+    out: Path
+    frames: int | None
+    shift: float
+    workers: int
+    threads: int | None
+
+    def measure(self, tasks: Iterable[Task], progress: Progress) -> dict[str, str]:
+        """Do what was not done yet, and say what failed and why, by `PAPER/KEY`."""
+        failures: dict[str, str] = {}
+        stage = _Stage(self.out / "scenes", self.threads)
+        code = code_digest()
+        try:
+            for task in tasks:
+                progress.task(task.label)
+                folder = self.out / "records" / task.paper / task.work.key
+                asked = self._asked(task, code)
+                share = _Share(progress, steps(task, self.frames))
+                sweep(folder.parent)
+                if _asked_before(folder, task) != asked:
+                    try:
+                        _run_task(task, folder, asked, stage, (self.frames, self.shift), share)
+                    except (InputError, NothingToJudge) as error:
+                        failures[task.label] = str(error)
+                        # What an earlier run left is no result of this one.
+                        remove_folder(folder, _kind(task))
+                share.end()
+        finally:
+            stage.close()
+        return failures
+
+    def _asked(self, task: Task, code: str) -> dict[str, Any]:
+        """What a result must have been made of to be kept."""
+        work = json.loads(json.dumps(vars(task.work)))
+        return {
+            "work": work,
+            "frames": self.frames,
+            "shift": self.shift,
+            "workers": self.workers,
+            "code": code,
+            "engine": ENGINE,
+        }
+
+
 def run_all(
     papers: Iterable[Paper],
     out: Path,
@@ -130,13 +172,16 @@ def run_all(
     threads: int | None = None,
     shift: float = 0.0,
     seed: int = 0,
+    workers: int = 1,
 ) -> PaperRuns:
     """Run all that the papers need, on `frames` frames of every path (None for all), moved along it
     by a `shift` of the way from one to the next, from -0.5 to 0.5, through scenes generated with
-    `seed`.
+    `seed`, by so many `workers` (processes) at once.
 
-    A thing that fails is told in `failures`, and its old results are no longer there; the others go
-    on. Raises InputError for a number of frames that is none, or another shift.
+    `progress` must not have threads of its own before it is told to begin: workers are copies of
+    this process. A thing that fails is told in `failures`, and its old results are no longer there;
+    the others go on. Raises InputError for a number of frames or workers that is none, or another
+    shift; RuntimeError where a worker breaks down.
     """
     if frames is not None and frames < 1:
         raise InputError(f"--frames is {frames}", fix="give 1 or more")
@@ -144,39 +189,30 @@ def run_all(
         raise InputError(f"--shift is {shift}", fix="give -0.5 to 0.5")
     if seed < 0:
         raise InputError(f"--seed is {seed}", fix="give 0 or more")
+    if workers < 1:
+        raise InputError(f"--workers is {workers}", fix="give 1 or more")
     done = PaperRuns(tuple(papers), out, frames, shift, seed)
     todo = tasks(done.papers, large=large, seed=seed)
-    progress.begin(sum(_steps(task, frames) for task in todo))
-    stage = _Stage(out / "scenes", threads)
-    code = code_digest()
-    try:
-        for task in todo:
-            progress.task(task.label)
-            folder = out / "records" / task.paper / task.work.key
-            asked = _asked(task, frames, shift, code)
-            steps = _Share(progress, _steps(task, frames))
-            sweep(folder.parent)
-            if _asked_before(folder, task) != asked:
-                try:
-                    _run_task(task, folder, asked, stage, (frames, shift), steps)
-                except (InputError, NothingToJudge) as error:
-                    done.failures[task.label] = str(error)
-                    # What an earlier run left is no result of this one.
-                    remove_folder(folder, _kind(task))
-            steps.end()
-    finally:
-        stage.close()
+    measuring = Measuring(out, frames, shift, workers, threads)
+    if workers > 1:
+        groups = side_by_side(todo, frames)
+        beside = {task.label for group in groups for task in group}
+
+        def measure(group: Sequence[Task], told: Progress, cores: int | None) -> dict[str, str]:
+            return replace(measuring, threads=cores).measure(group, told)
+
+        with measuring_at_once(measure, groups, workers) as wait:
+            progress.begin(sum(steps(task, frames) for task in todo))
+            done.failures.update(wait(progress))
+        todo = [task for task in todo if task.label not in beside]
+    else:
+        progress.begin(sum(steps(task, frames) for task in todo))
+    done.failures.update(measuring.measure(todo, progress))
     return done
 
 
 def _kind(task: Task) -> FolderKind:
     return EXPERIMENT_FOLDER if isinstance(task.work, Experiment) else RUN_FOLDER
-
-
-def _steps(task: Task, frames: int | None) -> int:
-    if isinstance(task.work, Experiment):
-        return EXPERIMENT_STEPS
-    return len(task.work.cullers) * (frames or PATH_STEPS)
 
 
 class _Share:
@@ -199,12 +235,6 @@ class _Share:
 
     def end(self) -> None:
         self._progress.advance(self._left)
-
-
-def _asked(task: Task, frames: int | None, shift: float, code: str) -> dict[str, Any]:
-    """What a result must have been made of to be kept."""
-    work = json.loads(json.dumps(vars(task.work)))
-    return {"work": work, "frames": frames, "shift": shift, "code": code, "engine": ENGINE}
 
 
 def _asked_before(folder: Path, task: Task) -> object:

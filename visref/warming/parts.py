@@ -111,6 +111,16 @@ def _masks(folder: Path, visref: Command) -> int:
     )
 
 
+def _labels(folder: Path, visref: Command) -> int:
+    near, masked = _written(folder / "near", NEAR), _written(folder / "masked", MASKED)
+    files = ["--labels", str(folder / "labels.parquet"), "--coco", str(folder / "coco.json")]
+    return _in_turn(
+        visref,
+        ["truth", *masked, *files, "--out", str(folder / "masked.parquet")],
+        ["truth", *near, "--bop", str(folder / "bop"), "--out", str(folder / "near.parquet")],
+    )
+
+
 def _walking(folder: Path, visref: Command) -> int:
     line = ["path", "walk", CITY, "--frames", "4", "--out", str(folder / "path.json")]
     return _in_turn(visref, line)
@@ -140,6 +150,7 @@ PARTS: dict[str, Work] = {
     "queries": _cullers("none", "frustum", "occlusion-query", "lazy-grid", "three-pass"),
     "maps": _cullers("n-buffer", "occupancy-map", at_rest=("plp", "cplp")),
     "masks": _masks,
+    "labels": _labels,
     "walking": _walking,
     "judging": _judging,
 }
