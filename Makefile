@@ -1,4 +1,4 @@
-# warm, demo, test, test-fast, soak, fuzz, lint, bench, engines, tables, board: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
+# warm, demo, test, test-fast, soak, fuzz, lint, bench, engines, tables, board, docs: each sets itself up on a fresh Debian or Ubuntu with Python >= 3.11.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -15,18 +15,17 @@ TEST_PACKAGES := assimp-testmodels chromium gcc g++ libc6-dev nodejs
 # all source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: board demo test test-fast warm soak fuzz lint bench engines tables setup clean
+.PHONY: board demo docs test test-fast warm soak fuzz lint bench engines tables setup clean
 .DELETE_ON_ERROR:
 
 setup: $(READY) $(SYSTEM_READY)
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt tools/pip-install
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "visref needs Python 3.11 or newer; run: make PYTHON=python3.11 ..." >&2; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  tools/apt-install python3-venv && $(PYTHON) -m venv $(VENV); }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --constraint constraints.txt --editable '.[dev,open3d,collada,usd,ifc,dask]'
+	@tools/pip-install $(BIN)/python --editable '.[dev,docs,plots,open3d,collada,usd,ifc,dask]'
 	@touch $@
 
 $(SYSTEM_READY): $(READY) tools/apt-install
@@ -35,10 +34,10 @@ $(SYSTEM_READY): $(READY) tools/apt-install
 
 # What is compiled, ahead: in as many processes as there are cores, and once for all of them.
 warm: setup
-	$(BIN)/visref warm
+	@$(BIN)/visref warm
 
 demo: warm
-	$(BIN)/visref demo --out demo
+	@$(BIN)/visref demo --out demo
 
 test: warm
 	$(BIN)/python -m pytest -n auto --dist worksteal
@@ -92,6 +91,11 @@ tables: setup
 	$(BIN)/visref tables --frames 20 --out $(TABLES)
 	tools/tables-to-docs $(TABLES)
 
+# The documentation as a site, with warnings as errors.
+docs: $(READY)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "site/index.html"
+
 # Every method on board on scenes of ours and of others, and docs/board.md made from it.
 MODELS := /usr/share/assimp/models
 board: setup
@@ -103,4 +107,4 @@ board: setup
 	$(BIN)/visref report board/batch/runs/* --board docs/board.md || test $$? -eq 1
 
 clean:
-	rm -rf $(VENV) board demo tables build dist examples/engines/node_modules
+	rm -rf $(VENV) board demo tables build dist site examples/engines/node_modules

@@ -13,6 +13,7 @@ from typing import Any
 
 from visref.beside import sweep
 from visref.camera_path import CameraPath
+from visref.doing import doing
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
 from visref.files import replacing_file
@@ -193,9 +194,11 @@ def open_scene(
     with ExitStack() as closing:
         if kept_in is None:
             temporary = tempfile.TemporaryDirectory(prefix="visref-scene-")
-            files = generator.write(Path(closing.enter_context(temporary)))
+            with doing(f"generating {spec}"):
+                files = generator.write(Path(closing.enter_context(temporary)))
         else:
-            files = _kept(generator, kept_in)
+            with doing(f"generating {spec}"):
+                files = _kept(generator, kept_in)
         loaded = load_scene(
             files[0], cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
         )

@@ -21,6 +21,7 @@ from visref.alignment import misaligned
 from visref.causes.evidence import Evidence
 from visref.causes.search import find_causes
 from visref.culler import Culler
+from visref.doing import doing
 from visref.engines import TruthEngine, check_engine, make_engine
 from visref.errors import InputError
 from visref.inputs import Inputs
@@ -316,14 +317,15 @@ class _Writing:
 
 def name_the_causes(inputs: Inputs, evidence: Evidence, outcome: RunOutcome) -> None:
     """Say why things were missed (`visref.causes`), in the outcome's records."""
-    find_causes(
-        evidence,
-        outcome.cullers,
-        inputs.timeline,
-        inputs.path,
-        inputs.frames,
-        inputs.make_engine,
-    )
+    with doing("finding out why things were missed"):
+        find_causes(
+            evidence,
+            outcome.cullers,
+            inputs.timeline,
+            inputs.path,
+            inputs.frames,
+            inputs.make_engine,
+        )
 
 
 def _asked_again(

@@ -37,6 +37,7 @@ def test_it_installs_extras_and_system_packages_that_there_are():
         "dev",
         "bench",
         "engines",
+        "docs",
     }
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     (packages,) = re.findall(r"(?m)^SYSTEM_PACKAGES := (.*)$", makefile)

@@ -1,4 +1,4 @@
-"""What the README shows in Python runs; what it and the map of the code name exists."""
+"""What the pages show in Python runs; what the README and the map of the code name exists."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.page_blocks import blocks
 from visref.cli.main import COMMANDS
 
 ROOT = Path(__file__).parent.parent.parent
@@ -16,18 +17,19 @@ TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 GROUPS = PROJECT["entry-points"]
 MAP = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-PYTHON = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
-
-
-def section(heading: str) -> str:
-    return TEXT.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+COMMAND_PAGE = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+CULLER, PYTHON = (
+    [block.text for block in blocks((ROOT / "docs" / name).read_text("utf-8"))
+     if block.language == "python"]
+    for name in ("write-a-culler.md", "python.md")
+)  # fmt: skip
 
 
 def test_its_python_runs_from_the_first_block_to_the_last(capsys):
-    assert len(PYTHON) == 4
+    assert len(PYTHON) == 2
     names: dict[str, object] = {}
     for code in PYTHON:
-        exec(compile(code, "README.md", "exec"), names)
+        exec(compile(code, "python.md", "exec"), names)
     seen, verdict = capsys.readouterr().out.splitlines()
     # By hand: the near triangle has legs of 1 at depth 3, in an image of 480 rows at which one unit
     # spans 240 / (3 tan 0.4) = 189.2 pixels, so 189.2^2 / 2 = 17,900 samples, give or take a row.
@@ -39,8 +41,8 @@ def test_its_python_runs_from_the_first_block_to_the_last(capsys):
 
 def test_its_culler_conforms_by_its_own_test():
     names: dict[str, object] = {}
-    for code in PYTHON[:2]:
-        exec(compile(code, "README.md", "exec"), names)
+    for code in CULLER:
+        exec(compile(code, "write-a-culler.md", "exec"), names)
     test = names["test_my_culler"]
     (parametrized,) = test.pytestmark
     checks = parametrized.args[1]
@@ -48,8 +50,8 @@ def test_its_culler_conforms_by_its_own_test():
     test(next(check for check in checks if check.name == "peeking_by_a_pixel"))
 
 
-def test_it_lists_every_command_and_no_other():
-    listed = re.findall(r"^\| `visref (\w+)", section("Commands"), flags=re.MULTILINE)
+def test_a_page_lists_every_command_and_no_other():
+    listed = re.findall(r"^\| `visref (\w+)", COMMAND_PAGE, flags=re.MULTILINE)
     assert set(listed) == set(COMMANDS)
 
 

@@ -14,7 +14,6 @@ from typing import Any
 from markupsafe import Markup
 
 from visref.bench.bounds import ALPHA
-from visref.bench.plot import pictures
 from visref.bench.timing import REPEATS, Bench
 from visref.bench.verdict import headline, sentences
 from visref.camera_path import CameraPath
@@ -87,6 +86,9 @@ def write_bench(
         "frame_rows": bench.frame_rows,
         "left_out": [{"what": what, "why": why} for what, why in bench.left_out],
     }  # fmt: skip
+    # Of an extra: only who measures needs it.
+    from visref.bench.plot import pictures
+
     svg, png = pictures(bench, title)
     (folder / MARKER).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     (folder / "bench.svg").write_text(svg, encoding="utf-8")

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from visref.cli.manners import add_json
 from visref.culler import (
     LEAST_DEPTH_BITS,
     MOST_DEPTH_BITS,
@@ -78,6 +79,7 @@ def memory_of(given: argparse.Namespace) -> int | None:
 def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
     """Where the run folder goes and what goes into it; `visref.cli.judged` reads them."""
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the run folder")
+    add_json(parser, "print verdict.json, and nothing else")
     parser.add_argument(
         "--truth",
         type=Path,

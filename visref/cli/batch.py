@@ -52,7 +52,7 @@ def run(given: argparse.Namespace) -> int:
             raise InputError(problem, fix="give 1 or more")
     _check_out(given.out, given.file)
     out = given.out.resolve()
-    say = ERRORS.line if given.json else OUT.line
+    say = ERRORS.line if given.json else OUT.remark
     done = 0
 
     def on_ended(ended: Ended) -> None:
@@ -77,8 +77,8 @@ def run(given: argparse.Namespace) -> int:
             f"{GLYPHS['violation']} {counted(without, 'run')} came to no verdict; what each said "
             f"is in {given.out / 'logs'}"
         )
-    OUT.line()
-    OUT.line(f"The page: {given.out / PAGE}")
+    OUT.remark()
+    OUT.remark(f"The page: {given.out / PAGE}. Next: open it in a browser")
     return results.status
 
 

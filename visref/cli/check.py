@@ -150,7 +150,7 @@ def _write_waivers(file: Path, outcome: RunOutcome, scene: Scene) -> None:
         written.write_text(f"{ADOPTED}{to_toml(policy)}", encoding="utf-8")
     added = len(policy.waivers) - len(outcome.policy.waivers)
     if not added:
-        OUT.line(f"Waivers: {file} has no new entry, there is nothing to waive")
+        OUT.remark(f"Waivers: {file} has no new entry, there is nothing to waive")
         return
     entries = counted(added, "entry", "entries")
-    OUT.line(f"Waivers: {file} has {entries} without a reason yet; fill each in, or leave it out")
+    OUT.remark(f"Waivers: {file} has {entries} without a reason yet; fill each in, or leave it out")

@@ -44,6 +44,8 @@ from visref.plug_ins.command import Command
 from visref.plug_ins.making import check_time_limit
 from visref.wording import counted, did_you_mean
 
+_STDOUT = Path("-")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
@@ -98,7 +100,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of recordings and programs: the engine's rasteriser, as for `check`",
     )
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write the results as JUnit XML")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write them for programs")
+    parser.add_argument(
+        "--json",
+        type=Path,
+        nargs="?",
+        # As many programs have it: standard output.
+        const=_STDOUT,
+        metavar="FILE",
+        help="write them for programs (without FILE: to standard output, and no table)",
+    )
     parser.add_argument(
         "--in-process",
         action="store_true",
@@ -250,6 +260,9 @@ def _run(
     if given.junit is not None:
         with replacing_file(given.junit, begins=b"<?xml") as file:
             file.write_text(results_junit(engine, seed, ended), encoding="utf-8")
+    if given.json == _STDOUT:
+        OUT.json(results_json(engine, seed, ended))
+        return exit_of(ended)
     if given.json is not None:
         with replacing_file(given.json, begins=b"{") as file:
             text = json.dumps(results_json(engine, seed, ended), indent=1)

@@ -32,12 +32,12 @@ def run(given: argparse.Namespace) -> Exit:
     limit = memory_of(given)
     if all(apart) and not any(joined):
         count, cut_off = pair_of_recording(*apart, max_memory=limit)
-        OUT.line(f"{given.path_out}, {given.visible_out}: {counted(count, 'frame')}")
+        OUT.remark(f"{given.path_out}, {given.visible_out}: {counted(count, 'frame')}")
         if cut_off:
-            OUT.line(f"{given.recording}: {cut_off}; what is whole was taken")
+            OUT.remark(f"{given.recording}: {cut_off}; what is whole was taken")
     elif all(joined) and not any(apart):
         count = recording_of_pair(*joined, max_memory=limit)
-        OUT.line(f"{given.recording_out}: {counted(count, 'frame')}")
+        OUT.remark(f"{given.recording_out}: {counted(count, 'frame')}")
     else:
         raise InputError(
             "what is to be converted?",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from visref.cli.judged import print_outcome
 from visref.cli.terminal import OUT, frame_bar
+from visref.doing import doing
 from visref.inputs import open_inputs
 from visref.judging.status import Exit
 from visref.registry import make_culler
@@ -30,9 +31,10 @@ def run(given: argparse.Namespace) -> Exit:
     folder = given.out / "run"
     with frame_bar(len(inputs.frames)) as bar:
         outcome = judge_to_folder(inputs, cullers, folder, image_check=True, listeners=[bar])
-    page = write_report([folder], given.out)
+    with doing("writing the page"):
+        page = write_report([folder], given.out)
     print_outcome(outcome)
-    OUT.line()
-    OUT.line("The last culler is broken on purpose, so that you see what a violation looks like.")
-    OUT.line(f"The report: {page}")
+    OUT.remark()
+    OUT.remark("The last culler is broken on purpose, so that you see what a violation looks like.")
+    OUT.remark(f"The report: {page}. Next: open it in a browser")
     return Exit.NO_VIOLATION

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from visref.cli.manners import GREEN, RED, add_json
 from visref.cli.terminal import OUT
 from visref.files import refuse_inputs
 from visref.judging.status import Exit
@@ -23,16 +24,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE.png", help="default: beside the witness in RUN"
     )
+    add_json(parser)
 
 
 def run(given: argparse.Namespace) -> Exit:
     explanations = explain(given.run, given.frame, given.object, given.culler)
-    for index, explanation in enumerate(explanations):
-        picture = _picture(given, explanation.witness, index)
+    pictures = [
+        _picture(given, explanation.witness, index)
+        for index, explanation in enumerate(explanations)
+    ]
+    for explanation, picture in zip(explanations, pictures, strict=True):
         draw_neighbourhood(explanation, picture)
-        for line in (*explanation.lines, f"the neighbourhood: {picture}"):
-            OUT.line(line)
-        OUT.line("the claim holds" if explanation.holds else "THE CLAIM DOES NOT HOLD")
+    if given.json:
+        OUT.json(
+            [
+                {"holds": one.holds, "lines": one.lines, "picture": str(picture)}
+                | {"witness": dict(one.witness)}
+                for one, picture in zip(explanations, pictures, strict=True)
+            ]
+        )
+    else:
+        for explanation, picture in zip(explanations, pictures, strict=True):
+            for line in (*explanation.lines, f"the neighbourhood: {picture}"):
+                OUT.line(line)
+            if explanation.holds:
+                OUT.line("the claim holds", colour=GREEN, of="the claim holds")
+            else:
+                OUT.line("THE CLAIM DOES NOT HOLD", colour=RED, of="THE CLAIM DOES NOT HOLD")
     holds = all(explanation.holds for explanation in explanations)
     return Exit.NO_VIOLATION if holds else Exit.VIOLATION
 

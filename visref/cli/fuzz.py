@@ -10,6 +10,7 @@ from pathlib import Path
 
 from visref.cli.arguments import add_memory_argument, memory_of
 from visref.cli.commands import add_command_arguments, add_time_limit, commands_of, saying
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT, progress
 from visref.conformance.declared import can_of
 from visref.engines import check_engine
@@ -83,6 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="what is found, and the corpus that the next search goes on from",
     )
+    add_json(parser, "print summary.json, and nothing else")
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -103,7 +105,10 @@ def run(given: argparse.Namespace) -> Exit:
             workers=given.workers or available_threads(),
             shown=shown,
         )
-    _print(found)
+    if given.json:
+        OUT.json(found.summary())
+    else:
+        _print(found)
     return found.exit
 
 

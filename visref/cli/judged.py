@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from visref.beside import steady
 from visref.cli.arguments import shard_of
+from visref.cli.manners import MANNERS, OF_SEVERITY, OF_STATUS
 from visref.cli.terminal import ERRORS, OUT, frame_bar
 from visref.errors import InputError
 from visref.findings import Code, Finding, fails_run
@@ -25,6 +27,8 @@ from visref.papers import tables_beside
 from visref.report import words
 from visref.report.misses import why_lines
 from visref.report.tables import GLYPHS, HEADINGS, claim_text, table_lines
+from visref.run_folder.inside import json_inside
+from visref.run_folder.layout import VERDICT
 from visref.run_folder.read import read_run
 from visref.runs import MakingAnew, Misaligned, judge_to_folder
 from visref.threads import available_threads
@@ -140,7 +144,7 @@ def _say_before(going: Going) -> None:
     for line in going.spoilt:
         ERRORS.line(f"{line}; its frames are judged again")
     if going.before:
-        OUT.line(f"Goes on after {going.before:,} of {counted(going.frames, 'frame')}")
+        OUT.remark(f"Goes on after {going.before:,} of {counted(going.frames, 'frame')}")
 
 
 def _say_kept(given: argparse.Namespace, going: Going) -> None:
@@ -165,8 +169,14 @@ def _workers(given: argparse.Namespace, inputs: Inputs, alone: str) -> int:
 
 
 def print_run(out: Path, outcome: RunOutcome) -> None:
-    """The verdict of a run folder that was just written, and the papers' numbers beside ours."""
+    """The verdict of a run folder that was just written, and the papers' numbers beside ours; for
+    a program, its verdict.json."""
+    if MANNERS.json:
+        print_verdict(out)
+        return
     print_outcome(outcome)
+    if MANNERS.quiet:
+        return
     written = steady(out, lambda folder: read_run(folder, objects=False))
     for culler, verdict in written.verdict.cullers.items():
         for line in why_lines(verdict.causes):
@@ -175,14 +185,20 @@ def print_run(out: Path, outcome: RunOutcome) -> None:
         for table in tables:
             _print_beside_published(paper.name, table)
     OUT.line()
-    OUT.line(f"The run: {out}; `visref report {out} --out PAGE`")
+    OUT.line(f"The run: {out}. Next: `visref report {shlex.quote(str(out))} --out page`")
+
+
+def print_verdict(out: Path) -> None:
+    """A run folder's verdict, for programs."""
+    OUT.json(steady(out, lambda folder: json_inside(folder, VERDICT, "judge it again")))
 
 
 def print_outcome(outcome: RunOutcome) -> None:
     """What is to be mended in the input first, a row for each culler, then the first findings."""
-    first = [finding for finding in outcome.findings if finding.code is Code.MISALIGNED]
-    for finding in first:
-        _print_finding(finding)
+    for finding in outcome.findings:
+        if finding.code is not Code.MISALIGNED:
+            continue
+        _print_finding(finding, outcome.policy.severity_of(finding.code))
     headings = (
         "culler", "frames", "visible", "drawn", "superfluous", "missed", "partly missed",
         "samples lost", "undecided", "violations", "verdict",
@@ -205,7 +221,10 @@ def print_outcome(outcome: RunOutcome) -> None:
                 f"{words.GLYPHS[record.status]} {record.status.replace('_', ' ')}",
             )
         )
-    OUT.table(headings, rows, left=("culler",))
+    colours = [OF_STATUS[record.status] for record in outcome.cullers]
+    OUT.table(headings, rows, left=("culler",), colours=colours)
+    if MANNERS.quiet:
+        return
     if any(len(record.frames) > 1 for record in outcome.cullers):
         OUT.line("Counts are summed over frames; those of objects are object-frames.")
     rounded = any(finding.code is Code.VERTICES_ROUNDED for finding in outcome.findings)
@@ -221,21 +240,22 @@ def print_outcome(outcome: RunOutcome) -> None:
     shown = [
         f
         for f in outcome.findings
-        if severity_of(f.code) in ("error", "warning") and f.code is not Code.MISALIGNED
+        if (MANNERS.verbose or severity_of(f.code) in OF_SEVERITY) and f.code is not Code.MISALIGNED
     ]
     # What fails the run by itself first: it would be lost among many misses.
     shown.sort(key=lambda finding: not fails_run(finding.code, severity_of(finding.code)))
-    for finding in shown[:FINDINGS_SHOWN]:
-        _print_finding(finding)
-    if len(shown) > FINDINGS_SHOWN:
-        rest = len(shown) - FINDINGS_SHOWN
-        OUT.line(f"… and {rest} more findings in verdict.json")
+    first = len(shown) if MANNERS.verbose else FINDINGS_SHOWN
+    for finding in shown[:first]:
+        _print_finding(finding, severity_of(finding.code))
+    if rest := len(shown[first:]):
+        OUT.line(f"… and {rest} more findings in verdict.json, or with -v")
 
 
-def _print_finding(finding: Finding) -> None:
+def _print_finding(finding: Finding, severity: str) -> None:
     # A plug-in's error may bring lines of its own.
     message = " ".join(finding.message.split())
-    OUT.line(": ".join(filter(None, (finding.code, words.found_at(finding), message))))
+    line = ": ".join(filter(None, (finding.code, words.found_at(finding), message)))
+    OUT.line(line, colour=OF_SEVERITY.get(severity), of=finding.code)
 
 
 def _frames(record: CullerRecord) -> int:

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 
 from visref.cli.breakdown import BROKE_DOWN, INTERRUPTED, broke_down
-from visref.cli.terminal import ERRORS, Parser, WrongArguments, prepare
+from visref.cli.manners import MANNERS, RED, add_manners
+from visref.cli.terminal import ERRORS, OUT, Parser, WrongArguments, prepare, step_shown
+from visref.doing import watched_by
 from visref.errors import InputError, NothingToJudge, Unfinished
 from visref.judging.status import Exit
 
@@ -33,11 +36,13 @@ COMMANDS = {
     "shrink": "make the smallest scene that still shows a miss of a run",
     "objects": "list a scene's objects: ids, bounds, nodes, names, groups",
     "cullers": "list cullers, their options and promises",
+    "scenes": "list the scenes that can be generated, and their options",
     "conformance": "hold an engine in any language, or a culler, to the suite",
     "hardcases": "try engines and cullers on the hard numerical cases",
     "fuzz": "search for scenes and views in which a culler fails",
     "doctor": "say what works on this machine",
     "warm": "compile ahead what runs need",
+    "completion": "let the shell complete visref's commands and options",
 }
 
 # These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
@@ -52,6 +57,10 @@ def main(
     if arguments is None:
         prepare()
         arguments = sys.argv[1:]
+    if "_ARGCOMPLETE" in os.environ:
+        from visref.cli.completion import complete
+
+        return complete(_parser)
     given = argparse.Namespace(asked=_asked(arguments), interrupted="nothing was written")
     given.in_process = False
     try:
@@ -75,6 +84,12 @@ def main(
 
 
 def _run(given: argparse.Namespace) -> int:
+    MANNERS.take(given)
+    with watched_by(step_shown):
+        return _ran(given)
+
+
+def _ran(given: argparse.Namespace) -> int:
     try:
         if given.asked not in TELLING:
             return int(given.command(given))
@@ -100,13 +115,13 @@ def _run(given: argparse.Namespace) -> int:
 
 
 def _said(line: str, status: int) -> int:
-    ERRORS.line(line)
+    ERRORS.line(line, colour=RED, of="error:")
     return int(status)
 
 
 def _ended(given: argparse.Namespace, line: str, status: int) -> int:
     """Say why there is no verdict, to the CI server too; returns the status."""
-    ERRORS.line(line)
+    ERRORS.line(line, colour=RED, of="error:")
     _tell(given, line, status)
     return int(status)
 
@@ -149,11 +164,24 @@ def _parser(asked: str | None) -> argparse.ArgumentParser:
         description="Is your occlusion culler safe, and what does it cost?",
         epilog="Exit status: 0 no violation found, 1 violation, 2 bad input, 3 nothing judged.",
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show it, and end")
+    add_manners(parser)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, about in COMMANDS.items():
         command = commands.add_parser(name, help=about)
         if name == asked:
             module = importlib.import_module(f"visref.cli.{name}")
             module.add_arguments(command)
+            add_manners(command)
             command.set_defaults(command=module.run)
     return parser
+
+
+class _Version(argparse.Action):
+    """Looks the version up where it is asked for alone."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        import visref
+
+        OUT.line(f"visref {visref.__version__}")
+        parser.exit()

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from visref.cli.judged import print_run
+from visref.cli.manners import add_json
 from visref.cli.reports import add_report_arguments
 from visref.cli.terminal import OUT
 from visref.errors import InputError
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the scene that was judged: says why things were missed, as one run does",
     )
     parser.add_argument("--path", metavar="PATH", help="its camera path, where it is a file")
+    add_json(parser, "print verdict.json, and nothing else")
     add_report_arguments(parser)
 
 
@@ -57,5 +59,7 @@ def run(given: argparse.Namespace) -> Exit:
             "some are labels and some are not", fix="merge labels, and truths, by themselves"
         )
     frames = (merge_labels if labels[0] else merge_truths)(files, given.out)
-    OUT.line(f"{given.out}: {counted(frames, 'frame')}")
+    if given.json:
+        OUT.json({"out": str(given.out), "frames": frames})
+    OUT.remark(f"{given.out}: {counted(frames, 'frame')}")
     return Exit.NO_VIOLATION

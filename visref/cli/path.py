@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -130,9 +131,11 @@ def run(given: argparse.Namespace) -> Exit:
     with replacing_file(given.out) as file:
         file.write_text(json.dumps(path.to_json(), allow_nan=False) + "\n", encoding="utf-8")
     views = sum(len(frame.cameras) for frame in path.frames)
-    OUT.line(f"{given.out}: {counted(len(path), 'frame')}, {counted(views, 'view')}")
+    OUT.remark(f"{given.out}: {counted(len(path), 'frame')}, {counted(views, 'view')}")
     if getattr(given, "check_made", False):
         return check(str(given.out), given.scene, given)
+    shown = shlex.quote(str(given.out))
+    OUT.remark(f"Next: `visref path --check {shown}` says where its cameras are")
     return Exit.NO_VIOLATION
 
 

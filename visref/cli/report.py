@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT
+from visref.doing import doing
 from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.report import write_report
@@ -33,21 +35,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.md",
         help="one table of all methods on all scenes, a run being a scene",
     )
+    add_json(parser, "print what was written, and the status, for programs")
 
 
 def run(given: argparse.Namespace) -> Exit:
     if given.out is None and given.tables is None and given.board is None:
         raise InputError("there is nowhere to write to", fix="give --out, --tables or --board")
+    page = None
     if given.out is not None:
-        OUT.line(f"The report: {write_report(given.runs, given.out)}")
-    tables = given.tables is not None or given.board is not None
+        with doing("writing the page"):
+            page = write_report(given.runs, given.out)
+    whole = given.tables is not None or given.board is not None
     folders = [folder for folder in given.runs if not is_bench(folder)]
-    runs = [read_run(folder, objects=tables) for folder in folders]
-    if given.tables is not None:
-        for file in write_run_tables(runs, given.tables):
-            OUT.line(f"The tables: {file}")
+    runs = [read_run(folder, objects=whole) for folder in folders]
+    tables = [] if given.tables is None else list(write_run_tables(runs, given.tables))
     if given.board is not None:
         write_board(runs, given.board)
-        OUT.line(f"The board: {given.board}")
-    _, exit_ = overall(runs)
+    status, exit_ = overall(runs)
+    if given.json:
+        said = {"status": status, "exit_status": int(exit_), "tables": [str(one) for one in tables]}
+        files = {"page": page, "board": given.board}
+        OUT.json(said | {name: None if file is None else str(file) for name, file in files.items()})
+    for file in tables:
+        OUT.remark(f"The tables: {file}")
+    if given.board is not None:
+        OUT.remark(f"The board: {given.board}")
+    if page is not None:
+        OUT.remark(f"The report: {page}. Next: open it in a browser")
     return exit_

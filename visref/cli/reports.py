@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from visref.beside import steady
 from visref.cli.breakdown import BROKE_DOWN, INTERRUPTED
+from visref.cli.manners import MANNERS
 from visref.cli.terminal import ERRORS, OUT
 from visref.errors import InputError
 from visref.files import check_replacing, refuse_inputs, replacing_file
@@ -118,7 +119,8 @@ def write_reports(given: argparse.Namespace) -> None:
         if wanted.step is not None:
             _add_to_step(wanted.step, text)
     if wanted.annotate:
-        OUT.commands(annotation_lines(annotations_of(run, here)))
+        # GitHub reads both streams, and a program reads one.
+        (ERRORS if MANNERS.json else OUT).commands(annotation_lines(annotations_of(run, here)))
 
 
 def report_failure(name: str, given: argparse.Namespace, line: str, status: int) -> None:

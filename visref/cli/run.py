@@ -26,7 +26,7 @@ from visref.cli.commands import (
     saying,
     with_commands,
 )
-from visref.cli.judged import judge
+from visref.cli.judged import judge, print_verdict
 from visref.cli.reports import add_report_arguments
 from visref.cli.stamp import stands, write_stamp
 from visref.cli.terminal import OUT
@@ -145,7 +145,9 @@ def run(given: argparse.Namespace) -> Exit:
         if given.shard is not None:
             raise InputError("--stamp and --shard", fix="stamp the whole run")
         if stands(stamp, given.out, {**command, "day": _day(policy)}):
-            OUT.line(f"{given.out} stands as this command left it; nothing was judged again")
+            OUT.remark(f"{given.out} stands as this command left it; nothing was judged again")
+            if given.json:
+                print_verdict(given.out)
             return read_run(given.out, objects=False).exit
     outcome = judge(
         given,

@@ -13,6 +13,7 @@ from visref.cli.commands import (
     commands_of,
     saying,
 )
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT, progress
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_folder
@@ -68,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--time", type=float, metavar="SECONDS", help="stop after so long (default: no limit)"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the fault's folder")
+    add_json(parser)
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -92,9 +94,13 @@ def run(given: argparse.Namespace) -> Exit:
             first = starting_case(judged, holding)
             shrunk = shrink(first, holding, tell)
             write_fault(folder, shrunk, suspect, engine=engine)
-    OUT.line(f"From {size_text(first)} to {size_text(shrunk.case)}, by {_trials(shrunk.trials)}")
+    if given.json:
+        said = {"out": str(given.out), "trials": shrunk.trials, "whole": shrunk.whole}
+        OUT.json({**said, "from": size_text(first), "to": size_text(shrunk.case)})
+        return Exit.NO_VIOLATION
+    OUT.remark(f"From {size_text(first)} to {size_text(shrunk.case)}, by {_trials(shrunk.trials)}")
     if not shrunk.whole:
-        OUT.line("It may be made smaller yet: give more --trials, or --time")
+        OUT.remark("It may be made smaller yet: give more --trials, or --time")
     OUT.line(f"The fault: {given.out}; its REPORT.md can be pasted into a tracker")
     return Exit.NO_VIOLATION
 

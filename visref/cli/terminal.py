@@ -15,18 +15,21 @@ import logging
 import os
 import re
 import sys
+import time
 import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from itertools import islice
 from typing import IO, TYPE_CHECKING, Any, NoReturn, Self, cast
 
+from visref.cli.manners import MANNERS, coloured
 from visref.wording import shown
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from visref.doing import Reach
     from visref.judging.asking import Job
     from visref.judging.referee import JudgedFrame
     from visref.visibility import FrameTruth, ObjectVisibility
@@ -70,9 +73,14 @@ class Printer:
         """Whether all was printed that somebody wanted to read: no disk was full, say."""
         return self._broken is None or self._broken is not getattr(sys, self._name)
 
-    def line(self, text: str = "") -> None:
-        """One line, whatever is in the text."""
-        self._write(f"{shown(text)}\n")
+    def line(self, text: str = "", *, colour: str | None = None, of: str = "") -> None:
+        """One line, whatever is in the text; on a terminal its beginning `of` has a colour."""
+        self._write(f"{self._painted(shown(text), shown(of), colour)}\n")
+
+    def remark(self, text: str = "") -> None:
+        """A line that is only good to know: not for programs, nor for who wants quiet."""
+        if MANNERS.remarks:
+            self.line(text)
 
     def lines(self, text: str) -> None:
         """Text of several lines, which are ours to break."""
@@ -83,13 +91,26 @@ class Printer:
         self._write("".join(f"{line}\n" for line in lines))
 
     def table(
-        self, headings: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[str] = ()
+        self,
+        headings: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        *,
+        left: Sequence[str] = (),
+        colours: Sequence[str | None] = (),
     ) -> None:
         """A table in columns: those that `left` names are aligned to the left, others to the
-        right."""
+        right. `colours`: of each row's last cell, on a terminal."""
         cells = [list(map(shown, row)) for row in (headings, *rows)]
         widths = [max(map(_width, column)) for column in zip(*cells, strict=True)]
-        self.columns(cells, widths, left=[heading in left for heading in headings])
+        to_left = [heading in left for heading in headings]
+        if not any(colours) or not self._coloured:
+            self.columns(cells, widths, left=to_left)
+            return
+        for row, colour in zip(cells, (None, *colours), strict=True):
+            line = _aligned(row, widths, to_left).removesuffix("\n")
+            if row[-1] and line.endswith(row[-1]):
+                line = line.removesuffix(row[-1]) + self._painted(row[-1], row[-1], colour)
+            self._write(f"{line}\n")
 
     def columns(
         self, rows: Iterable[Sequence[str]], widths: Sequence[int], *, left: Sequence[bool]
@@ -112,6 +133,19 @@ class Printer:
                 return
             between = ",\n"
         self._write("\n]\n" if between != "[\n" else "[]\n")
+
+    @property
+    def _coloured(self) -> bool:
+        stream = getattr(sys, self._name)
+        with suppress(OSError, ValueError, AttributeError):
+            return coloured(bool(stream.isatty()))
+        return False
+
+    def _painted(self, text: str, part: str, colour: str | None) -> str:
+        """The text, whose beginning has a colour where colours are shown."""
+        if colour is None or not part or not text.startswith(part) or not self._coloured:
+            return text
+        return f"\x1b[1;{colour}m{part}\x1b[0m{text[len(part) :]}"
 
     def _write(self, text: str) -> bool:
         """Whether somebody reads on."""
@@ -202,6 +236,8 @@ def prepare() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    # Else numba has colorama, where that is installed, end colours that nobody began.
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     warnings.showwarning = _show_warning
     logging.lastResort = _Last(logging.WARNING)
 
@@ -265,6 +301,10 @@ class Steps:
         self._progress.advance(self._bar, steps)
 
 
+# The display that shows just now.
+_showing: list[Progress] = []
+
+
 def progress() -> Progress:
     """A progress display, gone once it is done."""
     from rich.console import Console
@@ -273,19 +313,53 @@ def progress() -> Progress:
         MofNCompleteColumn,
         Progress,
         TextColumn,
+        TimeElapsedColumn,
         TimeRemainingColumn,
     )
 
-    return Progress(
+    class Display(Progress):
+        def start(self) -> None:
+            if not self.disable:
+                _showing[:] = [self]
+            super().start()
+
+        def stop(self) -> None:
+            _showing.clear()
+            super().stop()
+
+    return Display(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
         TimeRemainingColumn(),
         console=Console(file=cast(IO[str], _Careful())),
         transient=True,
         redirect_stdout=False,
-        disable=not _Careful().isatty(),
+        disable=not _shows_progress(),
     )
+
+
+def _shows_progress() -> bool:
+    return not MANNERS.quiet and _Careful().isatty()
+
+
+@contextmanager
+def step_shown(what: str, total: float | None) -> Iterator[Reach]:
+    """Shows a step of `visref.doing` while it lasts, on a terminal; with -v, what it took."""
+    began = time.monotonic()
+    if not _shows_progress():
+        yield lambda done: None
+    else:
+        with nullcontext(_showing[0]) if _showing else progress() as display:
+            task = display.add_task(shown(what), total=total)
+            try:
+                yield lambda done: display.update(task, completed=done)
+            finally:
+                display.remove_task(task)
+    if MANNERS.verbose:
+        ERRORS.line(f"{what}: {time.monotonic() - began:.1f} s")
 
 
 class _Careful(io.TextIOBase):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 import numpy as np
 
 from visref.between.search import geometric_line
 from visref.cli.arguments import add_scene_arguments, inputs_of
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT, frame_bar
 from visref.findings import Severity
 from visref.judging.status import Exit
@@ -27,6 +29,7 @@ _WRITTEN = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene_arguments(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.parquet")
+    add_json(parser)
     parser.add_argument(
         "--geometric",
         type=Path,
@@ -57,20 +60,36 @@ def run(given: argparse.Namespace) -> Exit:
         cast = truth_to_file(
             inputs, given.out, geometric=given.geometric, labels=files, listeners=[bar]
         )
-    OUT.line(
+    if given.json:
+        OUT.json(
+            {
+                "out": str(given.out),
+                "frames": frames,
+                "objects": inputs.scene.object_count,
+                "visible": int(np.count_nonzero(cast.visible)),
+                "engine": inputs.engine,
+                "findings": [
+                    {"code": one.code, "severity": one.rule.severity, "message": one.message}
+                    for one in cast.findings
+                ],
+            }
+        )
+        return Exit.NO_VIOLATION
+    OUT.remark(
         f"{given.out}: {frames} frames, {np.count_nonzero(cast.visible)} of "
         f"{inputs.scene.object_count} objects visible in some frame (engine {inputs.engine})"
     )
     if given.geometric is not None:
-        OUT.line(f"{given.geometric}: {geometric_line(cast.between)}")
+        OUT.remark(f"{given.geometric}: {geometric_line(cast.between)}")
     for option, path in files.asked.items():
-        OUT.line(f"{path}: {_WRITTEN[option]}")
+        OUT.remark(f"{path}: {_WRITTEN[option]}")
     if cast.left_out:
-        OUT.line(
+        OUT.remark(
             f"not in {given.bop} wherever they bend or are scaled: "
             f"{counted(len(cast.left_out), 'object')}, such as '{cast.left_out[0]}'"
         )
     for finding in cast.findings:
         if finding.rule.severity is not Severity.INFO:
             OUT.line(f"{finding.code}: {finding.message}")
+    OUT.remark(f"Next: `visref run` and `check` take it: --truth {shlex.quote(str(given.out))}")
     return Exit.NO_VIOLATION

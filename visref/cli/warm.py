@@ -42,16 +42,16 @@ def run(given: argparse.Namespace) -> int:
         raise InputError(f"--jobs is {jobs}", fix="give 1 or more")
     waiting = [name for name in PARTS if not holds(name)]
     if not waiting:
-        OUT.line(f"all is compiled already: {place()}")
+        OUT.remark(f"all is compiled already: {place()}")
         return Exit.NO_VIOLATION
     can_keep()
-    OUT.line(
+    OUT.remark(
         f"compiling {counted(len(waiting), 'part')} of {len(PARTS)}, {min(jobs, len(waiting))} at "
         f"a time, into {place()}: some minutes where all is new"
     )
     started = time.monotonic()
     broken = _all(waiting, jobs)
-    OUT.line(f"{time.monotonic() - started:.0f} s")
+    OUT.remark(f"{time.monotonic() - started:.0f} s")
     return BROKE_DOWN if broken else Exit.NO_VIOLATION
 
 
@@ -103,7 +103,7 @@ def _all(waiting: Sequence[str], jobs: int) -> bool:
             steps.advance(1)
             status = ended.process.returncode
             if status == Exit.NO_VIOLATION:
-                OUT.line(f"{ended.name}: {time.monotonic() - ended.started:.0f} s")
+                OUT.remark(f"{ended.name}: {time.monotonic() - ended.started:.0f} s")
                 continue
             ERRORS.line(f"{ended.name} is left out: {ended.last_line()}")
             broken = broken or status not in (Exit.BAD_INPUT, Exit.NOTHING_JUDGED)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from visref.doing import doing
 from visref.engines.base import TruthEngine
 from visref.errors import InputError
 from visref.options import read_options
 from visref.registry import ENGINES, available, load_entry
 from visref.scene import Scene
+from visref.wording import counted
 
 __all__ = ["ENGINES", "TruthEngine", "check_engine", "engine_names", "make_engine"]
 
@@ -28,7 +30,8 @@ def make_engine(spec: str, scene: Scene, *, threads: int | None = None) -> Truth
     if threads is not None and threads < 1:
         raise InputError(f"threads is {threads}", place="threads", fix="give 1 or more")
     found, options = _read_spec(spec)
-    return found(scene, threads=threads, **options)
+    with doing(f"building {spec} over {counted(scene.triangle_count, 'triangle')}"):
+        return found(scene, threads=threads, **options)
 
 
 def check_engine(spec: str) -> None:

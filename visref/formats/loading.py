@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, cast
 import numpy as np
 
 from visref.camera_path import CameraPath
+from visref.doing import doing
 from visref.errors import InputError
 from visref.formats.placed import Placed, flatten
 from visref.memory import Budget
@@ -95,7 +96,8 @@ def load_scene(
     budget = Budget.of(max_memory)
     try:
         _check_file(file)
-        placed = _read(_reader(file.suffix.lower()), file, budget)
+        with doing(f"reading {file.name}"):
+            placed = _read(_reader(file.suffix.lower()), file, budget)
         if not isinstance(placed, Placed):
             raise InputError(
                 f"the reader of '{file.suffix}' files returned no visref.formats.Placed",

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.doing import doing
 from visref.errors import InputError
 from visref.findings import Code
 from visref.formats.place_kernels import place_triangles, place_vertices
@@ -221,26 +222,30 @@ def flatten(
     vertices, moved, triangles, one_sided, alpha = (one.array for one in made)
     mask_rows = MaskRows(count)
     mirrored = _determinants(worlds) < 0.0
-    for mesh, some in zip(placed.meshes, users, strict=True):
-        place_vertices(
-            np.array(mesh.positions, np.float64, order="C"),
-            *(worlds, some, vertex_starts, origin),
-            *(vertices, moved, moved.view(np.int32)),
-        )
-        sides = np.array(mesh.one_sided, np.uint8) * np.uint8(cull_backfaces)
-        place_triangles(
-            np.array(mesh.triangles, np.int64, order="C"),
-            (sides, np.array(mesh.alpha, np.uint8)),
-            *(some, mirrored, vertex_starts, starts),
-            triangles,
-            (one_sided.view(np.uint8), alpha),
-        )
-        if mesh.masks is not None:
-            bases = mask_rows.add(mesh.masks, mirrored[some])
-            block = max(1, _BLOCK_TRIANGLES // max(1, len(mesh.triangles)))
-            for at in range(0, len(some), block):
-                rows = starts[some[at : at + block], None] + np.arange(len(mesh.triangles))
-                mask_rows.fill(rows, mesh.masks, bases[at : at + block])
+    with doing("placing triangles", count) as reach:
+        placed_yet = 0
+        for mesh, some in zip(placed.meshes, users, strict=True):
+            place_vertices(
+                np.array(mesh.positions, np.float64, order="C"),
+                *(worlds, some, vertex_starts, origin),
+                *(vertices, moved, moved.view(np.int32)),
+            )
+            sides = np.array(mesh.one_sided, np.uint8) * np.uint8(cull_backfaces)
+            place_triangles(
+                np.array(mesh.triangles, np.int64, order="C"),
+                (sides, np.array(mesh.alpha, np.uint8)),
+                *(some, mirrored, vertex_starts, starts),
+                triangles,
+                (one_sided.view(np.uint8), alpha),
+            )
+            if mesh.masks is not None:
+                bases = mask_rows.add(mesh.masks, mirrored[some])
+                block = max(1, _BLOCK_TRIANGLES // max(1, len(mesh.triangles)))
+                for at in range(0, len(some), block):
+                    rows = starts[some[at : at + block], None] + np.arange(len(mesh.triangles))
+                    mask_rows.fill(rows, mesh.masks, bases[at : at + block])
+            placed_yet += len(some) * len(mesh.triangles)
+            reach(placed_yet)
     vertices, moved, triangles, one_sided, alpha = (one.frozen() for one in made)
     masks = mask_rows.masks(placed.masks)
     finite = None

@@ -8,6 +8,7 @@ from sys import getsizeof
 
 import numpy as np
 
+from visref.doing import doing
 from visref.findings import Code
 from visref.formats.gltf.accessors import MAX_COUNT, read_floats
 from visref.formats.gltf.document import Document
@@ -71,11 +72,13 @@ class _Objects:
 
     def read(self) -> Placed:
         placed, order, at = self.placed, self.nodes.order, 0
-        while at < len(order):
-            at = self._run(at)
-            if at < len(order):
-                self._one(order[at])
-                at += 1
+        with doing("reading nodes", len(order)) as reach:
+            while at < len(order):
+                at = self._run(at)
+                if at < len(order):
+                    self._one(order[at])
+                    at += 1
+                reach(at)
         self.firsts.append(len(placed.names))
         placed.motion = self.rigging.motion()
         placed.groups.extend(self._levels())
