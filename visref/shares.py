@@ -35,7 +35,8 @@ from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.aside import Aside
 from visref.run_folder.layout import PART, SUPERFLUOUS_ROWS, TRUTH
-from visref.run_folder.part import InputFindings, Part, PartKeeper, PicturePlan
+from visref.run_folder.part import InputFindings, Part, PartKeeper
+from visref.run_folder.picture_plan import PicturePlan
 from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
 

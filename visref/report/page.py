@@ -15,12 +15,15 @@ from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
 from visref.report.charts import plots_of
+from visref.report.crop_data import CropData
 from visref.report.crops import CropBudget
 from visref.report.environment import page_environment
 from visref.report.found import ELSEWHERE, finding_groups
 from visref.report.losses import MAX_LOST, lost_views
 from visref.report.measures import STARTS, cells_of, columns_of
 from visref.report.misses import why_lines
+from visref.report.object_list import ObjectList
+from visref.report.packed import packed
 from visref.report.pictured import frame_views, opens_at
 from visref.report.plots import STYLES
 from visref.report.run_tables import shares_text, value_text
@@ -53,8 +56,8 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         "breakable": _breakable,
     }
     status, exit_ = words.overall(runs)
-    budget = CropBudget()
-    views = [_run_view(run, index, out, budget) for index, run in enumerate(runs)]
+    budgets = CropBudget(), CropData()
+    views = [_run_view(run, index, out, *budgets) for index, run in enumerate(runs)]
     return environment.get_template("report.html.j2").render(
         status=status,
         exit_status=int(exit_),
@@ -88,12 +91,22 @@ def _breakable(name: str) -> Markup:
     return Markup("<wbr>").join(re.split(r"(?<=[.:,=_-])", legible(name)))
 
 
-def _run_view(run: RunFolder, index: int, out: Path, budget: CropBudget) -> dict[str, Any]:
+def _run_view(
+    run: RunFolder, index: int, out: Path, budget: CropBudget, crops: CropData
+) -> dict[str, Any]:
     rows = [summarise(run, culler) for culler in run.cullers]
     frames, frames_left_out = frame_views(run)
     pictured = {(view.frame, view.view, one.culler) for view in frames for one in view.cullers}
+    listed = ObjectList(run, sorted(pictured), crops)
+    # Who broke a promise comes first.
+    for number, row in sorted(
+        enumerate(rows), key=lambda one: one[1].status is not Status.VIOLATION
+    ):
+        listed.add(number, row)
     return {
         "id": f"run{index}",
+        "list": len(listed),
+        "list_data": packed(listed.data(rows, out)) if len(listed) else "",
         "run": run,
         "status": run.verdict.status,
         "sentence": words.run_sentence(run, rows),

@@ -43,8 +43,9 @@ from visref.run_folder.layout import (
 )
 from visref.run_folder.motion import MotionRecord, motion_json
 from visref.run_folder.objects import ObjectsWriter
-from visref.run_folder.part import Part, PicturePlan
-from visref.run_folder.pictures import Painter
+from visref.run_folder.part import Part
+from visref.run_folder.picture_plan import PicturePlan, Shown
+from visref.run_folder.pictures import Painter, Sketch, in_order_of
 from visref.run_folder.rows import Motion, PictureSet
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
@@ -103,6 +104,8 @@ class RunWriter:
             picture_frames, part.open if part is not None else frozenset()
         )
         self._pictures: list[PictureSet] = []
+        # By culler, and by frame and view, of what pictures may be wanted.
+        self._sketches: dict[str, dict[Shown, list[Sketch]]] = {}
         self._painter = Painter(folder / PICTURES)
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
@@ -113,6 +116,7 @@ class RunWriter:
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         self._has_truth = True
+        self._painter.see(frame, truth)
         # The referee has a truth list its ties where its engine is exact, and nowhere else.
         self._exact = truth.ties_complete
         camera = truth.camera
@@ -153,18 +157,50 @@ class RunWriter:
             keeper.add(record.frame, verdict.misses, judged.settled, open_=open_)
             for one in judged.settled:
                 drawn[record.frame, one.truth.camera.view] = put
-        if judged.settled and self._plan.wants(job.spec, record.frame, verdict.counts):
-            self._pictures += [
-                self._painter.draw(
-                    slug(job.spec),
-                    settled,
-                    verdict,
-                    culler=job.spec,
-                    frame=record.frame,
-                    moved=self._motion.changed(record.frame),
-                )
-                for settled in judged.settled
-            ]
+        if judged.settled:
+            self._picture(job, judged)
+
+    def _picture(self, job: Job, judged: JudgedFrame) -> None:
+        """Draw what is planned, and keep what may be wanted when all is known."""
+        spec, record = job.spec, judged.record
+        at = record.frame, record.view
+        missed = self._plan.add(spec, *at, record.verdict.misses)
+        planned = self._plan.planned(record.frame)
+        if not planned and not missed:
+            return
+        sketches = [
+            self._painter.sketch(
+                settled,
+                record.verdict,
+                stem=slug(spec),
+                culler=spec,
+                frame=record.frame,
+                moved=self._motion.changed(record.frame),
+            )
+            for settled in judged.settled
+        ]
+        if planned:
+            self._pictures += [self._painter.paint(one, self._scene_at(at[0])) for one in sketches]
+            return
+        mine = self._sketches.setdefault(spec, {})
+        mine[at] = sketches
+        wanted = self._plan.wanted(spec)
+        self._sketches[spec] = {place: mine[place] for place in mine if place in wanted}
+
+    def _scene_at(self, frame: int) -> Scene:
+        return self._timeline.at(frame)
+
+    def _paint_wanted(self) -> None:
+        """Draw what is wanted, frame by frame, so that what cullers share is drawn once."""
+        wanted = [
+            (at, number, sketch)
+            for number, spec in enumerate(self._sketches)
+            for at, sketches in self._sketches[spec].items()
+            for sketch in sketches
+        ]
+        for (frame, _), _, sketch in sorted(wanted, key=lambda one: one[:2]):
+            self._pictures.append(self._painter.paint(sketch, self._scene_at(frame)))
+        self._sketches = {}
 
     def on_frame_done(self, frame: int) -> None:
         self._motion.add(frame)
@@ -186,6 +222,7 @@ class RunWriter:
                 exact=self._exact,
             )
         self._write_witnesses(outcome)
+        self._paint_wanted()
         write_json(folder / VERDICT, self._verdict(outcome))
         write_json(folder / MANIFEST, self._manifest(outcome))
 
@@ -243,12 +280,22 @@ class RunWriter:
                 }
                 for record in outcome.cullers
             },
-            "pictures": [asdict(pictures) for pictures in self._pictures],
+            "pictures": [
+                asdict(one)
+                for one in in_order_of(
+                    self._pictures, [record.spec for record in outcome.cullers], self._views
+                )
+            ],
             "motion": motion_json(self.moved),
             "samples": samples_json(path, self._numbers),
             "versions": versions(),
             "machine": machine(),
         }
+
+    @property
+    def _views(self) -> dict[int, list[str]]:
+        frames = {one.frame for one in self._pictures}
+        return {frame: [camera.view for camera in self._path.views(frame)] for frame in frames}
 
     @property
     def _numbers(self) -> Sequence[int]:
