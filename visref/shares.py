@@ -174,6 +174,7 @@ class _Writing:
         self._planned = [self._frames[i] for i in picked]
         part = self._part(share) if share is not None else None
         self._plan = PicturePlan(self._planned, part.open if part is not None else frozenset())
+        self._first: dict[str, int] = {}
         # Of what may be the whole run.
         may_be_whole = folder is not None and not isinstance(share, Shard)
         self._evidence = Evidence() if may_be_whole else None
@@ -204,6 +205,7 @@ class _Writing:
             part=None if share is None else self._part(share),
             plan=self._plan,
             superfluous_rows=self._asked.superfluous_rows,
+            first=self._first,
         )
         self._keeper = None if share is None else PartKeeper(folder, inputs.scene, inputs.path)
 

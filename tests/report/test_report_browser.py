@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+import json
+import os
 import re
 import time
+from pathlib import Path
 
 import pytest
 
@@ -140,7 +144,9 @@ def test_frame_picture_and_cause_of_a_named_object_are_three_clicks_away(runs, t
         assert page.run(f"{ABOUT}.querySelectorAll('canvas').length") == 2
         assert page.run(f"{ABOUT}.querySelector('.whole img').naturalWidth") == WIDTH
         # The frame browser went along.
-        assert page.run("document.querySelector('.browser output').textContent").startswith("Frame 1 (")
+        assert page.run("document.querySelector('.browser output').textContent").startswith(
+            "Frame 1 ("
+        )
         assert page.problems == []
 
 
@@ -250,3 +256,71 @@ def test_the_page_never_scrolls_sideways(runs, tmp_path):
         for width in (360, 768, 1280):
             page.open(page_file, width=width)
             assert page.run("document.documentElement.scrollWidth") <= width
+
+
+# Where the rules of https://github.com/dequelabs/axe-core are, if they are on this machine: `make
+# test` puts them into the checkout where there is npm.
+AXE = Path(
+    os.environ.get("AXE_CORE")
+    or Path(__file__, "../../../node_modules/axe-core/axe.min.js").resolve()
+)
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed")
+
+
+def axe_findings(page):
+    """Of each rule that is broken its name, and where."""
+    page.run(AXE.read_text(encoding="utf-8") + ";0")
+    answer = page.call(
+        "Runtime.evaluate",
+        expression="axe.run(document, {resultTypes: ['violations']}).then(r => JSON.stringify("
+        "r.violations.map(v => [v.id, v.nodes.map(n => n.target.join(' ') + ' ' + "
+        "(n.any[0] || n.all[0] || n.none[0]).message)])))",
+        awaitPromise=True,
+        returnByValue=True,
+    )
+    return json.loads(answer["result"]["value"])
+
+
+@needs_axe
+def test_axe_finds_nothing_on_the_page_in_either_scheme(runs, tmp_path):
+    bench = bench_folder(tmp_path / "bench")
+    page_file = write_report([*runs.values(), bench], tmp_path)
+    with chromium.browser() as page:
+        for scheme in ("light", "dark"):
+            feature = {"name": "prefers-color-scheme", "value": scheme}
+            page.call("Emulation.setEmulatedMedia", media="screen", features=[feature])
+            page.open(page_file)
+            wait(page, f"{ROWS}.length > 0")
+            # With an object open.
+            page.run("location.hash = '#object=pillar'")
+            wait(page, f"!{ABOUT}.hidden")
+            assert axe_findings(page) == []
+
+
+@needs_axe
+def test_axe_can_find_something(runs, tmp_path):
+    page_file = write_report([runs["clean"]], tmp_path)
+    with chromium.browser() as page:
+        page.open(page_file)
+        page.run("document.querySelector('img').removeAttribute('alt'); 0")
+        assert [rule for rule, _ in axe_findings(page)] == ["image-alt"]
+
+
+def test_contents_lead_to_every_section(runs, tmp_path):
+    page_file = write_report([runs["violation"]], tmp_path)
+    with chromium.browser() as page:
+        page.open(page_file)
+        links = page.run(
+            "[...document.querySelectorAll('.contents a')].map(a => a.getAttribute('href'))"
+        )
+        sections = page.run(
+            "[...document.querySelectorAll('h2[id]')].map(h => '#' + h.id)"
+            ".filter(id => !id.endsWith('-claims'))"
+        )
+        assert links == sections
+        assert len(links) > 6
+        levels = page.run(
+            "[...document.querySelectorAll('h1, h2, h3, h4')].map(h => Number(h.tagName[1]))"
+        )
+        assert levels[0] == 1
+        assert all(after <= before + 1 for before, after in itertools.pairwise(levels))

@@ -16,7 +16,13 @@ from visref.judging.judge import judge
 from visref.run_folder import pictures
 from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
-from visref.run_folder.pictures import MAX_RINGS, RING_BELOW_PX, Painter
+from visref.run_folder.pictures import (
+    MAX_RINGS,
+    RING_BELOW_PX,
+    Painter,
+    owner_picture,
+    owners_of,
+)
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
@@ -70,7 +76,7 @@ def test_a_single_missed_sample_survives_the_shrinking(tmp_path):
 def test_no_error_picture_where_nothing_is_missed(tmp_path):
     scene = scene_of_squares(0.0, 1.0)
     pictures = draw(tmp_path, scene, wide_truth(scene, 120, 80, [[5, 5]]), [0, 1])
-    assert set(pictures.files) == {"picture", "drawn", "ids"}
+    assert set(pictures.files) == {"picture", "drawn", "ids", "owners"}
     assert (pictures.culler, pictures.frame) == ("mine", 7)
     for what in pictures.files:
         assert rgb(tmp_path, pictures, what).shape == (80, 120, 3)
@@ -163,7 +169,7 @@ def test_same_frame_gives_the_same_bytes(tmp_path):
         pictures = draw(tmp_path / name, scene, frame_truth, [0, 2])
         contents.append({k: (tmp_path / name / v).read_bytes() for k, v in pictures.files.items()})
     assert contents[0] == contents[1]
-    assert set(contents[0]) == {"picture", "drawn", "ids", "errors"}
+    assert set(contents[0]) == {"picture", "drawn", "ids", "owners", "errors"}
 
 
 def test_superfluous_unit_shows_where_it_lies_hidden(tmp_path):
@@ -357,3 +363,11 @@ def test_a_frame_is_shaded_once_for_all_cullers(tmp_path, monkeypatch):
         *["pictures/frame-00004-ids.png"] * 3,
     ]
     assert len({one.files["drawn"] for one in found}) == 6
+
+
+def test_owners_can_be_read_back_from_their_picture(tmp_path):
+    ids = np.array([[-1, 0, 1], [254, 255, 65_535], [65_536, 2**24 - 3, 2**24 - 2]], np.int32)
+    file = tmp_path / "owners.png"
+    owner_picture(ids).save(file)
+    with Image.open(file) as picture:
+        assert np.array_equal(owners_of(picture), ids)

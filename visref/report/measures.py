@@ -34,7 +34,8 @@ class Column:
 
 
 _COLUMNS = (
-    Column("visible", "visible", "object-frames that own a sample", "sums over frames"),
+    Column("visible", "visible object-frames", "objects that own a sample of the frame",
+           "sums over frames"),
     Column("drawn", "drawn", "units in the final image's draw list", "sums over frames"),
     Column("superfluous", "superfluous", "drawn, and nothing of it visible", "sums over frames"),
     Column("missed", "missed", "visible, and shown nowhere", "sums over frames"),
@@ -52,7 +53,8 @@ _COLUMNS = (
     Column("query_fragments", "query fragments", "mean, samples that query geometry covers",
            "per frame"),
     Column("triangle_share", "triangles drawn", "mean share of the scene", "per frame"),
-    Column("ms_median", "ms", "median of the culler's call", "per frame"),
+    Column("ms_median", "ms", "median of the culler's call, without its first in a process",
+           "per frame"),
 )  # fmt: skip
 
 

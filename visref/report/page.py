@@ -24,7 +24,7 @@ from visref.report.measures import STARTS, cells_of, columns_of
 from visref.report.misses import why_lines
 from visref.report.object_list import ObjectList
 from visref.report.packed import packed
-from visref.report.pictured import frame_views, opens_at
+from visref.report.pictured import PictureBudget, frame_views, opens_at
 from visref.report.plots import STYLES
 from visref.report.run_tables import shares_text, value_text
 from visref.report.savings import savings
@@ -54,9 +54,10 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         "shares": shares_text,
         "code": _code,
         "breakable": _breakable,
+        "headings": headings,
     }
     status, exit_ = words.overall(runs)
-    budgets = CropBudget(), CropData()
+    budgets = CropBudget(), CropData(), PictureBudget()
     views = [_run_view(run, index, out, *budgets) for index, run in enumerate(runs)]
     return environment.get_template("report.html.j2").render(
         status=status,
@@ -77,6 +78,22 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
     )
 
 
+# What a heading's title is without: what stands small in it, as a status or a path.
+_ASIDE = re.compile(r"<small>.*?</small>|<span class=\"badge.*</span>", re.S)
+_HEADING = re.compile(r'<h2[^>]* ?id="(?P<id>[^"]+)"[^>]*>(?P<title>.*?)</h2>', re.S)
+
+
+def headings(body: str) -> list[tuple[str, Markup, bool]]:
+    """The page's second headings, (id, title, whether it is a run's own name), but for what nobody
+    looks up."""
+    found = []
+    for heading in _HEADING.finditer(body):
+        title = Markup(_ASIDE.sub("", heading["title"]).strip())
+        if not heading["id"].endswith("-claims"):
+            found.append((heading["id"], title, heading["id"].endswith("-run")))
+    return found
+
+
 def _code(text: str) -> Markup:
     """Prose with `code` in backticks, as HTML."""
     pieces = text.split("`")
@@ -92,10 +109,15 @@ def _breakable(name: str) -> Markup:
 
 
 def _run_view(
-    run: RunFolder, index: int, out: Path, budget: CropBudget, crops: CropData
+    run: RunFolder,
+    index: int,
+    out: Path,
+    budget: CropBudget,
+    crops: CropData,
+    pictures: PictureBudget,
 ) -> dict[str, Any]:
     rows = [summarise(run, culler) for culler in run.cullers]
-    frames, frames_left_out = frame_views(run)
+    frames, frames_left_out = frame_views(run, rows, pictures)
     pictured = {(view.frame, view.view, one.culler) for view in frames for one in view.cullers}
     listed = ObjectList(run, sorted(pictured), crops)
     # Who broke a promise comes first.

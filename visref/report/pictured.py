@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from visref.judging.status import Status
-from visref.picking import evenly_picked
 from visref.report import words
-from visref.report.embedded import data_uri
+from visref.report.embedded import data_uri, picture_of
+from visref.report.owner_map import ObjectNames, owner_map
+from visref.report.packed import packed
 from visref.report.summary import CullerSummary
 from visref.run_folder.read import RunFolder
 from visref.run_folder.rows import FrameRow, PictureSet
 from visref.wording import legible
 
-# Pictures are most of the page's weight: about 100 kB each.
-MAX_FRAMES = 12
+# Pictures are most of the page's weight, about 100 kB each: as they stand in it, over all its runs
+# and cullers. What is left out is in the run folder.
+MAX_PICTURE_BYTES = 4_000_000
 
 _VIEWS = {
     "picture": "The scene",
@@ -28,11 +30,12 @@ _VIEWS = {
 
 @dataclass(frozen=True)
 class Picture:
-    """An image of a frame: what it shows, in words, and the bytes."""
+    """An image of a frame: what it shows, and what is to be seen on it, in words, and the bytes."""
 
     what: str
     title: str
     uri: str
+    says: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,13 +53,15 @@ class CullerView:
 @dataclass(frozen=True)
 class FrameView:
     """A view of a frame in the browser: pictures that all cullers share, and each culler's own.
-    `moved`: what moved since the frame before, in words."""
+    `moved`: what moved since the frame before, in words; `owners`: whose each part of its pictures
+    is, packed, empty where that is not on file."""
 
     frame: int
     view: str
     moved: str
     shared: dict[str, Picture]
     cullers: list[CullerView]
+    owners: str
 
     @property
     def title(self) -> str:
@@ -91,48 +96,137 @@ def opens_at(
     return number, frames[-index].frame, frames[-index].view
 
 
-def frame_views(run: RunFolder) -> tuple[list[FrameView], int]:
-    """The pictured views of frames: all, or those that lost most and the rest evenly picked."""
-    by_view: dict[tuple[int, str], dict[str, PictureSet]] = defaultdict(dict)
+class PictureBudget:
+    """What pictures a page may still carry, over all its runs."""
+
+    def __init__(self) -> None:
+        self._left = MAX_PICTURE_BYTES
+
+    def takes(self, size: int) -> bool:
+        """Whether so many bytes more are taken; else none of them are."""
+        if size > self._left:
+            return False
+        self._left -= size
+        return True
+
+
+Place = tuple[int, str]
+
+
+def frame_views(
+    run: RunFolder, rows: Sequence[CullerSummary], budget: PictureBudget
+) -> tuple[list[FrameView], int]:
+    """The pictured views of frames, as many as the page takes, and how many it leaves out: first
+    the worst of the object that each culler lost most of, of the next, and so on; then those in
+    which most was lost; then the others."""
+    by_view: dict[Place, dict[str, PictureSet]] = defaultdict(dict)
     for entry in run.manifest.pictures:
         by_view[entry.frame, entry.view][entry.culler] = entry
-    rows = {(row.culler, row.frame, view): row for row in run.frames for view in run.views_of(row)}
-    order = {
-        (frame, view): (frame, place)
-        for frame in {frame for frame, _ in by_view}
-        for place, view in enumerate(run.manifest.samples[frame])
+    of_row = {
+        (row.culler, row.frame, view): row for row in run.frames for view in run.views_of(row)
     }
+    names = ObjectNames(run, {frame for frame, _ in by_view})
+    views = []
+    for place in _by_weight(run, rows, by_view, of_row):
+        view = _frame_view(run, place, by_view[place], of_row, names)
+        if budget.takes(_size(view)):
+            views.append(view)
+    order = _order(run, by_view)
+    views.sort(key=lambda view: order[view.frame, view.view])
+    return views, len(by_view) - len(views)
+
+
+def _order(run: RunFolder, by_view: Iterable[Place]) -> dict[Place, tuple[int, int]]:
+    """By frame, and as the manifest has its views."""
+    return {
+        (frame, view): (frame, list(run.manifest.samples[frame]).index(view))
+        for frame, view in by_view
+    }
+
+
+def _by_weight(
+    run: RunFolder,
+    rows: Sequence[CullerSummary],
+    by_view: Mapping[Place, Mapping[str, PictureSet]],
+    of_row: Mapping[tuple[str, int, str], FrameRow],
+) -> list[Place]:
+    """The pictured views, those that should be on the page first."""
+    order = _order(run, by_view)
+    ranks: dict[Place, int] = {}
+    for row in rows:
+        worst = [(lost.worst.frame, lost.worst.view) for lost in row.lost]
+        mine = [at for at in dict.fromkeys(worst) if row.culler in by_view.get(at, ())]
+        for rank, at in enumerate(mine):
+            ranks[at] = min(rank, ranks.get(at, rank))
     lost = {
-        (frame, view): sum(
-            rows[culler, frame, view].missed_pixels
+        place: sum(
+            of_row[culler, *place].missed_pixels
             for culler, entry in entries.items()
             if "errors" in entry.files
         )
-        for (frame, view), entries in by_view.items()
+        for place, entries in by_view.items()
     }
-    guilty = sorted((one for one in lost if lost[one]), key=lambda one: (-lost[one], order[one]))
-    chosen = guilty[: MAX_FRAMES // 2]
-    others = sorted(set(by_view) - set(chosen), key=order.__getitem__)
-    room = MAX_FRAMES - len(chosen)
-    others = [others[i] for i in evenly_picked(len(others), room)]
-    views = []
-    for frame, view in sorted([*chosen, *others], key=order.__getitem__):
-        shared: dict[str, Picture] = {}
-        cullers = []
-        for number, culler in enumerate(run.cullers):
-            found = by_view[frame, view].get(culler)
-            if found is None:
-                continue
-            pictures = {
-                what: Picture(what, _VIEWS[what], data_uri(run, found.files[what], frame, view))
-                for what in _VIEWS
-                if what in found.files and not (what in ("picture", "ids") and what in shared)
-            }
-            for what in ("picture", "ids"):
-                if what in pictures:
-                    shared[what] = pictures.pop(what)
-            row = rows[culler, frame, view]
-            joint = len(run.views_of(row)) > 1
-            cullers.append(CullerView(number, culler, row, joint, pictures))
-        views.append(FrameView(frame, view, words.moved_in(run, frame), shared, cullers))
-    return views, len(by_view) - len(views)
+    return sorted(
+        by_view, key=lambda place: (ranks.get(place, len(by_view)), -lost[place], order[place])
+    )
+
+
+def _frame_view(
+    run: RunFolder,
+    place: Place,
+    entries: Mapping[str, PictureSet],
+    of_row: Mapping[tuple[str, int, str], FrameRow],
+    names: ObjectNames,
+) -> FrameView:
+    frame, view = place
+    shared: dict[str, Picture] = {}
+    owners = ""
+    cullers = []
+    for number, culler in enumerate(run.cullers):
+        found = entries.get(culler)
+        if found is None:
+            continue
+        pictures = {
+            what: Picture(
+                what,
+                _VIEWS[what],
+                data_uri(run, found.files[what], frame, view),
+                _says(what, of_row[culler, *place]),
+            )
+            for what in _VIEWS
+            if what in found.files and not (what in ("picture", "ids") and what in shared)
+        }
+        for what in ("picture", "ids"):
+            if what in pictures:
+                shared[what] = pictures.pop(what)
+        if not owners and "owners" in found.files:
+            owners = packed(
+                owner_map(
+                    picture_of(run, found.files["owners"], frame, view), names.of(frame, view)
+                )
+            )
+        row = of_row[culler, frame, view]
+        joint = len(run.views_of(row)) > 1
+        cullers.append(CullerView(number, culler, row, joint, pictures))
+    return FrameView(frame, view, words.moved_in(run, frame), shared, cullers, owners)
+
+
+def _says(what: str, row: FrameRow) -> str:
+    """What is to be seen on a picture of one culler's, for those who cannot."""
+    if what == "drawn":
+        counts = (
+            f"{words.counted(row.drawn, 'unit')} drawn",
+            f"{words.count(row.superfluous)} of them superfluous",
+            f"{words.count(row.missed)} missed",
+            f"{words.count(row.partly_missed)} partly",
+        )
+        return ", ".join(counts)
+    return f"{words.counted(row.missed_pixels, 'sample')} lost" if what == "errors" else ""
+
+
+def _size(view: FrameView) -> int:
+    """How many bytes its pictures take in the page."""
+    pictures = [*view.shared.values()]
+    for one in view.cullers:
+        pictures += one.pictures.values()
+    return sum(len(picture.uri) for picture in pictures) + len(view.owners)

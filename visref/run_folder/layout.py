@@ -68,6 +68,9 @@ UNNAMED_VIEW = ""
 
 # The wall time of a culler's call for a frame; its other phases are parts of it.
 CULL_PHASE = "cull"
+# A row in timings.parquet that says of a frame that it was the culler's first in its process: what
+# compiles when it is first used, and what is allocated then, is in that call's time.
+FIRST_PHASE = "first_call"
 # Of a row in timings.parquet that belongs to no culler: the time of casting the frame's truth.
 TRUTH_PHASE = "truth"
 

@@ -30,6 +30,7 @@ from visref.run_folder.facts import FIX, read_manifest, read_verdict
 from visref.run_folder.inside import json_inside
 from visref.run_folder.layout import (
     CULL_PHASE,
+    FIRST_PHASE,
     FRAMES,
     FRAMES_SCHEMA,
     MANIFEST,
@@ -106,6 +107,20 @@ class RunFolder:
             if row.phase == CULL_PHASE:
                 result[row.culler][row.frame] += row.ms
         return {culler: dict(times) for culler, times in result.items()}
+
+    @cached_property
+    def warm_ms(self) -> dict[str, dict[int, float]]:
+        """The same without each culler's first frame in a process, in which it may have compiled
+        what it needs; of records of old, which do not say which that was, without its first."""
+        first = {(row.culler, row.frame) for row in self.timings if row.phase == FIRST_PHASE}
+        if not first:
+            first = {(culler, min(times)) for culler, times in self.cull_ms.items() if times}
+        return {
+            culler: {
+                frame: ms for frame, ms in sorted(times.items()) if (culler, frame) not in first
+            }
+            for culler, times in self.cull_ms.items()
+        }
 
     @cached_property
     def truth_ms(self) -> float | None:

@@ -26,6 +26,8 @@ from visref.recordings.truth_file import TruthTable, path_digest
 from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
+    CULL_PHASE,
+    FIRST_PHASE,
     FORMAT,
     FRAMES,
     FRAMES_SCHEMA,
@@ -65,7 +67,8 @@ class RunWriter:
     of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by.
     `part`: which part of a run this may become, None where it will be the whole. `plan`: of
     pictures, where this is one of several parts; by default one of its own. `superfluous_rows`:
-    list what was drawn for nothing in all frames, not only in `picture_frames`."""
+    list what was drawn for nothing in all frames, not only in `picture_frames`. `first`: by culler,
+    the first frame that it was asked about in this process, where that was before."""
 
     def __init__(
         self,
@@ -82,6 +85,7 @@ class RunWriter:
         part: Part | None = None,
         plan: PicturePlan | None = None,
         superfluous_rows: bool = False,
+        first: dict[str, int] | None = None,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -103,6 +107,7 @@ class RunWriter:
         self._plan = plan or PicturePlan(
             picture_frames, part.open if part is not None else frozenset()
         )
+        self._first = {} if first is None else first
         self._pictures: list[PictureSet] = []
         # By culler, and by frame and view, of what pictures may be wanted.
         self._sketches: dict[str, dict[Shown, list[Sketch]]] = {}
@@ -142,9 +147,11 @@ class RunWriter:
                 "owned": verdict.owned,
             }
         )
+        phases = dict(record.stats.ms)
+        if CULL_PHASE in phases and self._first.setdefault(job.spec, record.frame) == record.frame:
+            phases[FIRST_PHASE] = phases[CULL_PHASE]
         self._timings += [
-            _timing(job.spec, record.frame, record.view, phase, ms)
-            for phase, ms in record.stats.ms.items()
+            _timing(job.spec, record.frame, record.view, phase, ms) for phase, ms in phases.items()
         ]
         self._objects.add(job, judged)
         if verdict.misses:

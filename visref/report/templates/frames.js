@@ -71,6 +71,31 @@ for (const root of document.querySelectorAll(".browser")) {
       zoom.setAttribute("aria-expanded", String(wide));
     });
   }
+  // Whose the part of a picture is that the pointer is at.
+  for (const one of articles) {
+    const element = one.querySelector(".owners");
+    if (!element) continue;
+    const said = one.querySelector(".under");
+    let owners = null;
+    const unpack = () => (owners ??= page.unpacked(element).then((found) => {
+      const cells = new Uint32Array(found.width * found.height);
+      let at = 0;
+      for (let i = 0; i < found.runs.length; i += 2) cells.fill(found.runs[i + 1], at, at += found.runs[i]);
+      return { ...found, cells };
+    }));
+    const name = async (event) => {
+      if (!(event.target instanceof HTMLImageElement)) return;
+      const box = event.target.getBoundingClientRect();
+      const x = (event.clientX - box.left) / box.width;
+      const y = (event.clientY - box.top) / box.height;
+      const map = await unpack();
+      const column = Math.min(map.width - 1, Math.max(0, Math.floor(x * map.width)));
+      const row = Math.min(map.height - 1, Math.max(0, Math.floor(y * map.height)));
+      said.textContent = `At the pointer: ${map.names[map.cells[row * map.width + column]]}`;
+    };
+    one.addEventListener("pointermove", name);
+    one.addEventListener("pointerdown", name);
+  }
   if (!tabs.length) continue;
   root.classList.add("live");
   root.querySelector(".controls").hidden = false;

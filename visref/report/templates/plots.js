@@ -39,7 +39,7 @@ for (const figure of document.querySelectorAll(".plot")) {
     cursor.setAttribute("x1", x);
     cursor.setAttribute("x2", x);
     const head = document.createElement("p");
-    head.textContent = `Frame ${plot.frames[index]}`;
+    head.textContent = `${plot.along[0].toUpperCase()}${plot.along.slice(1)} ${plot.frames[index]}`;
     readout.replaceChildren(head, ...plot.lines
       .filter((one) => one.values[index] !== null)
       .map((one) => line(one.label, one.style, one.values[index])));
@@ -53,6 +53,7 @@ for (const figure of document.querySelectorAll(".plot")) {
     cursor.classList.remove("on");
   });
   svg.addEventListener("click", (event) => {
+    if (plot.along !== "frame") return;
     page.browsers.get(figure.parentElement.dataset.run)?.nearest(plot.frames[indexAt(event)]);
   });
 }
