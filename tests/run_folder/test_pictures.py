@@ -31,7 +31,7 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
     frame = settled(scene, frame_truth, units or scene.object_units(), drawn)
     verdict = judge(frame, promise)
-    return Painter(folder / "pictures").draw("mine", frame, verdict, culler="mine", frame=7)
+    return Painter(folder / "pictures").draw(frame, verdict, stem="mine", culler="mine", frame=7)
 
 
 def rgb(folder, pictures, what):
@@ -356,7 +356,7 @@ def test_a_frame_is_shaded_once_for_all_cullers(tmp_path, monkeypatch):
         for culler, drawn in (("a", [0]), ("b", [1]), ("c", [0, 1])):
             one = settled(scene, frame_truth, scene.object_units(), drawn)
             verdict = judge(one, Promise.CONSERVATIVE)
-            found.append(painter.draw(culler, one, verdict, culler=culler, frame=frame))
+            found.append(painter.draw(one, verdict, stem=culler, culler=culler, frame=frame))
     assert len(calls) == 2
     assert [one.files["ids"] for one in found] == [
         *["pictures/frame-00003-ids.png"] * 3,
@@ -371,3 +371,24 @@ def test_owners_can_be_read_back_from_their_picture(tmp_path):
     owner_picture(ids).save(file)
     with Image.open(file) as picture:
         assert np.array_equal(owners_of(picture), ids)
+
+
+def test_what_was_only_sketched_is_drawn_as_what_was_drawn_at_once(tmp_path):
+    """But for the shades of the scene, which then hang on depths that are computed again."""
+    scene = scene_of_squares(0.0, 1.0)
+    frame_truth = wide_truth(scene, 60, 40, [(x, 3) for x in range(9)])
+    one = settled(scene, frame_truth, scene.object_units(), [0])
+    verdict = judge(one, Promise.CONSERVATIVE)
+    names = {"stem": "a", "culler": "a", "frame": 3}
+    at_once = Painter(tmp_path / "one" / "pictures").draw(one, verdict, **names)
+    painter = Painter(tmp_path / "two" / "pictures")
+    kept = painter.sketch(one, verdict, **names)
+    # Meanwhile another frame passes.
+    painter.sketch(one, verdict, **{**names, "frame": 4})
+    later = painter.paint(kept, scene)
+    assert later == at_once
+    for what in ("ids", "owners", "errors"):
+        first, second = (
+            (tmp_path / name / at_once.files[what]).read_bytes() for name in ("one", "two")
+        )
+        assert first == second

@@ -139,12 +139,7 @@ class _Merging:
                 if self._plan.planned(frame) or (frame, view) in wanted:
                     found += self._of_part(part, spec, frame, view)
         cullers = [record.spec for record in joined.outcome.cullers]
-        samples = {
-            frame: list(views)
-            for part in self._parts
-            for frame, views in part.run.manifest.samples.items()
-        }
-        return [asdict(one) for one in in_order_of(found, cullers, samples)]
+        return [asdict(one) for one in in_order_of(found, cullers)]
 
     def _of_part(self, part: PartFolder, spec: str, frame: int, view: str) -> list[PictureSet]:
         views = part.run.manifest.samples[frame]

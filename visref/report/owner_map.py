@@ -17,8 +17,8 @@ from visref.run_folder.read import RunFolder
 from visref.scene import Int32
 from visref.wording import legible
 
-# How wide a map is at most: as fine as a pointer can tell on a page.
-MAP_WIDTH = 480
+# How many cells a map has along each side at most: as fine as a pointer can tell on a page.
+MAP_SIDE = 480
 
 
 class ObjectNames:
@@ -46,7 +46,7 @@ def owner_map(picture: Image.Image, names: Mapping[int, str]) -> dict[str, Any]:
     """`width`, `height`; `names` of objects, of which -1 is the background's; and `runs`, row by
     row: so many cells of the object at that place among `names`, and so on."""
     owner = owners_of(picture)
-    step = -(-owner.shape[1] // MAP_WIDTH)
+    step = -(-max(owner.shape) // MAP_SIDE)
     owner = owner[step // 2 :: step, step // 2 :: step]
     objects, place = np.unique(owner, return_inverse=True)
     return {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -177,10 +177,10 @@ class Painter:
             moved,
         )
 
-    def paint(self, sketch: Sketch, scene: Scene) -> PictureSet:
-        """Draw a view of a frame, of the `scene` as it stands there. Superfluous units show as
-        silhouettes through the scene, missed samples as they are, with rings around small
-        patches."""
+    def paint(self, sketch: Sketch, scene: Scene, truth: FrameTruth | None = None) -> PictureSet:
+        """Draw a view of a frame, of the `scene` as it stands there, by its `truth` if that is
+        still at hand. Superfluous units show as silhouettes through the scene, missed samples as
+        they are, with rings around small patches."""
         camera = sketch.seen.camera
         shape = page_shape(camera.width, camera.height)
         view = camera.view
@@ -188,7 +188,7 @@ class Painter:
         shared = self._shared
         if shared is None or self._at != (sketch.frame, view):
             self._at = sketch.frame, view
-            truth = sketch.seen.truth(scene)
+            truth = truth or sketch.seen.truth(scene)
             shared = self._shared = self._draw_shared(at, scene, truth, sketch.moved, shape)
         files = dict(shared.files)
         superfluous = silhouettes(scene, camera, sketch.units, sketch.superfluous, shape)
@@ -201,17 +201,18 @@ class Painter:
 
     def draw(
         self,
-        stem: str,
         settled: SettledFrame,
         verdict: FrameVerdict,
         *,
+        stem: str,
         culler: str,
         frame: int,
         moved: NDArray[np.bool_] | None = None,
     ) -> PictureSet:
         """Both at once."""
         sketch = self.sketch(settled, verdict, stem=stem, culler=culler, frame=frame, moved=moved)
-        return self.paint(sketch, settled.scene)
+        truth = self._cast.get(settled.truth.camera.view, settled.truth)
+        return self.paint(sketch, settled.scene, truth)
 
     def _draw_shared(
         self,
@@ -512,12 +513,7 @@ def _errors(empty: NDArray[np.bool_], missed: NDArray[np.bool_], rings: list[_Ri
     return picture
 
 
-def in_order_of(
-    pictures: Iterable[PictureSet], cullers: Sequence[str], views: Mapping[int, Sequence[str]]
-) -> list[PictureSet]:
-    """Pictures by frame, then by culler and view, as these stand."""
+def in_order_of(pictures: Iterable[PictureSet], cullers: Sequence[str]) -> list[PictureSet]:
+    """Pictures by frame, then by culler, as these stand, then by the view's name."""
     place = {culler: number for number, culler in enumerate(cullers)}
-    return sorted(
-        pictures,
-        key=lambda one: (one.frame, place[one.culler], list(views[one.frame]).index(one.view)),
-    )
+    return sorted(pictures, key=lambda one: (one.frame, place[one.culler], one.view))

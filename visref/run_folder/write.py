@@ -175,8 +175,9 @@ class RunWriter:
         planned = self._plan.planned(record.frame)
         if not planned and not missed:
             return
-        sketches = [
-            self._painter.sketch(
+        draw = self._painter.draw if planned else self._painter.sketch
+        made = [
+            draw(
                 settled,
                 record.verdict,
                 stem=slug(spec),
@@ -186,16 +187,13 @@ class RunWriter:
             )
             for settled in judged.settled
         ]
+        self._pictures += [one for one in made if isinstance(one, PictureSet)]
         if planned:
-            self._pictures += [self._painter.paint(one, self._scene_at(at[0])) for one in sketches]
             return
         mine = self._sketches.setdefault(spec, {})
-        mine[at] = sketches
+        mine[at] = [one for one in made if isinstance(one, Sketch)]
         wanted = self._plan.wanted(spec)
         self._sketches[spec] = {place: mine[place] for place in mine if place in wanted}
-
-    def _scene_at(self, frame: int) -> Scene:
-        return self._timeline.at(frame)
 
     def _paint_wanted(self) -> None:
         """Draw what is wanted, frame by frame, so that what cullers share is drawn once."""
@@ -206,7 +204,7 @@ class RunWriter:
             for sketch in sketches
         ]
         for (frame, _), _, sketch in sorted(wanted, key=lambda one: one[:2]):
-            self._pictures.append(self._painter.paint(sketch, self._scene_at(frame)))
+            self._pictures.append(self._painter.paint(sketch, self._timeline.at(frame)))
         self._sketches = {}
 
     def on_frame_done(self, frame: int) -> None:
@@ -289,20 +287,13 @@ class RunWriter:
             },
             "pictures": [
                 asdict(one)
-                for one in in_order_of(
-                    self._pictures, [record.spec for record in outcome.cullers], self._views
-                )
+                for one in in_order_of(self._pictures, [record.spec for record in outcome.cullers])
             ],
             "motion": motion_json(self.moved),
             "samples": samples_json(path, self._numbers),
             "versions": versions(),
             "machine": machine(),
         }
-
-    @property
-    def _views(self) -> dict[int, list[str]]:
-        frames = {one.frame for one in self._pictures}
-        return {frame: [camera.view for camera in self._path.views(frame)] for frame in frames}
 
     @property
     def _numbers(self) -> Sequence[int]:
