@@ -184,7 +184,7 @@ def test_a_link_leads_to_its_object_and_back_leads_away(runs, tmp_path):
         page.run("history.back()")
         wait(page, f"{title} === 'pillar'")
         # By keyboard alone: the list, down, Enter.
-        page.run(f"{LIST}.querySelector('[data-of=rows]').focus()")
+        page.run(f"{LIST}.querySelector('[role=grid]').focus()")
         for key in ("Home", "ArrowDown", "Enter"):
             pressed(page, key)
         wait(page, f"{title}?.startsWith('<script>')")

@@ -2,8 +2,9 @@
 for (const root of document.querySelectorAll(".list")) {
   const run = root.dataset.run;
   const find = (name) => root.querySelector(`[data-of="${name}"]`);
-  const grid = find("grid");
-  const scroller = find("rows");
+  const scroller = find("grid");
+  const space = find("space");
+  const over = find("over");
   const about = find("about");
   const told = find("told");
   const fields = { search: find("search"), culler: find("culler"), cause: find("cause"), age: find("age"), samples: find("samples") };
@@ -64,7 +65,7 @@ for (const root of document.querySelectorAll(".list")) {
     const all = columns.object.length;
     told.textContent = rows.length === all
       ? `${page.number.format(all)} objects` : `${page.number.format(rows.length)} of ${page.number.format(all)} objects`;
-    grid.setAttribute("aria-rowcount", String(rows.length + 1));
+    scroller.setAttribute("aria-rowcount", String(rows.length + 1));
     active = rows.indexOf(chosen);
     scroller.scrollTop = 0;
     draw();
@@ -73,7 +74,6 @@ for (const root of document.querySelectorAll(".list")) {
   const tall = () => parseFloat(getComputedStyle(scroller).getPropertyValue("--row")) || 34;
   const draw = () => {
     const height = tall();
-    const space = scroller.firstElementChild;
     space.style.height = `${Math.max(1, rows.length) * height}px`;
     const first = Math.max(0, Math.floor(scroller.scrollTop / height) - 6);
     const last = Math.min(rows.length, Math.ceil((scroller.scrollTop + scroller.clientHeight) / height) + 6);
@@ -82,7 +82,7 @@ for (const root of document.querySelectorAll(".list")) {
     space.replaceChildren(...shown);
     if (!rows.length) {
       space.append(page.make("div", { role: "row", class: "none" },
-        page.make("div", { role: "gridcell" }, "Nothing is like that.")));
+        page.make("div", { role: "gridcell" }, "No object is like that.")));
     }
     const there = active >= first && active < last;
     if (there) scroller.setAttribute("aria-activedescendant", idOf(active));
@@ -109,8 +109,9 @@ for (const root of document.querySelectorAll(".list")) {
     const height = tall();
     const top = active * height;
     if (top < scroller.scrollTop) scroller.scrollTop = top;
-    const over = top + height - scroller.clientHeight;
-    if (over > scroller.scrollTop) scroller.scrollTop = over;
+    // The headings cover the first rows of what is in sight.
+    const least = top + height + over.offsetHeight - scroller.clientHeight;
+    if (least > scroller.scrollTop) scroller.scrollTop = least;
     draw();
   };
   const open = (at) => {
@@ -269,6 +270,7 @@ for (const root of document.querySelectorAll(".list")) {
     if (row) { active = Number(row.dataset.at); open(active); }
   });
   scroller.addEventListener("keydown", (event) => {
+    if (event.target !== scroller) return;
     const step = Math.max(1, Math.floor(scroller.clientHeight / tall()) - 1);
     const to = {
       ArrowDown: active + 1, ArrowUp: active - 1, PageDown: active + step, PageUp: active - step,
