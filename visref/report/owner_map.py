@@ -11,6 +11,8 @@ import pyarrow.compute as pc
 from PIL import Image
 
 from visref.recordings.truth_file import read_rows
+from visref.run_folder.facts import FIX
+from visref.run_folder.inside import file_inside
 from visref.run_folder.layout import TRUTH
 from visref.run_folder.pictures import owners_of
 from visref.run_folder.read import RunFolder
@@ -28,7 +30,7 @@ class ObjectNames:
     def __init__(self, run: RunFolder, frames: Set[int]) -> None:
         self._table: pa.Table | None = None
         if frames and run.manifest.version >= 2 and (run.folder / TRUTH).is_file():
-            table = read_rows(run.folder / TRUTH).table
+            table = read_rows(file_inside(run.folder, TRUTH, FIX)).table
             wanted = pa.array(sorted(frames), table["frame"].type)
             self._table = table.filter(pc.is_in(table["frame"], wanted))
 

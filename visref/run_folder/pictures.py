@@ -441,16 +441,16 @@ def _overlay(
     rings: list[_Ring],
 ) -> Image.Image:
     """Visible in blue, superfluous hatched in orange through it, missed in vermilion."""
-    shape = grey.shape
+    height, width = grey.shape
     inside = superfluous >= 0
-    y, x = np.indices(shape, np.int32, sparse=True)
+    y, x = np.indices((height, width), np.int32, sparse=True)
     line = (x + y) % 8 < 3
     what = np.where(inside, np.where(line, _HATCHED, _COVERED), _PLAIN)
     what[borders(superfluous)] = _EDGE
     what[missed] = _MISSED
     pixels = _overlay_colours()[empty.astype(np.intp), what, grey]
     for ring in rings:
-        part, distance = ring.around(shape)
+        part, distance = ring.around((height, width))
         image = pixels[part].astype(np.float32) / 255.0
         halo = np.clip(_RING_HALO - distance, 0.0, 1.0).astype(np.float32)
         _blend(image, halo, (255, 255, 255))
