@@ -14,7 +14,7 @@ from visref.report.crop_data import CropData
 from visref.report.object_list import _short
 from visref.report.owner_map import MAP_SIDE, owner_map
 from visref.report.packed import packed
-from visref.run_folder.pictures import owner_picture
+from visref.run_folder.owners import owner_picture
 
 
 def unpacked(text):

@@ -16,12 +16,11 @@ from visref.judging.judge import judge
 from visref.run_folder import pictures
 from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
+from visref.run_folder.owners import owner_picture, owners_of
 from visref.run_folder.pictures import (
     MAX_RINGS,
     RING_BELOW_PX,
     Painter,
-    owner_picture,
-    owners_of,
 )
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene

@@ -44,8 +44,7 @@ from visref.run_folder.layout import (
 from visref.run_folder.miss_facts import OF_SURROUNDINGS, box_too_small, causes_json
 from visref.run_folder.motion import motion_json
 from visref.run_folder.objects import name_causes
-from visref.run_folder.picture_plan import PicturePlan, Shown
-from visref.run_folder.pictures import in_order_of
+from visref.run_folder.picture_plan import PicturePlan, Shown, in_order_of
 from visref.run_folder.rows import Motion, MovedObject, PictureSet
 from visref.run_folder.witnesses import choose
 from visref.run_folder.write import frames_json, samples_json, write_json, write_rows

@@ -14,7 +14,7 @@ from visref.recordings.truth_file import read_rows
 from visref.run_folder.facts import FIX
 from visref.run_folder.inside import file_inside
 from visref.run_folder.layout import TRUTH
-from visref.run_folder.pictures import owners_of
+from visref.run_folder.owners import owners_of
 from visref.run_folder.read import RunFolder
 from visref.scene import Int32
 from visref.wording import legible

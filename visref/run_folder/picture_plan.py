@@ -12,11 +12,12 @@ push nothing out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from visref.judging.misses import Misses, MissKind
+from visref.run_folder.rows import PictureSet
 from visref.scene import Int64
 
 # A frame, and the view that a verdict is for.
@@ -91,3 +92,9 @@ class _WorstMisses:
         order = np.lexsort((np.arange(len(self._lost)), -self._lost))[: self._objects]
         worst = {self._places[at] for at in self._place[order].tolist() if at >= 0}
         return frozenset(worst | self._always | {self._places[0], self._places[-1]})
+
+
+def in_order_of(pictures: Iterable[PictureSet], cullers: Sequence[str]) -> list[PictureSet]:
+    """Pictures by frame, then by culler, as these stand, then by the view's name."""
+    place = {culler: number for number, culler in enumerate(cullers)}
+    return sorted(pictures, key=lambda one: (one.frame, place[one.culler], one.view))

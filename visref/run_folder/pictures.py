@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -31,6 +30,7 @@ from visref.run_folder.colours import (
     vivid,
 )
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape, slug
+from visref.run_folder.owners import owner_picture
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.silhouettes import borders, silhouettes
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
@@ -487,20 +487,6 @@ def _id_picture(scene: Scene, owner: Int32) -> Image.Image:
     return Image.fromarray(colours[owner])
 
 
-def owner_picture(owner: Int32) -> Image.Image:
-    """Objects' ids, (h, w) int32, -1 for none, as a picture: an id and 1 more in 24 bits, red the
-    highest."""
-    shifted = (owner + 1).astype(np.uint32)
-    return Image.fromarray(np.stack([shifted >> 16, shifted >> 8, shifted], -1).astype(np.uint8))
-
-
-def owners_of(picture: Image.Image) -> Int32:
-    """The ids, (h, w) int32, of such a picture."""
-    red, green, blue = np.moveaxis(np.asarray(picture.convert("RGB"), np.int32), -1, 0)
-    ids: Int32 = ((red << 16) + (green << 8) + blue) - 1
-    return ids
-
-
 def _errors(empty: NDArray[np.bool_], missed: NDArray[np.bool_], rings: list[_Ring]) -> Image.Image:
     """The missed samples alone, over the silhouette of the scene."""
     index = np.where(empty, 0, 1).astype(np.uint8)
@@ -511,9 +497,3 @@ def _errors(empty: NDArray[np.bool_], missed: NDArray[np.bool_], rings: list[_Ri
     picture = Image.fromarray(index)
     picture.putpalette([14, 18, 23, 52, 62, 74, *MISSED_RGB, 255, 255, 255])
     return picture
-
-
-def in_order_of(pictures: Iterable[PictureSet], cullers: Sequence[str]) -> list[PictureSet]:
-    """Pictures by frame, then by culler, as these stand, then by the view's name."""
-    place = {culler: number for number, culler in enumerate(cullers)}
-    return sorted(pictures, key=lambda one: (one.frame, place[one.culler], one.view))

@@ -184,7 +184,7 @@ class PictureSet:
     """The files of one frame, relative to the run folder, by what they show.
 
     `picture`: the shaded scene; `drawn`: who was drawn, and for what; `ids`: one colour per
-    object; `owners`: each object's id (`visref.run_folder.pictures.owner_picture`); `errors`: the
+    object; `owners`: each object's id (`visref.run_folder.owners.owner_picture`); `errors`: the
     missed samples, where there are any. `picture`, `ids` and `owners` are the same for every
     culler of a frame, and one file.
     """

@@ -46,8 +46,8 @@ from visref.run_folder.layout import (
 from visref.run_folder.motion import MotionRecord, motion_json
 from visref.run_folder.objects import ObjectsWriter
 from visref.run_folder.part import Part
-from visref.run_folder.picture_plan import PicturePlan, Shown
-from visref.run_folder.pictures import Painter, Sketch, in_order_of
+from visref.run_folder.picture_plan import PicturePlan, Shown, in_order_of
+from visref.run_folder.pictures import Painter, Sketch
 from visref.run_folder.rows import Motion, PictureSet
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
