@@ -18,7 +18,7 @@ from visref.wording import legible
 
 # Pictures are most of the page's weight, about 100 kB each: as they stand in it, over all its runs
 # and cullers. What is left out is in the run folder.
-MAX_PICTURE_BYTES = 4_000_000
+MAX_PICTURE_BYTES = 3_500_000
 
 _VIEWS = {
     "picture": "The scene",
