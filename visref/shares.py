@@ -36,7 +36,8 @@ from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.aside import Aside
 from visref.run_folder.layout import PART, SUPERFLUOUS_ROWS, TRUTH
-from visref.run_folder.part import InputFindings, Part, PartKeeper, PicturePlan
+from visref.run_folder.part import InputFindings, Part, PartKeeper
+from visref.run_folder.picture_plan import PicturePlan
 from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -174,6 +175,7 @@ class _Writing:
         self._planned = [self._frames[i] for i in picked]
         part = self._part(share) if share is not None else None
         self._plan = PicturePlan(self._planned, part.open if part is not None else frozenset())
+        self._first: dict[str, int] = {}
         # Of what may be the whole run.
         may_be_whole = folder is not None and not isinstance(share, Shard)
         self._evidence = Evidence() if may_be_whole else None
@@ -204,6 +206,7 @@ class _Writing:
             part=None if share is None else self._part(share),
             plan=self._plan,
             superfluous_rows=self._asked.superfluous_rows,
+            first=self._first,
         )
         self._keeper = None if share is None else PartKeeper(folder, inputs.scene, inputs.path)
 

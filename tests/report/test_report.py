@@ -155,7 +155,11 @@ def test_every_number_of_the_table_is_the_records(runs, pages):
         assert shown("queries") == (quantity(statistics.fmean(asked)) if asked else "–")
         drawn = statistics.fmean(row["triangles_drawn"] for row in rows)
         assert shown("triangle_share") == percent(drawn / triangles)
-        ms = [row["ms"] for row in times if row["culler"] == culler and row["phase"] == "cull"]
+        its = [row for row in times if row["culler"] == culler]
+        # What was compiled in the first call is in no median.
+        (first,) = (row["frame"] for row in its if row["phase"] == "first_call")
+        ms = [row["ms"] for row in its if row["phase"] == "cull" and row["frame"] != first]
+        assert first == 0
         assert shown("ms_median") == quantity(statistics.median(ms))
         assert ("alarm" in values[culler, "missed"]["class"]) == (counts["confirmed"] > 0)
     assert cells["tight", "query_fragments"] == "3 M"
@@ -265,7 +269,10 @@ def test_long_lists_are_cut_with_a_count(tmp_path):
 def test_names_cannot_break_out_of_the_page(pages):
     page, _, markdown = pages["violation"]
     reader = Reader(page)
-    assert len(reader.find("script")) == 1
+    # One that runs; the others are data, in letters that end nothing.
+    scripts = reader.find("script")
+    assert [attrs.get("type") for attrs, _ in scripts].count(None) == 1
+    assert all(re.fullmatch(r"[A-Za-z0-9+/=]*", text) for attrs, text in scripts if attrs)
     assert "<script>alert" not in page
     assert any(text == NASTY_SHOWN for _, text in reader.find("b"))
     assert "<script>" not in markdown.replace("\\<script\\>", "")
@@ -392,7 +399,13 @@ def test_markdown_table_survives_any_name(runs, pages):
 
 def test_frame_browser_holds_every_picture_of_the_manifest_once(runs, pages):
     manifest = json.loads((runs["violation"] / "manifest.json").read_text())
-    files = {file for entry in manifest["pictures"] for file in entry["files"].values()}
+    files = {
+        file
+        for entry in manifest["pictures"]
+        for what, file in entry["files"].items()
+        # It is looked up, and not shown.
+        if what != "owners"
+    }
     images = [attrs for attrs, _ in Reader(pages["violation"][0]).find("img")]
     # Those around a witness are not of a frame, and wait until they come into view.
     assert sum("loading" not in attrs for attrs in images) == len(files)
@@ -413,7 +426,8 @@ def test_pictures_show_the_samples_as_exact_arithmetic_left_them(tmp_path):
 
 
 @pytest.mark.slow
-def test_of_many_pictured_frames_the_worst_are_kept(tmp_path):
+def test_of_many_pictured_frames_the_worst_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr("visref.report.pictured.MAX_PICTURE_BYTES", 60_000)
     drawn = [VISIBLE] * 40
     drawn[5], drawn[13] = (WALL,), (WALL, PILLAR)
     folder = write_run(tmp_path / "run", [("c", Scripted(*drawn))], frames=40, pictures=range(40))
@@ -421,8 +435,8 @@ def test_of_many_pictured_frames_the_worst_are_kept(tmp_path):
     shown = [int(attrs["data-frame"]) for attrs, _ in Reader(page).find("article")]
     assert shown == sorted(shown)
     assert {5, 13} <= set(shown)
-    assert len(shown) == 12
-    assert "28 more pictured frames" in page
+    assert 2 < len(shown) < 40
+    assert f"{40 - len(shown)} more pictured frames" in page
     ((browser, _),) = Reader(page).find("div", **{"class": "browser"})
     assert browser["data-start-frame"] == "5"
 

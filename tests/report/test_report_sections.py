@@ -36,7 +36,7 @@ def violation(runs, tmp_path_factory):
 
 def test_misses_are_told_by_kind_and_the_kinds_add_up(runs, violation):
     page, _ = violation
-    table = page[page.index("<h2>Misses by kind") :]
+    table = page[page.index(">Misses by kind</h2>") :]
     rows = re.findall(r"<tr><th scope=\"row\"><code>(.*?)</code></th>(.*?)</tr>", table)
     verdict = json.loads((runs["violation"] / "verdict.json").read_text())["cullers"]
     assert {culler for culler, _ in rows} == {BROKEN, LOOSE}

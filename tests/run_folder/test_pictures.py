@@ -16,7 +16,12 @@ from visref.judging.judge import judge
 from visref.run_folder import pictures
 from visref.run_folder.colours import MISSED_RGB, SUPERFLUOUS_RGB, VISIBLE_RGB
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape
-from visref.run_folder.pictures import MAX_RINGS, RING_BELOW_PX, Painter
+from visref.run_folder.owners import owner_picture, owners_of
+from visref.run_folder.pictures import (
+    MAX_RINGS,
+    RING_BELOW_PX,
+    Painter,
+)
 from visref.run_folder.silhouettes import silhouettes
 from visref.scene import Alpha, Scene
 from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, VisibilityBuffer
@@ -25,7 +30,7 @@ from visref.visibility import BACKGROUND, BlendVisibility, FrameTruth, Visibilit
 def draw(folder, scene, frame_truth, drawn, units=None, promise=Promise.CONSERVATIVE):
     frame = settled(scene, frame_truth, units or scene.object_units(), drawn)
     verdict = judge(frame, promise)
-    return Painter(folder / "pictures").draw("mine", frame, verdict, culler="mine", frame=7)
+    return Painter(folder / "pictures").draw(frame, verdict, stem="mine", culler="mine", frame=7)
 
 
 def rgb(folder, pictures, what):
@@ -70,7 +75,7 @@ def test_a_single_missed_sample_survives_the_shrinking(tmp_path):
 def test_no_error_picture_where_nothing_is_missed(tmp_path):
     scene = scene_of_squares(0.0, 1.0)
     pictures = draw(tmp_path, scene, wide_truth(scene, 120, 80, [[5, 5]]), [0, 1])
-    assert set(pictures.files) == {"picture", "drawn", "ids"}
+    assert set(pictures.files) == {"picture", "drawn", "ids", "owners"}
     assert (pictures.culler, pictures.frame) == ("mine", 7)
     for what in pictures.files:
         assert rgb(tmp_path, pictures, what).shape == (80, 120, 3)
@@ -163,7 +168,7 @@ def test_same_frame_gives_the_same_bytes(tmp_path):
         pictures = draw(tmp_path / name, scene, frame_truth, [0, 2])
         contents.append({k: (tmp_path / name / v).read_bytes() for k, v in pictures.files.items()})
     assert contents[0] == contents[1]
-    assert set(contents[0]) == {"picture", "drawn", "ids", "errors"}
+    assert set(contents[0]) == {"picture", "drawn", "ids", "owners", "errors"}
 
 
 def test_superfluous_unit_shows_where_it_lies_hidden(tmp_path):
@@ -350,10 +355,39 @@ def test_a_frame_is_shaded_once_for_all_cullers(tmp_path, monkeypatch):
         for culler, drawn in (("a", [0]), ("b", [1]), ("c", [0, 1])):
             one = settled(scene, frame_truth, scene.object_units(), drawn)
             verdict = judge(one, Promise.CONSERVATIVE)
-            found.append(painter.draw(culler, one, verdict, culler=culler, frame=frame))
+            found.append(painter.draw(one, verdict, stem=culler, culler=culler, frame=frame))
     assert len(calls) == 2
     assert [one.files["ids"] for one in found] == [
         *["pictures/frame-00003-ids.png"] * 3,
         *["pictures/frame-00004-ids.png"] * 3,
     ]
     assert len({one.files["drawn"] for one in found}) == 6
+
+
+def test_owners_can_be_read_back_from_their_picture(tmp_path):
+    ids = np.array([[-1, 0, 1], [254, 255, 65_535], [65_536, 2**24 - 3, 2**24 - 2]], np.int32)
+    file = tmp_path / "owners.png"
+    owner_picture(ids).save(file)
+    with Image.open(file) as picture:
+        assert np.array_equal(owners_of(picture), ids)
+
+
+def test_what_was_only_sketched_is_drawn_as_what_was_drawn_at_once(tmp_path):
+    """But for the shades of the scene, which then hang on depths that are computed again."""
+    scene = scene_of_squares(0.0, 1.0)
+    frame_truth = wide_truth(scene, 60, 40, [(x, 3) for x in range(9)])
+    one = settled(scene, frame_truth, scene.object_units(), [0])
+    verdict = judge(one, Promise.CONSERVATIVE)
+    names = {"stem": "a", "culler": "a", "frame": 3}
+    at_once = Painter(tmp_path / "one" / "pictures").draw(one, verdict, **names)
+    painter = Painter(tmp_path / "two" / "pictures")
+    kept = painter.sketch(one, verdict, **names)
+    # Meanwhile another frame passes.
+    painter.sketch(one, verdict, **{**names, "frame": 4})
+    later = painter.paint(kept, scene)
+    assert later == at_once
+    for what in ("ids", "owners", "errors"):
+        first, second = (
+            (tmp_path / name / at_once.files[what]).read_bytes() for name in ("one", "two")
+        )
+        assert first == second

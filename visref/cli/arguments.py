@@ -87,7 +87,12 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         help="a truth file, instead of casting again; its engine looks at what was missed",
     )
     parser.add_argument(
-        "--pictures", type=whole_number, default=4, metavar="N", help="frames to draw (default 4)"
+        "--pictures",
+        type=whole_number,
+        default=4,
+        metavar="N",
+        help="frames to draw (default 4), and of each culler's misses the first, the last and the "
+        "worst of 2 N objects",
     )
     parser.add_argument(
         "--superfluous-rows",

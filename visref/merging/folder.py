@@ -44,8 +44,8 @@ from visref.run_folder.layout import (
 from visref.run_folder.miss_facts import OF_SURROUNDINGS, box_too_small, causes_json
 from visref.run_folder.motion import motion_json
 from visref.run_folder.objects import name_causes
-from visref.run_folder.part import PicturePlan
-from visref.run_folder.rows import Motion, MovedObject
+from visref.run_folder.picture_plan import PicturePlan, Shown, in_order_of
+from visref.run_folder.rows import Motion, MovedObject, PictureSet
 from visref.run_folder.witnesses import choose
 from visref.run_folder.write import frames_json, samples_json, write_json, write_rows
 
@@ -91,7 +91,8 @@ class _Merging:
         self._rows: list[dict[str, Any]] = []
         self._objects = RowGroups(folder / OBJECTS, OBJECTS_SCHEMA)
         self._plan = PicturePlan(parts[0].said.pictures)
-        self._pictures: list[dict[str, Any]] = []
+        # By culler, whose part it is that may have pictures of a frame and view.
+        self._drawn: dict[str, dict[Shown, PartFolder]] = {}
 
     def run(
         self,
@@ -123,22 +124,36 @@ class _Merging:
     def _on_cell(self, cell: Cell) -> None:
         self._rows.append(cell.row)
         self._objects.add(cell.objects)
-        frame, counts = cell.record.frame, cell.record.verdict.counts
-        if not (cell.settled and self._plan.wants(cell.spec, frame, counts)):
-            return
-        views = cell.part.run.manifest.samples[frame]
-        mine = {cell.record.view} if cell.record.view in views else set(views)
+        frame, view = cell.record.frame, cell.record.view
+        missed = self._plan.add(cell.spec, frame, view, cell.record.verdict.misses)
+        if cell.settled and (missed or self._plan.planned(frame)):
+            self._drawn.setdefault(cell.spec, {})[frame, view] = cell.part
+
+    def _pictures(self, joined: Joined) -> list[dict[str, Any]]:
+        """What the manifest says of the pictures, which are copied."""
+        found: list[PictureSet] = []
+        for spec, drawn in self._drawn.items():
+            wanted = self._plan.wanted(spec)
+            for (frame, view), part in drawn.items():
+                if self._plan.planned(frame) or (frame, view) in wanted:
+                    found += self._of_part(part, spec, frame, view)
+        cullers = [record.spec for record in joined.outcome.cullers]
+        return [asdict(one) for one in in_order_of(found, cullers)]
+
+    def _of_part(self, part: PartFolder, spec: str, frame: int, view: str) -> list[PictureSet]:
+        views = part.run.manifest.samples[frame]
+        mine = {view} if view in views else set(views)
         found = [
             one
-            for one in cell.part.manifest["pictures"]
-            if (one["culler"], one["frame"]) == (cell.spec, frame) and one["view"] in mine
+            for one in part.run.manifest.pictures
+            if (one.culler, one.frame) == (spec, frame) and one.view in mine
         ]
         if len(found) != len(mine):
-            raise cell.part.error(f"it lacks pictures of frame {frame}", MANIFEST)
+            raise part.error(f"it lacks pictures of frame {frame}", MANIFEST)
         for one in found:
-            self._pictures.append(one)
-            for name in one["files"].values():
-                self._copy(cell.part, name)
+            for name in one.files.values():
+                self._copy(part, name)
+        return found
 
     def _copy(self, part: PartFolder, name: str) -> None:
         target = self._folder / name
@@ -240,7 +255,7 @@ class _Merging:
                 }
                 for record in joined.outcome.cullers
             },
-            "pictures": self._pictures,
+            "pictures": self._pictures(joined),
             "motion": motion_json(_motion(self._parts)),
             "machine": machine(),
         }

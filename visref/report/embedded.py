@@ -27,8 +27,18 @@ def data_uri(run: RunFolder, name: str, frame: int, view: str) -> str:
     Raises InputError if it is missing or lies elsewhere, if it is no image of its kind or not of
     its frame's size, and if it cannot be decoded.
     """
+    content, _ = _read(run, name, frame, view)
+    return f"data:{_FORMATS[name[-4:]][1]};base64,{base64.b64encode(content).decode()}"
+
+
+def picture_of(run: RunFolder, name: str, frame: int, view: str) -> Image.Image:
+    """The same, decoded."""
+    return _read(run, name, frame, view)[1]
+
+
+def _read(run: RunFolder, name: str, frame: int, view: str) -> tuple[bytes, Image.Image]:
     content = read_inside(run.folder, name, "copy the run folder whole", most=_MAX_BYTES)
-    format_, kind = _FORMATS[name[-4:]]
+    format_, _ = _FORMATS[name[-4:]]
 
     def refused(problem: str) -> InputError:
         return InputError(problem, source=str(run.folder / name), fix=FIX)
@@ -49,4 +59,4 @@ def data_uri(run: RunFolder, name: str, frame: int, view: str) -> str:
     except Exception as error:
         # A decoder of files from anywhere fails in whatever way it does.
         raise refused(f"this is no {format_} picture") from error
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+    return content, picture

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -50,13 +51,17 @@ def on_scale(series: Sequence[Series]) -> tuple[list[Series], str]:
 
 @dataclass(frozen=True)
 class Plot:
-    """One panel. `area`, if given, is drawn as a filled background (label, values)."""
+    """One panel. `area`, if given, is drawn as a filled background (label, values). `along`: what
+    stands at the foot, of which values are given. `log`: heights are by the logarithm, for values
+    above 0."""
 
     title: str
     unit: str
     series: Sequence[Series]
     area: tuple[str, Mapping[int, float]] | None = None
     note: str = ""
+    along: str = "frame"
+    log: bool = False
 
     @property
     def svg(self) -> Markup:
@@ -70,6 +75,7 @@ class Plot:
         lines += [(series.label, series.style, series.values) for series in self.series]
         return json.dumps(
             {
+                "along": self.along,
                 "frames": frames,
                 "left": _LEFT,
                 "right": WIDTH - _RIGHT,
@@ -93,6 +99,32 @@ def ticks(top: float, *, whole: bool) -> list[float]:
     return [step * i for i in range(math.ceil(top / step - 1e-9) + 1)]
 
 
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round values from at most `low` to at least `high`, both above 0: powers of ten, and where
+    these are few, 2 and 5 times them."""
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    last = max(last, first + 1)
+    steps = (1, 2, 5) if last - first <= 2 else (1,)
+    marks = [m * 10.0**power for power in range(first, last + 1) for m in steps]
+    below = max((mark for mark in marks if mark <= low), default=marks[0])
+    above = min((mark for mark in marks if mark >= high), default=marks[-1])
+    held = [mark for mark in marks if below <= mark <= above]
+    return held if len(held) > 1 else marks[:2] if held[0] == marks[0] else [marks[0], *held]
+
+
+# The highest value is so many times the usual one: by the value itself, one line lies at the top
+# and all others on the ground.
+_SPREAD = 12.0
+
+
+def needs_log(series: Sequence[Series]) -> bool:
+    """Whether one line stands so far above others that only a logarithm shows them all."""
+    usual = [statistics.median(line.values.values()) for line in series if line.values]
+    above = [value for value in usual if value > 0.0]
+    positive = all(value > 0.0 for line in series for value in line.values.values())
+    return positive and len(above) > 1 and max(above) > _SPREAD * min(above)
+
+
 def _frames(plot: Plot) -> list[int]:
     every = {frame for series in plot.series for frame in series.values}
     if plot.area is not None:
@@ -106,7 +138,10 @@ def _svg(plot: Plot) -> Markup:
     if plot.area is not None:
         values += plot.area[1].values()
     whole = all(float(value).is_integer() for value in values)
-    marks = ticks(max(values, default=0.0), whole=whole)
+    log = plot.log and bool(values)
+    marks = (
+        log_ticks(min(values), max(values)) if log else ticks(max(values, default=0.0), whole=whole)
+    )
     first, last = (frames[0], frames[-1]) if frames else (0, 0)
 
     def x_of(frame: int) -> float:
@@ -114,7 +149,10 @@ def _svg(plot: Plot) -> Markup:
         return _LEFT + share * (WIDTH - _LEFT - _RIGHT)
 
     def y_of(value: float) -> float:
-        return HEIGHT - _BOTTOM - value / marks[-1] * (HEIGHT - _TOP - _BOTTOM)
+        share = value / marks[-1]
+        if log:
+            share = math.log(value / marks[0]) / math.log(marks[-1] / marks[0])
+        return HEIGHT - _BOTTOM - share * (HEIGHT - _TOP - _BOTTOM)
 
     parts = [
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="'
@@ -163,7 +201,7 @@ def _spoken(plot: Plot) -> str:
         for series in plot.series
         if series.values
     ]
-    return f"{plot.title} ({plot.unit}) by frame: {'; '.join(said)}"
+    return f"{plot.title} ({plot.unit}) by {plot.along}: {'; '.join(said)}"
 
 
 def _frame_marks(frames: Sequence[int]) -> list[int]:

@@ -88,11 +88,7 @@ def savings(run: RunFolder) -> Savings | None:
     if not cullers:
         return None
     frames = set(run.frame_numbers)
-    baselines = {
-        kind: next(culler for culler in cullers if _kind(culler) == kind)
-        for kind in BASELINES
-        if any(_kind(culler) == kind for culler in cullers)
-    }
+    baselines = baselines_of(run)
     means = {culler: _means(run, culler, frames) for culler in cullers}
     units = {culler: run.manifest.cullers[culler].unit_kind for culler in cullers}
     rows = {
@@ -117,6 +113,16 @@ def savings(run: RunFolder) -> Savings | None:
     }
     found = Savings(rows, baselines, len(frames))
     return found if found.quantities else None
+
+
+def baselines_of(run: RunFolder) -> dict[str, str]:
+    """By kind of `BASELINES`, the first culler of that kind which judged a frame of the run."""
+    cullers = [culler for culler in run.cullers if run.frames_of[culler]]
+    return {
+        kind: next(culler for culler in cullers if _kind(culler) == kind)
+        for kind in BASELINES
+        if any(_kind(culler) == kind for culler in cullers)
+    }
 
 
 def _kind(culler: str) -> str:

@@ -159,7 +159,7 @@ def summarise(run: RunFolder, culler: str) -> CullerSummary:
     rows = run.frames_of[culler]
     triangles = run.manifest.scene.triangles
     drawn_triangles = _mean(row.triangles_drawn for row in rows)
-    times = list(run.cull_ms.get(culler, {}).values())
+    times = list(run.warm_ms.get(culler, {}).values())
     lost = tuple(run.lost_objects(culler))
     broke_down = (Code.CULLER_FAILED, Code.NO_GL)
     facts = run.manifest.cullers[culler]

@@ -14,7 +14,8 @@ truth.parquet      the truth, as `visref truth` writes it
 witnesses/         one file per culler, one JSON line per miss: its ray and the triangles along it
                    as hexadecimal floats, so that it replays without the scene; its causes and the
                    plain facts about it; and, for pictures, what is seen around it
-pictures/          PNGs of a few frames, listed in manifest.json
+pictures/          pictures of a few frames, listed in manifest.json: which ones is said in
+                   `visref.run_folder.picture_plan`
 part.json          of a shard: which part of which run it is, and what `visref merge` needs
 part.parquet       of a shard: one row per row of frames.parquet, with who was drawn and what ages
                    hang on
@@ -68,6 +69,9 @@ UNNAMED_VIEW = ""
 
 # The wall time of a culler's call for a frame; its other phases are parts of it.
 CULL_PHASE = "cull"
+# A row in timings.parquet that says of a frame that it was the culler's first in its process: what
+# compiles when it is first used, and what is allocated then, is in that call's time.
+FIRST_PHASE = "first_call"
 # Of a row in timings.parquet that belongs to no culler: the time of casting the frame's truth.
 TRUTH_PHASE = "truth"
 

@@ -22,7 +22,6 @@ from visref.findings import Finding
 from visref.judging.again import Difference
 from visref.judging.ages import Followed
 from visref.judging.asking import Job
-from visref.judging.judge import Counts
 from visref.judging.outcome import RunOutcome, finding_json
 from visref.judging.referee import JudgedFrame
 from visref.judging.summary import Caster, Facts
@@ -62,25 +61,6 @@ class Part:
             return frozenset(() if self.shard.begins else self.judged[: self.latency])
         unsure = self.frames[self.since : self.since + self.latency] if self.since else ()
         return frozenset(unsure).intersection(self.judged)
-
-
-class PicturePlan:
-    """Which frames get pictures: the planned ones, and for each culler as many more in which
-    something was missed. Of a part, some more in its `open` frames, of which it cannot tell."""
-
-    def __init__(self, frames: Sequence[int], open_: frozenset[int] = frozenset()) -> None:
-        self._frames = frozenset(frames)
-        self._open = open_
-        self._extra: dict[str, int] = {}
-
-    def wants(self, spec: str, frame: int, counts: Counts) -> bool:
-        if frame in self._frames:
-            return True
-        taken = self._extra.get(spec, 0)
-        if not counts.confirmed or taken >= len(self._frames):
-            return False
-        self._extra[spec] = taken + (frame not in self._open)
-        return True
 
 
 @dataclass(eq=False)

@@ -7,6 +7,7 @@ need no GL. Hatching and rings say a second time what the colours do.
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,10 +30,11 @@ from visref.run_folder.colours import (
     vivid,
 )
 from visref.run_folder.layout import PAGE_WIDTH_PX, page_shape, slug
+from visref.run_folder.owners import owner_picture
 from visref.run_folder.rows import PictureSet
 from visref.run_folder.silhouettes import borders, silhouettes
-from visref.scene import Float32, Float64, Int32, Int64, Scene
-from visref.visibility import FrameTruth
+from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
+from visref.visibility import FrameTruth, VisibilityBuffer, hit_depths
 
 # A missed patch smaller than this (page pixels) gets a ring, or nobody would find it.
 RING_BELOW_PX = 40
@@ -70,61 +72,147 @@ class _Ring:
 @dataclass(frozen=True, eq=False)
 class _Shared:
     """What all cullers' pictures of one view of a frame have in common: the files, and the shaded
-    scene, (h, w) uint8 grey at the page's size."""
+    scene, (h, w) uint8 grey at the page's size; `empty`, (h, w) bool, where nothing is seen."""
 
     files: dict[str, str]
     grey: NDArray[np.uint8]
+    empty: NDArray[np.bool_]
+
+
+class Seen:
+    """What is seen of one view of a frame, packed: who owns its samples."""
+
+    def __init__(self, camera: Camera, triangle: Int32) -> None:
+        self.camera = camera
+        self._packed = zlib.compress(np.ascontiguousarray(triangle, "<i4").tobytes(), 1)
+
+    def truth(self, scene: Scene) -> FrameTruth:
+        """The truth as pictures need it: depths where the shaded scene is looked at."""
+        camera, stride = self.camera, _stride(self.camera)
+        shape = camera.height, camera.width
+        triangle = np.frombuffer(zlib.decompress(self._packed), "<i4").reshape(shape)
+        depth = np.full(shape, np.inf)
+        y, x = np.nonzero(triangle[::stride, ::stride] >= 0)
+        sample = (y * stride) * np.int64(camera.width) + x * stride
+        hits = hit_depths(scene, camera, sample, triangle.reshape(-1)[sample].astype(np.int32))
+        # Of a triangle seen edge-on it may be anything.
+        depth.reshape(-1)[sample] = np.clip(hits, camera.near, camera.far)
+        return FrameTruth(camera, "", VisibilityBuffer(triangle.astype(np.int32), depth))
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """All that one culler's pictures of a view of a frame are drawn from. `superfluous`, (k,) int32
+    units; `missed`, (h, w) bool at the page's size; `moved`, (n,) bool objects, None where nothing
+    ever moves; `frame` and `stem` name the files."""
+
+    culler: str
+    stem: str
+    frame: int
+    seen: Seen
+    units: Units
+    superfluous: Int32
+    missed: NDArray[np.bool_]
+    rings: list[_Ring]
+    moved: NDArray[np.bool_] | None
 
 
 class Painter:
     """Draws the pictures of frames into `folder`, which stands in the run folder.
 
     The shaded scene and the objects' ids are drawn once for all cullers that are judged in a view
-    of a frame, by the truth of the first of them: the others' differ by what exact arithmetic
-    corrected where they lost samples.
+    of a frame, by the truth as it was cast (`see`), else by that of the first of them: the others'
+    differ by what exact arithmetic corrected where they lost samples.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._at: tuple[int, str] | None = None
         self._shared: _Shared | None = None
+        # Of the frame at hand, by view: as it was cast, and packed once it is needed.
+        self._frame: int | None = None
+        self._cast: dict[str, FrameTruth] = {}
+        self._seen: dict[str, Seen] = {}
 
-    def draw(
+    def see(self, frame: int, truth: FrameTruth) -> None:
+        """The truth of a view of a frame, before it is judged."""
+        self._begin(frame)
+        self._cast[truth.camera.view] = truth
+
+    def _begin(self, frame: int) -> None:
+        if self._frame != frame:
+            self._frame, self._cast, self._seen = frame, {}, {}
+
+    def sketch(
         self,
-        stem: str,
         settled: SettledFrame,
         verdict: FrameVerdict,
         *,
+        stem: str,
+        culler: str,
+        frame: int,
+        moved: NDArray[np.bool_] | None = None,
+    ) -> Sketch:
+        """One culler's view of a frame, as far as it must be looked at while its truth is at hand.
+
+        `stem` is the culler's part of the file names. In the shaded scene, the objects that
+        `moved`, (n,) bool, are outlined.
+        """
+        scene, truth = settled.scene, settled.truth
+        camera, missed = truth.camera, settled.walk.lost_samples
+        self._begin(frame)
+        if camera.view not in self._seen:
+            cast = self._cast.get(camera.view, truth)
+            self._seen[camera.view] = Seen(camera, cast.buffer.triangle)
+        shape = page_shape(camera.width, camera.height)
+        return Sketch(
+            culler,
+            stem,
+            frame,
+            self._seen[camera.view],
+            settled.units,
+            verdict.superfluous_units,
+            _shrunk(missed, camera, shape),
+            _rings(scene, truth, verdict, missed, shape),
+            moved,
+        )
+
+    def paint(self, sketch: Sketch, scene: Scene, truth: FrameTruth | None = None) -> PictureSet:
+        """Draw a view of a frame, of the `scene` as it stands there, by its `truth` if that is
+        still at hand. Superfluous units show as silhouettes through the scene, missed samples as
+        they are, with rings around small patches."""
+        camera = sketch.seen.camera
+        shape = page_shape(camera.width, camera.height)
+        view = camera.view
+        at = f"{sketch.frame:05d}-{slug(view)}" if view else f"{sketch.frame:05d}"
+        shared = self._shared
+        if shared is None or self._at != (sketch.frame, view):
+            self._at = sketch.frame, view
+            truth = truth or sketch.seen.truth(scene)
+            shared = self._shared = self._draw_shared(at, scene, truth, sketch.moved, shape)
+        files = dict(shared.files)
+        superfluous = silhouettes(scene, camera, sketch.units, sketch.superfluous, shape)
+        overlay = _overlay(shared.grey, shared.empty, superfluous, sketch.missed, sketch.rings)
+        files["drawn"] = self._save("drawn", f"{sketch.stem}-{at}-drawn.jpg", overlay)
+        if sketch.missed.any() or sketch.rings:
+            errors = _errors(shared.empty, sketch.missed, sketch.rings)
+            files["errors"] = self._save("errors", f"{sketch.stem}-{at}-errors.png", errors)
+        return PictureSet(sketch.culler, sketch.frame, files, view)
+
+    def draw(
+        self,
+        settled: SettledFrame,
+        verdict: FrameVerdict,
+        *,
+        stem: str,
         culler: str,
         frame: int,
         moved: NDArray[np.bool_] | None = None,
     ) -> PictureSet:
-        """Draw one culler's view of a frame.
-
-        `stem` is the culler's part of the file names. Superfluous units show as silhouettes
-        through the scene, missed samples as they are, with rings around small patches. In the
-        shaded scene, the objects that `moved`, (n,) bool, are outlined.
-        """
-        scene, truth, units = settled.scene, settled.truth, settled.units
-        missed = settled.walk.lost_samples
-        camera = truth.camera
-        shape = page_shape(camera.width, camera.height)
-        view = camera.view
-        at = f"{frame:05d}-{slug(view)}" if view else f"{frame:05d}"
-        shared = self._shared
-        if shared is None or self._at != (frame, view):
-            self._at = frame, view
-            shared = self._shared = self._draw_shared(at, scene, truth, moved, shape)
-        files = dict(shared.files)
-        superfluous = silhouettes(scene, camera, units, verdict.superfluous_units, shape)
-        missed_px = _shrunk(missed, camera, shape)
-        rings = _rings(scene, truth, verdict, missed, shape)
-        overlay = _overlay(shared.grey, truth, superfluous, missed_px, rings, shape)
-        files["drawn"] = self._save("drawn", f"{stem}-{at}-drawn.jpg", overlay)
-        if len(missed) or rings:
-            errors = _errors(truth, missed_px, rings, shape)
-            files["errors"] = self._save("errors", f"{stem}-{at}-errors.png", errors)
-        return PictureSet(culler, frame, files, view)
+        """Both at once."""
+        sketch = self.sketch(settled, verdict, stem=stem, culler=culler, frame=frame, moved=moved)
+        truth = self._cast.get(settled.truth.camera.view, settled.truth)
+        return self.paint(sketch, settled.scene, truth)
 
     def _draw_shared(
         self,
@@ -136,11 +224,13 @@ class Painter:
     ) -> _Shared:
         shaded = _resized(_shade(scene, truth), shape)
         picture = _with_moved(scene, truth, shaded, moved, shape)
+        owner = _owner_objects(scene, _nearest(truth.buffer.triangle, shape))
         files = {
             "picture": self._save("picture", f"frame-{at}.jpg", picture),
-            "ids": self._save("ids", f"frame-{at}-ids.png", _id_picture(scene, truth, shape)),
+            "ids": self._save("ids", f"frame-{at}-ids.png", _id_picture(scene, owner)),
+            "owners": self._save("owners", f"frame-{at}-owners.png", owner_picture(owner)),
         }
-        return _Shared(files, np.asarray(shaded.convert("L")))
+        return _Shared(files, np.asarray(shaded.convert("L")), owner < 0)
 
     def _save(self, what: str, name: str, image: Image.Image) -> str:
         """The file's name in the run folder."""
@@ -345,23 +435,22 @@ def _rings(
 
 def _overlay(
     grey: NDArray[np.uint8],
-    truth: FrameTruth,
+    empty: NDArray[np.bool_],
     superfluous: Int32,
     missed: NDArray[np.bool_],
     rings: list[_Ring],
-    shape: tuple[int, int],
 ) -> Image.Image:
     """Visible in blue, superfluous hatched in orange through it, missed in vermilion."""
+    height, width = grey.shape
     inside = superfluous >= 0
-    y, x = np.indices(shape, np.int32, sparse=True)
+    y, x = np.indices((height, width), np.int32, sparse=True)
     line = (x + y) % 8 < 3
     what = np.where(inside, np.where(line, _HATCHED, _COVERED), _PLAIN)
     what[borders(superfluous)] = _EDGE
     what[missed] = _MISSED
-    empty = _nearest(truth.buffer.triangle, shape) < 0
     pixels = _overlay_colours()[empty.astype(np.intp), what, grey]
     for ring in rings:
-        part, distance = ring.around(shape)
+        part, distance = ring.around((height, width))
         image = pixels[part].astype(np.float32) / 255.0
         halo = np.clip(_RING_HALO - distance, 0.0, 1.0).astype(np.float32)
         _blend(image, halo, (255, 255, 255))
@@ -393,18 +482,16 @@ def _blend(image: Float32, strength: Float32, rgb: tuple[int, int, int]) -> None
     image += strength[..., None] * (np.array(rgb, np.float32) / 255.0 - image)
 
 
-def _id_picture(scene: Scene, truth: FrameTruth, shape: tuple[int, int]) -> Image.Image:
+def _id_picture(scene: Scene, owner: Int32) -> Image.Image:
     colours = np.concatenate([vivid(np.arange(scene.object_count)), np.zeros((1, 3), np.uint8)])
-    return Image.fromarray(colours[_owner_objects(scene, _nearest(truth.buffer.triangle, shape))])
+    return Image.fromarray(colours[owner])
 
 
-def _errors(
-    truth: FrameTruth, missed: NDArray[np.bool_], rings: list[_Ring], shape: tuple[int, int]
-) -> Image.Image:
+def _errors(empty: NDArray[np.bool_], missed: NDArray[np.bool_], rings: list[_Ring]) -> Image.Image:
     """The missed samples alone, over the silhouette of the scene."""
-    index = np.where(_nearest(truth.buffer.triangle, shape) >= 0, 1, 0).astype(np.uint8)
+    index = np.where(empty, 0, 1).astype(np.uint8)
     for ring in rings:
-        part, distance = ring.around(shape)
+        part, distance = ring.around(missed.shape)
         index[part][distance < 1.2] = 3
     index[missed] = 2
     picture = Image.fromarray(index)

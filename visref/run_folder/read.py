@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import statistics
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +30,7 @@ from visref.run_folder.facts import FIX, read_manifest, read_verdict
 from visref.run_folder.inside import json_inside
 from visref.run_folder.layout import (
     CULL_PHASE,
+    FIRST_PHASE,
     FRAMES,
     FRAMES_SCHEMA,
     MANIFEST,
@@ -53,6 +53,7 @@ from visref.run_folder.rows import (
     TimingRow,
     Witness,
 )
+from visref.scene import Int32, Int64
 
 # What a row that tells of a miss need not have.
 _NOT_OF_A_MISS = ("culler", "unit", "cause", "samples", "occluder", "occluder_name")
@@ -108,6 +109,20 @@ class RunFolder:
         return {culler: dict(times) for culler, times in result.items()}
 
     @cached_property
+    def warm_ms(self) -> dict[str, dict[int, float]]:
+        """The same without each culler's first frame in a process, in which it may have compiled
+        what it needs; of records of old, which do not say which that was, without its first."""
+        first = {(row.culler, row.frame) for row in self.timings if row.phase == FIRST_PHASE}
+        if not first:
+            first = {(culler, min(times)) for culler, times in self.cull_ms.items() if times}
+        return {
+            culler: {
+                frame: ms for frame, ms in sorted(times.items()) if (culler, frame) not in first
+            }
+            for culler, times in self.cull_ms.items()
+        }
+
+    @cached_property
     def truth_ms(self) -> float | None:
         """The median milliseconds of casting a truth, None if none was cast."""
         times = [row.ms for row in self.timings if row.phase == TRUTH_PHASE]
@@ -143,32 +158,39 @@ class RunFolder:
 
     def lost_objects(self, culler: str) -> list[LostObject]:
         """Objects with a confirmed miss, the most samples lost first."""
-        found: dict[int, list[Witness]] = defaultdict(list)
-        for witness in self._witnesses(culler, ObjectKind.CONFIRMED):
-            found[witness.object].append(witness)
-        lost = [
-            LostObject(
-                sum(witness.pixels for witness in of_object),
-                len({witness.frame for witness in of_object}),
-                len(of_object),
-                sum(witness.partly for witness in of_object),
-                max(of_object, key=lambda witness: (witness.pixels, -witness.frame)),
-            )
-            for of_object in found.values()
+        table = self.misses(culler, ObjectKind.CONFIRMED)
+        if not len(table):
+            return []
+        obj, frame, lost = (table[name].to_numpy() for name in ("object", "frame", "pixels"))
+        partly = table["partly"].to_numpy(zero_copy_only=False)
+        # Of each object's misses the worst first, and of equals that of the first frame.
+        order = np.lexsort((frame, -lost, obj))
+        objects, first = np.unique(obj[order], return_index=True)
+        worst = table.take(order[first]).drop_columns(_NOT_OF_A_MISS).to_pylist()
+        # Each frame of an object once, in however many views.
+        in_frame = np.unique((obj.astype(np.int64) << 32) | frame) >> 32
+        columns = (
+            _sums_by(objects, obj, lost),
+            _sums_by(objects, in_frame, np.ones(len(in_frame), np.int64)),
+            _sums_by(objects, obj, np.ones(len(obj), np.int64)),
+            _sums_by(objects, obj, partly.astype(np.int64)),
+        )
+        rows = zip(*(column.tolist() for column in columns), worst, strict=True)
+        found = [
+            LostObject(samples, frames, misses, part, Witness(**row))
+            for samples, frames, misses, part, row in rows
         ]
-        return sorted(lost, key=lambda one: (-one.samples, one.worst.object))
+        return sorted(found, key=lambda one: (-one.samples, one.worst.object))
 
-    def _witnesses(self, culler: str, kind: ObjectKind) -> Iterator[Witness]:
-        """The culler's misses of one kind. There are few: what is superfluous, of which there may
-        be tens of millions of rows, is never made into values one by one."""
+    def misses(self, culler: str, kind: ObjectKind) -> pa.Table:
+        """The culler's rows of one kind in `objects`. There are few: what is superfluous, of which
+        there may be tens of millions of rows, is none of them."""
         if not len(self.objects):
-            return
+            return self.objects
         mine = pc.and_(
             pc.equal(self.objects["culler"], culler), pc.equal(self.objects["kind"], kind.value)
         )
-        table = self.objects.filter(mine).drop_columns(_NOT_OF_A_MISS)
-        for row in table.to_pylist():
-            yield Witness(**row)
+        return self.objects.filter(mine)
 
     def hidden_units(self, culler: str) -> list[HiddenUnit]:
         """Superfluous units that exact arithmetic confirmed against the culler's promise, the most
@@ -226,6 +248,13 @@ class RunFolder:
             for row in counted.to_pylist()
         ]
         return sorted(rows, key=lambda row: (-row[2], row[0]))
+
+
+def _sums_by(objects: Int32, obj: Int32 | Int64, values: Int64) -> Int64:
+    """For each of `objects`, ascending, the sum of its `values`."""
+    sums = np.zeros(len(objects), np.int64)
+    np.add.at(sums, np.searchsorted(objects, obj), values)
+    return sums
 
 
 def read_run(folder: Path, *, objects: bool = True) -> RunFolder:

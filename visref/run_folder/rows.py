@@ -184,8 +184,9 @@ class PictureSet:
     """The files of one frame, relative to the run folder, by what they show.
 
     `picture`: the shaded scene; `drawn`: who was drawn, and for what; `ids`: one colour per
-    object; `errors`: the missed samples, where there are any. The first and the third are the
-    same for every culler of a frame, and one file.
+    object; `owners`: each object's id (`visref.run_folder.owners.owner_picture`); `errors`: the
+    missed samples, where there are any. `picture`, `ids` and `owners` are the same for every
+    culler of a frame, and one file.
     """
 
     culler: str

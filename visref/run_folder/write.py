@@ -26,6 +26,8 @@ from visref.recordings.truth_file import TruthTable, path_digest
 from visref.run_folder.cuts import CutKeeper
 from visref.run_folder.layout import (
     COUNTERS,
+    CULL_PHASE,
+    FIRST_PHASE,
     FORMAT,
     FRAMES,
     FRAMES_SCHEMA,
@@ -43,8 +45,9 @@ from visref.run_folder.layout import (
 )
 from visref.run_folder.motion import MotionRecord, motion_json
 from visref.run_folder.objects import ObjectsWriter
-from visref.run_folder.part import Part, PicturePlan
-from visref.run_folder.pictures import Painter
+from visref.run_folder.part import Part
+from visref.run_folder.picture_plan import PicturePlan, Shown, in_order_of
+from visref.run_folder.pictures import Painter, Sketch
 from visref.run_folder.rows import Motion, PictureSet
 from visref.run_folder.witnesses import WITNESSES_PER_CULLER, write_witnesses
 from visref.scene import Scene, Units
@@ -64,7 +67,8 @@ class RunWriter:
     of each frame; by default `scene` and `path` make it. `policy`: what the run is judged by.
     `part`: which part of a run this may become, None where it will be the whole. `plan`: of
     pictures, where this is one of several parts; by default one of its own. `superfluous_rows`:
-    list what was drawn for nothing in all frames, not only in `picture_frames`."""
+    list what was drawn for nothing in all frames, not only in `picture_frames`. `first`: by culler,
+    the first frame that it was asked about in this process, where that was before."""
 
     def __init__(
         self,
@@ -81,6 +85,7 @@ class RunWriter:
         part: Part | None = None,
         plan: PicturePlan | None = None,
         superfluous_rows: bool = False,
+        first: dict[str, int] | None = None,
     ) -> None:
         self._folder = folder
         self._scene = scene
@@ -102,7 +107,10 @@ class RunWriter:
         self._plan = plan or PicturePlan(
             picture_frames, part.open if part is not None else frozenset()
         )
+        self._first = {} if first is None else first
         self._pictures: list[PictureSet] = []
+        # By culler, and by frame and view, of what pictures may be wanted.
+        self._sketches: dict[str, dict[Shown, list[Sketch]]] = {}
         self._painter = Painter(folder / PICTURES)
         # By culler its units, and by frame and view where the units are spooled that were drawn
         # where something was missed.
@@ -113,6 +121,7 @@ class RunWriter:
 
     def on_truth(self, frame: int, truth: FrameTruth, seen: ObjectVisibility, ms: float) -> None:
         self._has_truth = True
+        self._painter.see(frame, truth)
         # The referee has a truth list its ties where its engine is exact, and nowhere else.
         self._exact = truth.ties_complete
         camera = truth.camera
@@ -138,9 +147,11 @@ class RunWriter:
                 "owned": verdict.owned,
             }
         )
+        phases = dict(record.stats.ms)
+        if CULL_PHASE in phases and self._first.setdefault(job.spec, record.frame) == record.frame:
+            phases[FIRST_PHASE] = phases[CULL_PHASE]
         self._timings += [
-            _timing(job.spec, record.frame, record.view, phase, ms)
-            for phase, ms in record.stats.ms.items()
+            _timing(job.spec, record.frame, record.view, phase, ms) for phase, ms in phases.items()
         ]
         self._objects.add(job, judged)
         if verdict.misses:
@@ -153,18 +164,48 @@ class RunWriter:
             keeper.add(record.frame, verdict.misses, judged.settled, open_=open_)
             for one in judged.settled:
                 drawn[record.frame, one.truth.camera.view] = put
-        if judged.settled and self._plan.wants(job.spec, record.frame, verdict.counts):
-            self._pictures += [
-                self._painter.draw(
-                    slug(job.spec),
-                    settled,
-                    verdict,
-                    culler=job.spec,
-                    frame=record.frame,
-                    moved=self._motion.changed(record.frame),
-                )
-                for settled in judged.settled
-            ]
+        if judged.settled:
+            self._picture(job, judged)
+
+    def _picture(self, job: Job, judged: JudgedFrame) -> None:
+        """Draw what is planned, and keep what may be wanted when all is known."""
+        spec, record = job.spec, judged.record
+        at = record.frame, record.view
+        missed = self._plan.add(spec, *at, record.verdict.misses)
+        planned = self._plan.planned(record.frame)
+        if not planned and not missed:
+            return
+        draw = self._painter.draw if planned else self._painter.sketch
+        made = [
+            draw(
+                settled,
+                record.verdict,
+                stem=slug(spec),
+                culler=spec,
+                frame=record.frame,
+                moved=self._motion.changed(record.frame),
+            )
+            for settled in judged.settled
+        ]
+        self._pictures += [one for one in made if isinstance(one, PictureSet)]
+        if planned:
+            return
+        mine = self._sketches.setdefault(spec, {})
+        mine[at] = [one for one in made if isinstance(one, Sketch)]
+        wanted = self._plan.wanted(spec)
+        self._sketches[spec] = {place: mine[place] for place in mine if place in wanted}
+
+    def _paint_wanted(self) -> None:
+        """Draw what is wanted, frame by frame, so that what cullers share is drawn once."""
+        wanted = [
+            (at, number, sketch)
+            for number, spec in enumerate(self._sketches)
+            for at, sketches in self._sketches[spec].items()
+            for sketch in sketches
+        ]
+        for (frame, _), _, sketch in sorted(wanted, key=lambda one: one[:2]):
+            self._pictures.append(self._painter.paint(sketch, self._timeline.at(frame)))
+        self._sketches = {}
 
     def on_frame_done(self, frame: int) -> None:
         self._motion.add(frame)
@@ -186,6 +227,7 @@ class RunWriter:
                 exact=self._exact,
             )
         self._write_witnesses(outcome)
+        self._paint_wanted()
         write_json(folder / VERDICT, self._verdict(outcome))
         write_json(folder / MANIFEST, self._manifest(outcome))
 
@@ -243,7 +285,10 @@ class RunWriter:
                 }
                 for record in outcome.cullers
             },
-            "pictures": [asdict(pictures) for pictures in self._pictures],
+            "pictures": [
+                asdict(one)
+                for one in in_order_of(self._pictures, [record.spec for record in outcome.cullers])
+            ],
             "motion": motion_json(self.moved),
             "samples": samples_json(path, self._numbers),
             "versions": versions(),
