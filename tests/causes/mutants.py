@@ -33,7 +33,7 @@ STEPS = {
     "LensShiftLeftOut": "lens shift left out",
     "FrustumOfTheLastFrame": "answer a frame late, nothing moves",
     "frustum/LastRowAndColumnLeftOut": "view a pixel too small",
-    # Only neighbours of visible cells are asked: from a hidden one around the eye nothing is reached.
+    # Only neighbours of visible cells are asked: past a hidden one around the eye nothing is.
     "plp/AskedWithTheEyeInside": "eye inside the first cell",
     # A cell, or a part, does not hold its triangles; a stand-in shrinks.
     "OnlyInTheCentroidsLeaf": "box or sphere too small",
