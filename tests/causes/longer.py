@@ -18,13 +18,8 @@ from visref.scene import Float64, Scene
 
 # Frames in all, at least; passes, at most; the seed.
 FRAMES, PASSES, SEED = 24, 8, 17
-# How far aside, of the objects' middle distance from the first camera, and by how many degrees;
-# in turn a part of that, all of it, and more: what shows through a narrow gap is seen again by a
-# small step, and from elsewhere by a large one.
+# How far aside, of the objects' middle distance from the first camera, and by how many degrees.
 ASIDE, TURNED = 0.03, 4.0
-SIZES = (0.15, 1.0, 3.0)
-# With the largest, so far back or ahead too, where things are of other sizes in the image.
-BACK, AHEAD = 0.2, 0.5
 
 
 def longer(scene: Scene, path: CameraPath) -> CameraPath:
@@ -35,13 +30,10 @@ def longer(scene: Scene, path: CameraPath) -> CameraPath:
     away = float(np.median(np.linalg.norm(centres - path.frames[0].cameras[0].eye, axis=1)))
     frames = list(path.frames)
     passes = min(PASSES, -(-FRAMES // len(frames)))
-    for number in range(passes - 1):
-        size = SIZES[number % len(SIZES)]
-        ahead = rng.uniform(-BACK, AHEAD) * away if size == SIZES[-1] else 0.0
+    for _ in range(passes - 1):
         for place, frame in enumerate(path.frames):
-            step = rng.uniform(-ASIDE, ASIDE, 3) * away * size
-            step += ahead * frame.cameras[0].forward
-            turn = _rotation(rng.uniform(-TURNED, TURNED, 3) * size)
+            step = rng.uniform(-ASIDE, ASIDE, 3) * away
+            turn = _rotation(rng.uniform(-TURNED, TURNED, 3))
             cameras = tuple(
                 _moved(one, step, turn, cut=one.cut or not place) for one in frame.cameras
             )

@@ -481,7 +481,7 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
 }
-HIDDEN = {
+HIDDEN: dict[str, dict[str, Tell]] = {
     **either_way(_HIDDEN),
     "occluders-too-large": {
         **either_way(_HIDDEN)["occluders-too-large"],
