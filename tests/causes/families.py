@@ -18,6 +18,7 @@ FAMILIES: dict[str, frozenset[str]] = {
     "centre in the view": _told("centre-only"),
     "corners behind the eye": _told("corners-behind-eye"),
     "eye inside the box": _told("eye-inside-box"),
+    "eye inside the first cell": _told("eye-inside-box nothing-drawn"),
     "box without thickness": _told("flat-box"),
     "box or sphere too small": _told("bounds-too-small"),
     # The stale box is the one at rest, and by that too small.
@@ -85,6 +86,9 @@ FAMILIES: dict[str, frozenset[str]] = {
     # Where nothing moves, the frame before differs by its view alone.
     "answer a frame late, nothing moves": _told("one-frame-late last-view"),
     "answer a frame late at cuts": _told("one-frame-late last-view across-a-cut"),
+    "answer a frame late at cuts, nothing seen before": _told(
+        "one-frame-late last-view across-a-cut nothing-drawn"
+    ),
     "earlier depth": _told("old-depth"),
     "first answer kept": _told("first-answer-kept"),
     # Image tiles that were done with once are not looked at again, whatever the view: nothing is

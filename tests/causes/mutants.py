@@ -33,6 +33,8 @@ STEPS = {
     "LensShiftLeftOut": "lens shift left out",
     "FrustumOfTheLastFrame": "answer a frame late, nothing moves",
     "frustum/LastRowAndColumnLeftOut": "view a pixel too small",
+    # Only neighbours of visible cells are asked: past a hidden one around the eye nothing is.
+    "plp/AskedWithTheEyeInside": "eye inside the first cell",
     # A cell, or a part, does not hold its triangles; a stand-in shrinks.
     "OnlyInTheCentroidsLeaf": "box or sphere too small",
     "PartsOfCentroids": "box or sphere too small",
@@ -120,8 +122,10 @@ STEPS = {
     "GridOfTheLastFrame": "earlier depth",
     "PyramidOfTheLastFrame": "earlier depth",
     "MatrixOfTheLastFrame": "answer a frame late, nothing moves",
-    "FirstAnswerIsFinal": "answer a frame late",
-    "NoSecondPassAfterACut": "answer a frame late at cuts",
+    # What the pyramid of the frame before hides, looked up with this frame's boxes, stays hidden.
+    "FirstAnswerIsFinal": "earlier depth",
+    # All frames of its check are cuts, so that no frame before saw anything that could be drawn.
+    "NoSecondPassAfterACut": "answer a frame late at cuts, nothing seen before",
     "OnlyWhatWasDrawn": "first answer kept",
     "OnlyVisibleChildren": "first answer kept",
     "AnswersNotWaitedFor": "answer a frame late",

@@ -132,7 +132,7 @@ LATE = [
     *claims(
         at_the_start,
         "one-frame-late: what shows; boxes -> says nothing",
-        "first-answer-kept: what shows; boxes -> says nothing",
+        "first-answer-kept: what shows; boxes; nothing new -> says nothing",
         "last-view: -> says nothing",
         "old-depth: then; not cleared -> says nothing",
     ),
@@ -280,7 +280,11 @@ IDS = [
         "same-names: -> says nothing",
     ),
     *claims(many, "ids-wrap: 256 -> dot256 dot257", seen=False),
-    *claims(left_out_once, "first-answer-kept: left out before -> late again"),
+    *claims(
+        left_out_once,
+        "first-answer-kept: left out before -> late again",
+        "first-answer-kept: nothing new -> late again aside",
+    ),
     *claims(namesakes, "same-names: -> tree#2 tree#3"),
 ]
 

@@ -248,7 +248,7 @@ SAMPLES = [
         "rectangle-too-small: both less -> low right",
     ),
     *claims(between_samples, "rectangle-too-small: rounded -> sliver", seen=False),
-    *claims(margins, "rectangle-too-small: half -> wide"),
+    *claims(margins, "rectangle-too-small: half; upper left quarter; lower left quarter -> wide"),
     *claims(diagonal, "rectangle-too-small: two corners -> block"),
 ]
 
@@ -549,7 +549,7 @@ CHANGED = [
     ),
     *claims(
         in_the_crook,
-        "occluders-too-large: boxes -> nook",
+        "occluders-too-large: boxes; boxes before boxes -> nook",
         "occluders-too-large: dilated ->",
     ),
     # Behind the wall nothing is either, nor about 'front', but the wall.

@@ -220,6 +220,11 @@ def test_nothing_is_drawn_where_much_shows_and_the_answer_is_empty():
     assert dropped(asked, answers, "nothing-drawn") == [*range(9)]
 
 
+def test_nothing_is_drawn_where_every_answer_is_empty():
+    asked, answers = listed([[]] * 4, 3, missed=[[1]] * 4)
+    assert dropped(asked, answers, "nothing-drawn") == [0, 1, 2]
+
+
 def test_an_answer_of_something_or_of_little_to_see_is_not_nothing():
     asked, answers = listed([[0], []], 9, missed=[[1], []])
     assert dropped(asked, answers, "nothing-drawn") is None

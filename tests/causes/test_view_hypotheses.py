@@ -23,7 +23,7 @@ from tests.causes.small import (
 )
 from visref.camera import look_at
 from visref.camera_path import CameraPath, Frame
-from visref.conformance.building import Case, box, case, panel, pixel_panel, rolled
+from visref.conformance.building import Case, box, case, panel, pixel_panel, rolled, together
 from visref.conformance.moving import moved
 from visref.rig import Rig
 from visref.scene import Scene
@@ -254,6 +254,23 @@ def inside_a_room():
     )
 
 
+def behind_a_curtain():
+    """The curtain, at depth 2, fills the view; the room's walls come into it from depth 3 on, but
+    its lamp hangs before the curtain."""
+    room = together(
+        box((-5.0, -4.0, -6.0), (4.0, 3.0, 7.0)), box((0.4, 0.4, -1.5), (0.6, 0.6, -1.3))
+    )
+    return Stage(
+        case(
+            [
+                ("room", room),
+                ("curtain", panel((-2.5, 2.5), (-2.5, 2.5), -2.0)),
+            ],
+            [wide()],
+        )
+    )
+
+
 PROJECTED = "mirrored; clamped; folded; dropped; dropped-at-near"
 HIDDEN_TOO = "; ".join(f"{how}, hidden" for how in PROJECTED.split("; "))
 
@@ -284,7 +301,8 @@ CORNERS = [
         f"corners-behind-eye: {PROJECTED} ->",
         f"corners-behind-eye: {HIDDEN_TOO} -> hedge",
     ),
-    *claims(inside_a_room, "eye-inside-box: -> room"),
+    *claims(inside_a_room, "eye-inside-box: -> room", "eye-inside-box: asked ->"),
+    *claims(behind_a_curtain, "eye-inside-box: ; asked -> room"),
 ]
 
 

@@ -1,11 +1,12 @@
 """Finds the weights of `visref.causes.weighing` from the known faults that are not kept back.
 
-    python -m tests.causes.weights [--only GLOB] [--workers N]
+    python -m tests.causes.weights [--only GLOB] [--spent] [--workers N]
 
 Each fault gives one choice: of the causes that explain enough of what it lost, each by its
-likeliest hypothesis, a right one should be taken. The weights are those under which that is
-likeliest over all faults, a fault counting by the root of how many objects it lost, with a small
-charge for large weights; they are found by steps up the slope (Adam), from those now in use.
+likeliest hypothesis, a right one should be taken, and none where no right one is among them. The
+weights are those under which that is likeliest over all faults, a fault counting by the root of how
+many objects it lost, with a small charge for going far from those now in use; they are found by
+steps up the slope (Adam), from these.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from visref.timeline import Timeline
 
 # Objects of one fault beyond so many count no more.
 MOST_OBJECTS = 40
-STEPS, RATE, CHARGE = 400, 0.3, 0.01
+STEPS, RATE, SLOWER, CHARGE = 60, 0.3, 0.97, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,7 @@ class Choice:
 
 
 def choice(fault: Fault) -> Choice | None:
-    """None where there is nothing to choose: no cause is right, or none that is right can be
-    told."""
+    """None where there is nothing to choose, as no cause explains enough."""
     given = fault.make()
     timeline = Timeline(given.scene, given.path)
     evidence = Evidence()
@@ -63,7 +63,7 @@ def choice(fault: Fault) -> Choice | None:
         given.path, frames, [(fault.name, given.culler)], [evidence]
     )
     answers = evidence.answers[fault.name]
-    if not answers.lossy or not fault.accepted:
+    if not answers.lossy:
         return None
     moments = Moments(timeline, given.path.relative_to(timeline.still.origin), frames, engine)
     search = Search(Sights(moments, answers), answers, outcome.cullers[0])
@@ -73,7 +73,7 @@ def choice(fault: Fault) -> Choice | None:
     moments.close()
     causes = sorted({one.hypothesis.cause for one in tried})
     right = np.array([one.hypothesis.cause in fault.accepted for one in tried], np.bool_)
-    if not right.any() or right.all():
+    if not len(tried):
         return None
     objects = sum(len(answer.missed) for answer in answers.lossy)
     return Choice(
@@ -90,19 +90,24 @@ def found(choices: Sequence[Choice], start: NDArray[np.float64]) -> NDArray[np.f
     mean, square = np.zeros_like(weights), np.zeros_like(weights)
     total = sum(one.weight for one in choices)
     for step in range(1, STEPS + 1):
-        slope = -CHARGE * weights
+        slope = -CHARGE * (weights - start)
+        slope[-1] = 0.0
         for one in choices:
-            worth = one.features @ weights
+            worth = one.features @ weights[:-1]
             order = np.lexsort((-worth, one.cause))
             causes = one.cause[order]
             best = order[np.append(True, causes[1:] != causes[:-1])]
-            likely = likelihoods(worth[best])
-            among = np.where(one.right[best], likely, 0.0)
+            likely = likelihoods(worth[best], float(weights[-1]))
+            right = np.append(one.right[best], not one.right.any())
+            among = np.where(right, likely, 0.0)
             among /= max(float(among.sum()), 1e-12)
-            slope += one.weight / total * ((among - likely) @ one.features[best])
+            more = one.weight / total * (among - likely)
+            slope[:-1] += more[:-1] @ one.features[best]
+            slope[-1] += more[-1]
         mean = 0.9 * mean + 0.1 * slope
         square = 0.99 * square + 0.01 * slope**2
-        weights += RATE * (mean / (1 - 0.9**step)) / (np.sqrt(square / (1 - 0.99**step)) + 1e-8)
+        rate = RATE * SLOWER ** (step - 1)
+        weights += rate * (mean / (1 - 0.9**step)) / (np.sqrt(square / (1 - 0.99**step)) + 1e-8)
     return weights
 
 
@@ -123,9 +128,11 @@ def choices(names: Sequence[str], workers: int) -> list[Choice]:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.causes.weights", description=__doc__)
     parser.add_argument("--only", default="*", metavar="GLOB", help="names of faults")
+    parser.add_argument("--spent", action="store_true", help="those too that were kept back once")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
     asked = parser.parse_args(arguments)
-    names = [name for name in FAULTS if name not in KEPT_BACK and fnmatchcase(name, asked.only)]
+    some = [name for name in FAULTS if asked.spent or name not in KEPT_BACK]
+    names = [name for name in some if fnmatchcase(name, asked.only)]
     weights = found(choices(names, asked.workers), np.array(list(WEIGHTS.values())))
     for name, value in zip(WEIGHTS, weights, strict=True):
         sys.stdout.write(f'    "{name}": {value:.2f},\n')

@@ -166,6 +166,17 @@ def left_out_before(at: At) -> Told:
     return None if then is None else then[at.ids] | ~before.boxes(at.ids).in_view
 
 
+def nothing_new(at: At) -> Told:
+    """What was not drawn in the frame before is not drawn."""
+    before = at.sights.moments.before(at.frame, 1)
+    return None if before is None else _drawn_then(at, before)
+
+
+def _drawn_then(at: At, frame: int) -> Told:
+    then = at.sights.answers.at(frame, at.view)
+    return None if then is None else then[at.ids]
+
+
 def neighbour_in_order(*, first: bool, by_id: bool = False) -> Tell:
     """The answer of the one asked before it, front to back or by number; `first`: what the first
     of them gets."""
@@ -202,7 +213,11 @@ ANSWERED: dict[str, dict[str, Tell]] = {
         **answered(_other_view),
         **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
     },
-    "first-answer-kept": {**answered(_first), "left out before": left_out_before},
+    "first-answer-kept": {
+        **answered(_first),
+        "left out before": left_out_before,
+        "nothing new": nothing_new,
+    },
     "two-frames-late": late(2),
     "n-frames-late": {
         f"{count} frames, {how}": tell

@@ -34,6 +34,8 @@ from visref.scene import Float64, Int32
 
 Bool = NDArray[np.bool_]
 
+# Of so many samples in all, at most, boxes are drawn one by one.
+MOST_SAMPLES = 20_000_000
 _FACES = np.array(
     [
         [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -166,6 +168,19 @@ def rounded_sides(boxes: Boxes) -> Int32:
     )
 
 
+def quarter(*, left: bool, top: bool) -> Callable[[Boxes], Int32]:
+    """Half of each side, from a corner."""
+
+    def change(boxes: Boxes) -> Int32:
+        x0, y0, x1, y1 = boxes.rectangles.T
+        x, y = (x0 + x1) // 2, (y0 + y1) // 2
+        columns = (x0, x) if left else (x + 1, x1)
+        rows = (y0, y) if top else (y + 1, y1)
+        return np.stack([columns[0], rows[0], columns[1], rows[1]], axis=1)
+
+    return change
+
+
 def half_rectangle(boxes: Boxes) -> Int32:
     middle = (boxes.spans[:, :2] + boxes.spans[:, 2:]) / 2.0
     half = (boxes.spans[:, 2:] - boxes.spans[:, :2]) / 4.0
@@ -269,18 +284,48 @@ def _spread(layers: Layers) -> Layers:
     return found
 
 
-def boxes_hide(at: At) -> Told:
-    def make() -> Layers:
-        place, camera = at.now.place, at.camera
-        some = np.flatnonzero(np.isfinite(place.bounds).all(axis=(1, 2))).astype(np.int32)
-        corners = Boxes(camera, place.bounds[some]).corners.reshape(-1, 3)
-        triangles = (_FACES[None] + 8 * np.arange(len(some))[:, None, None]).reshape(-1, 3)
-        layers = Layers.empty(camera.height, camera.width)
-        owner = np.repeat(some, 12)
-        draw(layers, corners, triangles.astype(np.int32), camera, np.arange(len(owner)), owner)
-        return layers
+def _faces(at: At, bounds: Float64, units: Int32) -> Layers:
+    """The faces of (k, 2, 3) boxes, which are those of (k,) units."""
+    camera = at.camera
+    corners = Boxes(camera, bounds).corners.reshape(-1, 3)
+    triangles = (_FACES[None] + 8 * np.arange(len(units))[:, None, None]).reshape(-1, 3)
+    layers = Layers.empty(camera.height, camera.width)
+    owner = np.repeat(units, 12)
+    draw(layers, corners, triangles.astype(np.int32), camera, np.arange(len(owner)), owner)
+    return layers
 
-    return by_box(at, at.now.kept("boxes", make))
+
+def _all_boxes(at: At) -> Layers:
+    def make() -> Layers:
+        bounds = at.now.place.bounds
+        some = np.flatnonzero(np.isfinite(bounds).all(axis=(1, 2))).astype(np.int32)
+        return _faces(at, bounds[some], some)
+
+    return at.now.kept("boxes", make)
+
+
+def boxes_hide(at: At) -> Told:
+    return by_box(at, _all_boxes(at))
+
+
+def boxes_hide_boxes(at: At) -> Told:
+    """No face of its box is before those of all others."""
+    return by_sample(at, _all_boxes(at)) & at.boxes.in_view | at.boxes.crossing | ~at.boxes.there
+
+
+def eye_inside_asked(at: At) -> Told:
+    """Of a box that holds the eye the far faces alone are drawn, and asked about."""
+    crossing = np.flatnonzero(at.boxes.crossing & at.boxes.there)
+    if not len(crossing) or len(crossing) * at.camera.samples > MOST_SAMPLES:
+        return None
+    kept_ones = np.ones(len(at.ids), np.bool_)
+    others = at.now.layers()
+    for i in crossing.tolist():
+        unit = at.ids[i : i + 1]
+        faces = _faces(at, at.boxes.boxes[i : i + 1], unit).nearest
+        depth = np.where(others.owner == unit, others.second, others.nearest)
+        kept_ones[i] = bool((np.isfinite(faces) & (faces <= depth)).any())
+    return kept_ones
 
 
 def own_depth(at: At) -> Told:
@@ -401,6 +446,8 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
         "rounded": rectangle(rounded_sides),
         "two corners": rectangle(two_projected),
         "half": rectangle(half_rectangle),
+        "upper left quarter": rectangle(quarter(left=True, top=True)),
+        "lower left quarter": rectangle(quarter(left=True, top=False)),
         "texels of 2 inward": coarse_inward(2),
         "texels of 4 inward": coarse_inward(4),
     },
@@ -434,8 +481,13 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
 }
-HIDDEN = {
+HIDDEN: dict[str, dict[str, Tell]] = {
     **either_way(_HIDDEN),
+    "occluders-too-large": {
+        **either_way(_HIDDEN)["occluders-too-large"],
+        "boxes before boxes": boxes_hide_boxes,
+    },
+    "eye-inside-box": {"asked": eye_inside_asked},
     "odd-size-pyramid": {
         **either_way(_HIDDEN)["odd-size-pyramid"],
         **{f"tiles of {n}": at_the_edge(n) for n in (4, 8, 16, 32, 64)},

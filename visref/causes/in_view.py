@@ -232,10 +232,12 @@ def kept_by_depth(at: At, boxes: Boxes, sight: Sight | None = None) -> Bool:
 
 
 def found_too_small(at: At) -> Told:
-    """As the boxes' audit found. Units that share triangles need not hold them, each by itself."""
+    """As the boxes' audit found. Such a box need not lose its unit: it says something only of what
+    was left out. Units that share triangles need not hold them, each by itself."""
     if not at.too_small.any() or at.sights.shares_triangles:
         return None
-    return ~at.too_small
+    now = at.sights.answers.at(at.frame, at.view)
+    return ~at.too_small if now is None else ~at.too_small | now[at.ids]
 
 
 def near_at(depth: Callable[[Camera], float]) -> Tell:
@@ -380,10 +382,7 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
     "origin-forgotten": {"": origin_forgotten},
     "rounded-coordinates": {
         "float32 in the world": rounded(np.float32, world=True),
-        "float16": rounded(np.float16, world=False),
-        "float16 in the world": rounded(np.float16, world=True),
         "float32 in the world, hidden": rounded(np.float32, world=True, hidden=True),
-        "float16, hidden": rounded(np.float16, world=False, hidden=True),
     },
     "other-lens": {
         "as wide as high": other_extent(lambda w, h: (h, h)),
@@ -410,6 +409,11 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
 SELDOM: dict[str, dict[str, Tell]] = {
     "other-lens": {"degrees for radians": radians_as_degrees},
     "euclidean-depth": {"against far": straight_far},
+    "rounded-coordinates": {
+        "float16": rounded(np.float16, world=False),
+        "float16 in the world": rounded(np.float16, world=True),
+        "float16, hidden": rounded(np.float16, world=False, hidden=True),
+    },
     "bounds-too-small": {
         "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),
         "sphere of mean side": sphere(lambda sides: np.asarray(sides.mean(axis=1) / 2)),

@@ -42,6 +42,7 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         missed.update(answer.missed.tolist())
     often = [obj for obj, times in missed.items() if times >= OFTEN]
     never = drawn == 0
+    all_empty = len(every) >= OFTEN and not drawn.any()
 
     def full(at: At) -> Told:
         # Every answer that lost something is as long as the longest, and that is a round number.
@@ -57,9 +58,11 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         return ~(never[at.ids] & np.isin(at.objects(), often)) if never.any() else None
 
     def nothing(at: At) -> Told:
-        """Nothing at all was drawn where much shows."""
+        """Nothing at all was drawn where much shows, or ever."""
         now = answers.at(at.frame, at.view)
-        if now is None or now.any() or np.count_nonzero(at.now.seen) < MUCH:
+        if now is None or now.any():
+            return None
+        if not all_empty and np.count_nonzero(at.now.seen) < MUCH:
             return None
         return ~(at.now.seen[at.ids] | at.boxes.in_view)
 

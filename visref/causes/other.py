@@ -11,7 +11,7 @@ from visref.causes.boxes import Boxes
 from visref.causes.hidden import by_box
 from visref.causes.in_view import kept_by_depth
 from visref.causes.layers import Layers, draw
-from visref.causes.sights import At, Sight, Tell, Told, facing
+from visref.causes.sights import AT_REST, At, Sight, Tell, Told, facing
 from visref.scene import Alpha
 
 Bool = NDArray[np.bool_]
@@ -112,10 +112,9 @@ def _first_frame(at: At) -> int | None:
 
 
 def rest(at: At) -> Sight | None:
-    timeline = at.sights.moments.timeline
-    if not timeline.moves:
+    if not at.sights.moments.timeline.moves:
         return None
-    return at.sights.of(at.frame, timeline.still, at.camera)
+    return at.sights.sight(at.frame, at.view, AT_REST)
 
 
 def rest_boxes(at: At) -> Told:

@@ -85,7 +85,7 @@ class Search:
     def weighed(self, looked: Sequence[Looked]) -> Weighed:
         """Every hypothesis about these answers, and about some that lost nothing."""
         clean = [self._look(answer) for answer in self._answers.some_clean()]
-        lists = by_code(LISTS(self._answers, self._record))
+        lists = by_code(LISTS(self._answers, self._record), fact=True)
         return Weighed([*HYPOTHESES, *lists], looked, clean)
 
     def _affordable(self, most: int, answer: Answer) -> int:
@@ -118,7 +118,7 @@ class Search:
         ]
         ids = np.concatenate(picked).astype(np.int32)
         small = np.zeros(units.count, np.bool_)
-        small[[one.unit for one in self._record.too_small if one.frame <= answer.frame]] = True
+        small[[one.unit for one in self._record.too_small]] = True
         at = tuple(At(self._sights, answer.frame, view, ids, small[ids]) for view in views)
         before = self._sights.moments.before(answer.frame, 1)
         then = None if before is None else self._answers.at(before, views[0])

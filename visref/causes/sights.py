@@ -45,10 +45,12 @@ SPECIAL = frozenset(
 )
 # How the variants end in which the depth that is asked holds the unit itself.
 OWN_TOO = ", own depth too"
-# So many moments are kept; a hypothesis looks at two or three.
-KEPT = 8
+# So many moments are kept: what all hypotheses look at for one answer.
+KEPT = 16
 # Bytes of their layers: those of some twenty pictures of 1280 x 960.
 LAYERS_BYTES = 512 << 20
+# In place of a frame: the rest pose.
+AT_REST = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,13 +267,16 @@ class Sights:
         return known
 
     def sight(self, frame: int, view: str, standing: int | None = None) -> Sight:
-        """A frame as one view sees it; `standing`: the scene of another frame before its camera."""
+        """A frame as one view sees it; `standing`: the scene of another frame before its camera,
+        or that at rest (`AT_REST`)."""
         key = frame, view, standing
         if key not in self._sights:
             if len(self._sights) > KEPT:
                 self._sights.pop(next(iter(self._sights)))
             camera = next(one for one in self.moments.cameras(frame) if one.view == view)
-            scene = self.moments.timeline.at(frame if standing is None else standing)
+            timeline = self.moments.timeline
+            at = frame if standing is None else standing
+            scene = timeline.still if at == AT_REST else timeline.at(at)
             self._sights[key] = Sight(
                 frame,
                 camera,
@@ -285,17 +290,6 @@ class Sights:
                 self._layers,
             )
         return self._sights[key]
-
-    def of(self, frame: int, scene: Scene, camera: Camera) -> Sight:
-        """Any scene before any camera, in place of a frame's."""
-        return Sight(
-            frame,
-            camera,
-            self.place(scene),
-            lambda: self.moments.cast(scene, camera),
-            lambda: self.moments.owners(scene, camera),
-            self._layers,
-        )
 
 
 @dataclass(eq=False)
@@ -388,7 +382,8 @@ class Hypothesis:
     """A cause, in one of the ways in which a culler may err so (`variant`). `odd`: such a way is
     seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's
     whole answer, of another moment or about another thing. `depth`: it says what hides, so that it
-    is about a culler that asks for that."""
+    is about a culler that asks for that. `fact`: it holds only where the answers themselves are
+    such, as an empty one."""
 
     cause: str
     variant: str
@@ -398,6 +393,7 @@ class Hypothesis:
     answer: bool = False
     depth: bool = False
     fitted: bool = False
+    fact: bool = False
 
     @property
     def special(self) -> bool:
@@ -417,10 +413,11 @@ def by_code(
     many: bool = False,
     answer: bool = False,
     depth: bool = False,
+    fact: bool = False,
 ) -> list[Hypothesis]:
     """Hypotheses from {cause: {variant: tell}}, in order."""
     return [
-        Hypothesis(cause, variant, tell, odd, many, answer, depth)
+        Hypothesis(cause, variant, tell, odd, many, answer, depth, fact=fact)
         for cause, variants in groups.items()
         for variant, tell in variants.items()
     ]

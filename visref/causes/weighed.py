@@ -27,11 +27,13 @@ CAUSES = list(CODES)
 LEAST = 0.25
 # Rounds of causes of one culler, each of what those before leave open.
 MOST = 5
-# So many causes are named that may explain a miss: the likeliest, and others that are as likely as
-# this share of it.
-NAMED, NEARLY = 3, 0.15
-# They are named if together they are so likely, and if so much speaks for the first.
-LIKELY, SPEAKS = 0.4, -1.0
+# So many causes are named that may explain a miss, at most: the likeliest, as far as together they
+# are so likely, and others that are as likely as this share of the first. Where even so many are
+# not so likely together, none is named.
+NAMED, LIKELY, NEARLY = 3, 0.5, 0.15
+# Others that leave out the same of what shows, but for so much, cannot be told from the first by
+# it: they are named too, unless they are less likely by far, by this share of it.
+ALIKE, FAR_LESS = 0.9, 0.006
 # So few misses tell one hypothesis from another by nothing but how ordinary they are.
 TELLING = 3
 # Where fewer were lost, what is named would pick them by chance in one of so many cases at most.
@@ -99,36 +101,34 @@ class Weighed:
         self._looked, self._every = looked, [*looked, *clean]
         self.told = _told(looked, clean)
         # An answer at a time, as its pictures are kept for a while only.
-        kept = [[one.kept(hypothesis) for hypothesis in hypotheses] for one in self._every]
-        self.tried = self._tried(hypotheses, kept)
+        by_answer = [[one.kept(each) for each in hypotheses] for one in self._every]
+        of_each = zip(*by_answer, strict=True) if by_answer else ()
+        tried = map(self._tried, hypotheses, of_each)
+        self.tried = [one for one in tried if one is not None]
 
-    def _tried(
-        self, hypotheses: Sequence[Hypothesis], kept: Sequence[Sequence[Bool | None]]
-    ) -> list[Tried]:
-        """Those of the hypotheses that say something of what was lost; `kept`: by answer and
-        hypothesis what it keeps, None where it says nothing."""
-        found = []
-        for hypothesis, told in zip(hypotheses, zip(*kept, strict=True), strict=True):
-            culled = np.concatenate(
-                [
-                    np.zeros(len(one.ids), np.bool_) if flags is None else ~flags
-                    for one, flags in zip(self._every, told, strict=True)
-                ]
-            )
-            if (culled & self.told.lost).any():
-                found.append(Tried(hypothesis, culled))
-        return found
+    def _tried(self, hypothesis: Hypothesis, kept: Sequence[Bool | None]) -> Tried | None:
+        """`kept`: what it keeps of each answer. None where it says nothing of what was lost."""
+        if all(one is None for one in kept):
+            return None
+        culled = np.concatenate(
+            [
+                np.zeros(len(one.ids), np.bool_) if flags is None else ~flags
+                for one, flags in zip(self._every, kept, strict=True)
+            ]
+        )
+        return Tried(hypothesis, culled) if (culled & self.told.lost).any() else None
 
     def fits(self, open_: Bool) -> list[Tried]:
         """Hypotheses with a number in them that is chosen to fit."""
         lost, good = open_[self.told.lossy], self.told.good[self.told.lossy]
         found = []
         for fit in FITS:
-            values = np.concatenate([one.value(fit) for one in self._looked])
-            limit = threshold(values, lost, good, fit.below)
+            values = [one.value(fit) for one in self._looked]
+            limit = threshold(np.concatenate(values), lost, good, fit.below)
             if limit is not None:
                 hypothesis = _fitted(fit, limit)
-                found += self._tried([hypothesis], [[one.kept(hypothesis)] for one in self._every])
+                tried = self._tried(hypothesis, [one.kept(hypothesis) for one in self._every])
+                found += [] if tried is None else [tried]
         return found
 
     def candidates(self, open_: Bool) -> list[Tried]:
@@ -156,10 +156,22 @@ class Weighed:
             return self._ordinary([one for _, one in best.values()], open_)
         ranked = sorted(best.values(), key=lambda found: -found[0])
         likely = likelihoods(np.array([value for value, _ in ranked]))
-        named = np.flatnonzero(likely[:NAMED] >= NEARLY * likely[0])
-        if float(likely[named].sum()) < LIKELY or ranked[0][0] < SPEAKS:
+        among = likely[:-1][:NAMED]
+        enough = np.flatnonzero(np.cumsum(among) >= LIKELY)
+        if not len(enough):
             return []
-        return [ranked[i][1] for i in named.tolist() if self._no_chance(ranked[i][1], open_)]
+        wanted = (np.arange(len(among)) <= enough[0]) | (among >= NEARLY * among[0])
+        named = [ranked[i][1] for i in np.flatnonzero(wanted).tolist()]
+        able = np.flatnonzero(likely[:-1] >= FAR_LESS * likely[0]).tolist()
+        others = [ranked[i][1] for i in able if i >= NAMED or not wanted[i]]
+        named += [one for one in others if self._alike(one, named[0])]
+        return [one for one in named[:NAMED] if self._no_chance(one, open_)]
+
+    def _alike(self, one: Tried, other: Tried) -> bool:
+        """Whether they leave out nearly the same of what shows, where something was lost."""
+        shows = self.told.lost | (self.told.good & self.told.lossy)
+        both = np.count_nonzero(one.culled & other.culled & shows)
+        return bool(both >= ALIKE * np.count_nonzero((one.culled | other.culled) & shows))
 
     def _ordinary(self, tried: Sequence[Tried], open_: Bool) -> list[Tried]:
         """Of one miss or two all hypotheses say alike that explain them and are wrong about
@@ -206,6 +218,7 @@ def _told(looked: Sequence[Looked], clean: Sequence[Looked]) -> Told:
         left=all_of(lambda one: one.left),
         again=all_of(lambda one: one.again),
         boxes=all_of(lambda one: one.boxes),
+        small=all_of(lambda one: one.views[0].too_small),
         lossy=all_of(lambda one: np.full(len(one.ids), bool(one.answer.loses))),
     )
 

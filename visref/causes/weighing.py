@@ -20,32 +20,43 @@ from visref.scene import Float64
 
 Bool = NDArray[np.bool_]
 
-# By feature, in the order of `features`.
+# By feature, in the order of `features`; the last is how much speaks for none of all causes.
 WEIGHTS = {
-    "explained": 3.22,
-    "wrong": -0.40,
-    "wrong, new": -1.70,
-    "wrong, drawn again": -0.43,
-    "wrong elsewhere, new": -1.41,
-    "wrong elsewhere, drawn again": -0.62,
-    "hidden and drawn, new": -1.36,
-    "hidden and drawn, drawn again": -0.16,
-    "hidden by its box and drawn": -0.97,
-    "hidden by its box, left out and kept": -0.71,
-    "hidden, left out": 2.03,
-    "about depth": -0.02,
-    "an answer": -0.83,
-    "odd": -0.51,
-    "own depth too": -0.77,
-    "fitted": -1.43,
-    "place in the order": -1.56,
-    "how many wrong": -2.41,
-    "sweeping": -0.41,
-    "special": 2.37,
+    "explained": 3.69,
+    "wrong": 0.38,
+    "wrong, new": -1.63,
+    "wrong, drawn again": -0.57,
+    "wrong elsewhere, new": -1.42,
+    "wrong elsewhere, drawn again": -0.89,
+    "hidden and drawn, new": -1.38,
+    "hidden and drawn, drawn again": -0.01,
+    "hidden by its box and drawn": -0.74,
+    "hidden by its box, left out and kept": -0.61,
+    "hidden, left out": 2.04,
+    "about depth": -0.15,
+    "an answer": -0.31,
+    "odd": -1.34,
+    "own depth too": -0.94,
+    "fitted": -1.63,
+    "place in the order": -0.98,
+    "how many wrong": -2.60,
+    "sweeping": -0.24,
+    "special": 2.39,
+    "its box is too small": 0.16,
+    "its box is too small, others' are not": 0.05,
+    "a fact": 0.43,
+    "information": 0.20,
+    "all and nothing else": 0.96,
+    "all and nothing else that is new": 1.01,
+    "none": 1.45,
 }
 _WEIGHTS = np.array(list(WEIGHTS.values()))
 # Of a few units less is believed.
 FEW = 4
+# So much information is as good as any, in nats.
+MOST_TOLD = 40.0
+# Causes that say that a box does not hold its object.
+OF_BOXES = frozenset({"bounds-too-small", "rest-pose", "old-pose"})
 # So many times as many as are explained is as wrong as can be.
 MOST_WRONG = 2.0
 _ORDER = {cause: place / len(CODES) for place, cause in enumerate(CODES)}
@@ -55,8 +66,9 @@ _ORDER = {cause: place / len(CODES) for place, cause in enumerate(CODES)}
 class Told:
     """All units that were looked at, those of answers with misses first: (k,) bool each. `lost`,
     `good` (it shows and was drawn), `idle` (drawn and hidden), `left` (left out and hidden),
-    `again` (drawn in the frame before too), `boxes` (the right test of boxes keeps it), and
-    `lossy`, of an answer that lost something."""
+    `again` (drawn in the frame before too), `boxes` (the right test of boxes keeps it), `small`
+    (the culler's own box was found not to hold it), and `lossy`, of an answer that lost
+    something."""
 
     lost: Bool
     good: Bool
@@ -64,6 +76,7 @@ class Told:
     left: Bool
     again: Bool
     boxes: Bool
+    small: Bool
     lossy: Bool
 
 
@@ -74,6 +87,12 @@ def features(hypothesis: Hypothesis, culled: Bool, told: Told, open_: Bool) -> F
     wrong = culled & told.good
     open_count = max(int(np.count_nonzero(open_)), 1)
     wrong_count = int(np.count_nonzero(wrong & told.lossy))
+    right_count = int(np.count_nonzero(culled & open_))
+    drawn = told.good & told.lossy
+    small = np.count_nonzero(told.small & open_) / open_count
+    others_small = np.count_nonzero(told.small & drawn) / max(int(np.count_nonzero(drawn)), 1)
+    of_boxes = hypothesis.cause in OF_BOXES
+    explains_all = right_count == np.count_nonzero(open_)
     return np.array(
         [
             np.count_nonzero(culled & open_) / open_count,
@@ -96,6 +115,15 @@ def features(hypothesis: Hypothesis, culled: Bool, told: Told, open_: Bool) -> F
             np.log1p(np.count_nonzero(wrong)) / 5.0,
             hypothesis.many,
             hypothesis.special,
+            of_boxes * small,
+            of_boxes * small * (1.0 - others_small),
+            hypothesis.fact,
+            information(
+                right_count, wrong_count, int(np.count_nonzero(open_)), int(np.count_nonzero(drawn))
+            )
+            / 10.0,
+            explains_all and not wrong_count,
+            explains_all and not (wrong & told.lossy & new).any(),
         ],
         np.float64,
     )
@@ -105,12 +133,30 @@ def share(flags: Bool, of: Bool) -> float:
     return float(np.count_nonzero(flags & of) / (np.count_nonzero(of) + FEW))
 
 
+def information(right: int, wrong: int, lost: int, drawn: int) -> float:
+    """By how many nats, up to `MOST_TOLD`, it is told better which of `lost` and `drawn` units are
+    lost, if it is told of each whether it is among `right` lost and `wrong` drawn ones."""
+    every = lost + drawn
+    taken, kept = right + wrong, every - right - wrong
+    before = every * _doubt(lost / max(every, 1))
+    after = taken * _doubt((right + 0.5) / (taken + 1))
+    after += kept * _doubt((lost - right + 0.5) / (kept + 1))
+    return float(np.clip(before - after, 0.0, MOST_TOLD))
+
+
+def _doubt(share: float) -> float:
+    """The entropy of yes and no, in nats."""
+    inside = min(max(share, 1e-9), 1.0 - 1e-9)
+    return float(-inside * np.log(inside) - (1.0 - inside) * np.log1p(-inside))
+
+
 def worth(values: Float64) -> float:
     """Of `features`: the more, the likelier."""
-    return float(values @ _WEIGHTS)
+    return float(values @ _WEIGHTS[:-1])
 
 
-def likelihoods(worths: Float64) -> Float64:
-    """(k,) which add up to one, of (k,) worths of causes."""
-    raised = np.exp(worths - worths.max())
+def likelihoods(worths: Float64, none: float = WEIGHTS["none"]) -> Float64:
+    """(k + 1,) which add up to one, of (k,) worths of causes, and of none of them, the last."""
+    every = np.append(worths, none)
+    raised = np.exp(every - every.max())
     return np.asarray(raised / raised.sum())
