@@ -200,8 +200,8 @@ class RunWriter:
         wanted = [
             (at, number, sketch)
             for number, spec in enumerate(self._sketches)
-            for at, sketches in self._sketches[spec].items()
-            for sketch in sketches
+            for at in self._plan.wanted(spec) & self._sketches[spec].keys()
+            for sketch in self._sketches[spec][at]
         ]
         for (frame, _), _, sketch in sorted(wanted, key=lambda one: one[:2]):
             self._pictures.append(self._painter.paint(sketch, self._timeline.at(frame)))
