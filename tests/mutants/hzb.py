@@ -76,9 +76,8 @@ def turnstile(rng: np.random.Generator) -> Case:
 def stretched(rng: np.random.Generator) -> Case:
     """A one-sided roof that leans at 45 degrees lies nearly flat once it is six times as wide."""
     middle = np.array([2.0, 0.0, -6.0])
-    roof = np.array(
-        [[0.5, -1, -0.5], [0.5, 1, -0.5], [0.05, 0, 0.05], [-0.5, 1, 0.5], [-0.5, -1, 0.5]]
-    )
+    corners = [[0.5, -1, -0.5], [0.5, 1, -0.5], [-0.5, 1, 0.5], [-0.5, -1, 0.5]]
+    roof = np.array([*corners, [0.05, 0, 0.05]])
     faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     wide = moved(*middle) @ np.diag([6.0, 1.0, 1.0, 1.0]) @ moved(*-middle)
     where = [{"roof": pose} for pose in (np.eye(4), np.eye(4), wide, wide)]
