@@ -69,8 +69,8 @@ class PyramidCull(BoxCommands):
             fix="judge a smaller part of the scene",
             more={CONES: np.zeros((0, WORDS)) if cones is None else cones},
         )
-        self.shader["cones"] = cones is not None
         self.lookup, self.by_set, self.twice = lookup, by_set, twice
+        self.has_cones = cones is not None
         self.past_of_view: dict[str, Past] = {}
 
     def load(self) -> moderngl.ComputeShader:
@@ -110,6 +110,7 @@ class PyramidCull(BoxCommands):
         self.shader["step"] = step
         self.shader["side"] = 2 if self.lookup.texels == MOST_TEXELS else 1
         self.shader["spheres"] = self.lookup.spheres
+        self.shader["cones"] = self.has_cones
         self.run(camera)
 
     def move_cones(self, cones: Float64, units: Int64) -> None:

@@ -295,6 +295,24 @@ def test_meshlets_behind_others_or_that_face_away_are_not_drawn(first):
     assert drawn(spec + ",cones=false", scene, [camera] * 3)[2] == [0, 1]
 
 
+@pytest.mark.gl
+def test_cullers_with_cones_and_without_work_side_by_side():
+    faces = flat(3)[1]
+    scene = scene_of([flat(3), (flat(3)[0] + [3.0, 0.0, 0.0], faces[:, ::-1])])
+    camera = Camera(look_at((2.5, 1.0, 9.0), (2.5, 1.0, 0.0)), 64, 48, near=0.1, far=100, yfov=1.2)
+    specs = ["two-pass-hzb:units=meshlets", "two-pass-hzb:units=meshlets,cones=false"]
+    cullers = [make_culler(spec) for spec in [*specs, "two-pass-hzb"]]
+    for culler in cullers:
+        culler.prepare(scene)
+    try:
+        for _ in range(2):
+            found = [sorted(culler.cull(camera).unit_ids.tolist()) for culler in cullers]
+            assert found == [[0], [0, 1], [0, 1]]
+    finally:
+        for culler in cullers:
+            culler.close()
+
+
 def test_objects_have_no_cones_to_leave_out():
     with pytest.raises(InputError, match="meshlets"):
         make_culler("two-pass-hzb:cones=false")
