@@ -7,8 +7,9 @@ units. Which were drawn comes back once, at the end, for the record alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -30,7 +31,7 @@ SEEN = 3  # the binding of what a view has seen
 VISIBLE, LOOKED_UP = 1, 2
 BEFORE, AFTER = 1, 2
 BOUNDS_BYTES = 8 * 6  # a box of float64
-VIEW_ROWS = 16  # of four float64, as `box_commands.glsl` has them
+VIEW_ROWS = 17  # of four float64, as `box_commands.glsl` has them
 MOST_VIEWS = 2
 
 
@@ -46,8 +47,9 @@ class Decided(NamedTuple):
 class BoxCommands:
     """The units of a scene on the GPU, and which of them the last frame saw.
 
-    `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool. Raises InputError, with
-    `fix`, for more units than a storage block holds.
+    `bounds`: (u, 2, 3) float64 world boxes; `can_occlude`: (u,) bool; `more`: blocks that
+    only this shader has, by binding, (u, …) each. Raises InputError, with `fix`, for more units
+    than a storage block holds.
     """
 
     def __init__(
@@ -58,11 +60,13 @@ class BoxCommands:
         can_occlude: NDArray[np.bool_],
         *,
         fix: str,
+        more: Mapping[int, NDArray[Any]] = MappingProxyType({}),
     ) -> None:
         self.device, self.geometry, self.units = device, geometry, len(bounds)
         self.shader = self.load()
         # What lies beyond a block's end is read as nothing: units would be lost without a word.
         largest = self.units * max(BOUNDS_BYTES, 4 * COMMAND_WORDS * len(geometry.classes))
+        largest = max(largest, *(rows.nbytes for rows in more.values()), 0)
         if largest > device.max_block_bytes:
             raise InputError(
                 f"{self.units:,} units are more than this OpenGL's storage blocks hold", fix=fix
@@ -86,6 +90,7 @@ class BoxCommands:
             5: buffer(np.ascontiguousarray(ranges).tobytes() or bytes(8)),
             6: self.commands,
             7: self.views,
+            **{binding: buffer(rows.tobytes() or bytes(8)) for binding, rows in more.items()},
         }
 
     def load(self) -> moderngl.ComputeShader:
@@ -94,9 +99,13 @@ class BoxCommands:
     def move(self, bounds: Float64, units: Int64) -> None:
         """The units' boxes from now on, (u, 2, 3) float64; those of `units`, (k,) ids, have
         changed."""
+        self.write(self.bounds, bounds, units)
+
+    def write(self, buffer: moderngl.Buffer, rows: NDArray[Any], units: Int64) -> None:
+        """Bring a block of a row per unit up to date; those of `units`, (k,) ids, have changed."""
         changed = np.zeros(self.units, np.bool_)
         changed[units] = True
-        write_rows(self.bounds, changed, lambda first, end: bounds[first:end])
+        write_rows(buffer, changed, lambda first, end: rows[first:end])
 
     def seen_by(self, camera: Camera) -> moderngl.Buffer:
         """What the camera's view has seen in its last frame, a word per unit."""
@@ -151,4 +160,5 @@ def view_bytes(view: View, classes: int) -> bytes:
     clip = camera.clip_from_camera(view.far)
     rows[14] = -clip[2, 2], clip[2, 3], view.depth_shift_ndc, float(camera.is_perspective)
     rows[15] = camera.width, camera.height, len(view.planes), classes
+    rows[16, :3] = camera.forward
     return rows.tobytes()

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.culler import QueryStats
-from visref.scene import Float64
+from visref.scene import Float64, Int64
 from visref_culling.boxes.commands import LOOKED_UP, BoxCommands, Decided, view_bytes
 from visref_culling.gl.device import Device, Target
 from visref_culling.gl.geometry import Geometry
 from visref_culling.gl.view import View
+from visref_culling.hzb.cones import WORDS
 from visref_culling.hzb.pyramid import DepthPyramid
 
 SHADER = "hzb_cull.comp"
+CONES = 8  # the binding of the units' cones
 # As in the shader.
 REMEMBERED, BY_THE_LAST, BY_THIS = 0, 1, 2
 MOST_TEXELS = 4
@@ -42,7 +44,8 @@ class Lookup:
 class PyramidCull(BoxCommands):
     """Units decided by pyramids of depth. `by_set`: what is drawn first is what the last frame saw,
     else what the last frame's pyramid does not hide; `twice`: the rest is then tested by this
-    frame's. Other arguments as `BoxCommands`'."""
+    frame's. `cones`: (u, 9) float64 (`cones_of`), None where nothing is left out that faces away.
+    Other arguments as `BoxCommands`'."""
 
     pyramid_of: type[DepthPyramid] = DepthPyramid
 
@@ -56,11 +59,18 @@ class PyramidCull(BoxCommands):
         lookup: Lookup,
         by_set: bool,
         twice: bool,
+        cones: Float64 | None = None,
     ) -> None:
         super().__init__(
-            device, geometry, bounds, can_occlude, fix="judge a smaller part of the scene"
+            device,
+            geometry,
+            bounds,
+            can_occlude,
+            fix="judge a smaller part of the scene",
+            more={CONES: np.zeros((0, WORDS)) if cones is None else cones},
         )
         self.lookup, self.by_set, self.twice = lookup, by_set, twice
+        self.has_cones = cones is not None
         self.past_of_view: dict[str, Past] = {}
 
     def load(self) -> moderngl.ComputeShader:
@@ -100,7 +110,13 @@ class PyramidCull(BoxCommands):
         self.shader["step"] = step
         self.shader["side"] = 2 if self.lookup.texels == MOST_TEXELS else 1
         self.shader["spheres"] = self.lookup.spheres
+        self.shader["cones"] = self.has_cones
         self.run(camera)
+
+    def move_cones(self, cones: Float64, units: Int64) -> None:
+        """The units' cones from now on, (u, 9) float64; those of `units`, (k,) ids, have
+        changed."""
+        self.write(self.blocks[CONES], cones, units)
 
     def rows_of_the_last(self, past: Past, camera: Camera) -> bytes | None:
         """Where the last frame's camera stood; None where nothing is known of it."""

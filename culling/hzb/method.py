@@ -14,6 +14,9 @@ this frame's camera where they are in it: neither a cut nor anything that moves 
 hides is not drawn. What has come into view since is late by a frame: it is approximate, and says
 so.
 
+- `units=meshlets`: what is looked up and drawn is not objects but small parts of them
+  (`hzb.meshlets`), and what faces away is left out before any lookup, by a cone around the normals
+  of each (`hzb.cones`); `cones=false` does without.
 - `texels=4`: the finest level where a rectangle meets 2 x 2 texels; `texels=1`: where it lies in
   one.
 - `projection=sphere`: the rectangle and the depth of a sphere around the box (M. Mara, M. McGuire:
@@ -22,7 +25,7 @@ so.
 
 Departures:
 
-- The units are the scene's objects, not clusters of triangles.
+- The units are the scene's objects unless meshlets are asked for.
 - Depth is 0 at near and 1 at far, and the pyramid keeps the farthest; engines mostly reverse that.
 - Level 0 has the image's size, each other half of it, rounded down; the last texel of an odd row
   holds three.
@@ -40,9 +43,12 @@ from typing import ClassVar
 
 from visref.camera import Camera
 from visref.culler import Option, Promise
-from visref.scene import Scene, Units
-from visref_culling.gl.changes import Changes
+from visref.errors import InputError
+from visref.scene import Float64, Int64, Scene, Units
+from visref_culling.gl.changes import Changes, taken
+from visref_culling.hzb.cones import cones_of
 from visref_culling.hzb.cull import MOST_TEXELS, Lookup, PyramidCull
+from visref_culling.hzb.meshlets import meshlets_of
 from visref_culling.method import GL_OPTIONS, Frame, GLCuller
 
 LOOKUP_OPTIONS: dict[str, Option] = {
@@ -60,6 +66,8 @@ class TwoPassHZB(GLCuller):
     )
     options: ClassVar[Mapping[str, Option]] = {
         "first": Option("set", "first, what was seen or what was not hidden", ("set", "pyramid")),
+        "units": Option("objects", "decide about objects or meshlets", ("objects", "meshlets")),
+        "cones": Option(True, "leave out meshlets all of whose triangles face away"),
         **LOOKUP_OPTIONS,
         **GL_OPTIONS,
     }
@@ -72,12 +80,19 @@ class TwoPassHZB(GLCuller):
         self,
         *,
         first: str = "set",
+        units: str = "objects",
+        cones: bool = True,
         texels: int = MOST_TEXELS,
         projection: str = "box",
         depth: int = 24,
         fragments: bool = False,
     ) -> None:
         super().__init__(depth=depth, fragments=fragments)
+        self.by_meshlets = units == "meshlets"
+        if not self.by_meshlets and not cones:
+            raise InputError("only meshlets have cones", place="cones", fix="leave cones out")
+        self.with_cones = self.by_meshlets and cones
+        self.cones: Float64 | None = None
         self.by_set = first == "set"
         self.lookup = Lookup(texels, projection == "sphere")
         self.gpu: PyramidCull | None = None
@@ -85,6 +100,7 @@ class TwoPassHZB(GLCuller):
     def prepare(self, scene: Scene) -> Units:
         units = super().prepare(scene)
         assert self.geometry is not None
+        self.cones = self.cones_of(scene, units) if self.with_cones else None
         self.gpu = self.pyramid_cull(
             self.device,
             self.geometry,
@@ -94,13 +110,33 @@ class TwoPassHZB(GLCuller):
             lookup=self.lookup,
             by_set=self.by_set,
             twice=self.twice,
+            cones=self.cones,
         )
         return units
+
+    def units_of(self, scene: Scene) -> Units:
+        return meshlets_of(scene) if self.by_meshlets else super().units_of(scene)
+
+    def cones_of(self, scene: Scene, units: Units) -> Float64:
+        """(u, 9) float64: the units' cones (`hzb.cones`)."""
+        return cones_of(scene, units)
+
+    def moved_cones(self, units: Int64) -> Float64:
+        """(u, 9) float64: all units' cones as the scene stands now; those of `units`, (k,) ids,
+        alone have changed."""
+        assert self.cones is not None
+        cones = self.cones.copy()
+        cones[units] = self.cones_of(self.scene, taken(self.units, units))
+        return cones
 
     def follow(self, changes: Changes) -> None:
         super().follow(changes)
         if self.gpu is not None:
-            self.gpu.move(self.unit_boxes, changes.units(self.units))
+            units = changes.units(self.units)
+            self.gpu.move(self.unit_boxes, units)
+            if self.cones is not None:
+                self.cones = self.moved_cones(units)
+                self.gpu.move_cones(self.cones, units)
 
     def _release(self) -> None:
         super()._release()

@@ -8,7 +8,7 @@ layout(std430, binding = 3) buffer Seen { uint seen[]; };  // 1 visible, 2 looke
 layout(std430, binding = 4) buffer Drawn { uint drawn[]; };  // 1 before the test, 2 after it
 layout(std430, binding = 5) readonly buffer Ranges { Range range_of[]; };
 layout(std430, binding = 6) writeonly buffer Commands { uint commands[]; };
-// 16 rows a camera: this frame's, and, for who needs it, the last frame's.
+// 17 rows a camera: this frame's, and, for who needs it, the last frame's.
 layout(std430, binding = 7) readonly buffer View { dvec4 view_rows[]; };
 uniform uint units;
 
@@ -20,6 +20,7 @@ int view_base = 0;  // where the camera's rows begin
 #define growth view_rows[view_base + 13]  // per distance, per distance or in all for a pixel, per coordinate; near
 #define to_window view_rows[view_base + 14]  // slope, offset, shift; 1 for a perspective view
 #define image view_rows[view_base + 15]  // width, height; planes; classes
+#define look view_rows[view_base + 16]  // where it looks
 
 dvec3 low, high;  // the unit's inflated box, relative to the eye
 

@@ -2,6 +2,7 @@
 // Which units to draw, and their draw commands, by a pyramid of depth.
 layout(local_size_x = 64) in;
 #include "box_commands.glsl"
+#include "cones.glsl"
 #include "hzb.glsl"
 // What is drawn: what the last frame saw; what the last frame's pyramid does not hide from where
 // its camera stood; or what this frame's does not hide, but for what is drawn already.
@@ -9,6 +10,7 @@ const int REMEMBERED = 0, BY_THE_LAST = 1, BY_THIS = 2;
 uniform int step;
 uniform bool past;  // whether there is a last frame
 uniform int side;  // texels of a lookup
+uniform bool cones;  // what faces away is not drawn
 uniform bool spheres;  // a sphere around the box is looked up, and not the box
 
 bool looked_up = false;
@@ -61,7 +63,7 @@ void main() {
     if (unit >= units) {
         return;
     }
-    bool draw = load_box(unit) && in_frustum();
+    bool draw = load_box(unit) && in_frustum() && !(cones && faces_away(unit));
     if (step == BY_THIS) {
         bool visible = draw && shows();
         draw = visible && drawn[unit] == 0u;
@@ -71,7 +73,7 @@ void main() {
         if (step == REMEMBERED) {
             draw = draw && (seen[unit] & 1u) != 0u && can_occlude[unit] != 0u;
         } else if (draw && past) {
-            view_base = 16;
+            view_base = 17;
             load_box(unit);
             draw = shows();
             view_base = 0;

@@ -152,6 +152,11 @@ STEPS = {
     "NoNodeForWhatAppears": "appeared unknown",
     "TightBoxesAtRest": "pose at rest",
     "InnerBoxesAtRest": "pose at rest",
+    "ConesAtRest": "pose at rest",
+    # What a backface cone leaves out shows its front.
+    "ConesPosedLikePoints": "front for back",
+    "ConesWithoutReach": "front for back",
+    "MeanNormalForAll": "front for back",
     # Answers and lists.
     "ThresholdAboveOneSample": "threshold of samples",
     "ThresholdAboveOnePixel": "threshold of samples",

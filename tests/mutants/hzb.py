@@ -12,8 +12,12 @@ from tests.mutants.common import COMMON, common
 from tests.mutants.harness import Suite, Trace, equivalent, mutant, not_here
 from tests.mutants.n_buffer.contract import SLACK_DEPTH, rectangle_and_depth, window_depth
 from tests.support.shader_edits import edited
+from visref.camera_path import CameraPath, Frame
+from visref.conformance.building import Mesh, panel, together
+from visref.conformance.moving import about, moved
 from visref.conformance.scenes import Case, case, pixel_panel
 from visref.conformance.scenes import camera as camera_at
+from visref_culling.hzb.cones import AXIS, COSINE, REACH, SINE
 from visref_culling.hzb.cull import BY_THIS, SHADER, PyramidCull
 from visref_culling.hzb.method import LastFrameHZB, TwoPassHZB
 from visref_culling.hzb.pyramid import BASE, LEVEL, DepthPyramid
@@ -32,6 +36,10 @@ SUITE = Suite(
         "W10": "a level too coarse",
         "W11": "what was drawn is remembered, not what was seen",
         "U12": "what the first pass finds hidden is not asked again",
+        "U13": "the cone of the pose at rest",
+        "U14": "a cone posed like a point, where what it belongs to is stretched",
+        "U15": "a cone's planes all through its centre",
+        "U16": "a cone no wider than its axis",
     },
     watched=("revealed_by_a_pierced_wall", "crowd", "peeking_by_a_pixel"),
     # Each camera stands for three frames: all is drawn, all is an occluder, what passed is drawn.
@@ -42,6 +50,7 @@ BOX = SUITE.method("two-pass-hzb", TwoPassHZB)
 ONE = SUITE.method("two-pass-hzb-one", TwoPassHZB, texels=1)
 SPHERE = SUITE.method("two-pass-hzb-sphere", TwoPassHZB, projection="sphere")
 BY_PYRAMID = SUITE.method("two-pass-hzb-pyramid", TwoPassHZB, first="pyramid")
+MESHLETS = SUITE.method("two-pass-hzb-meshlets", TwoPassHZB, units="meshlets")
 LAST = SUITE.method("last-frame-hzb", LastFrameHZB)
 
 BOXES = (BOX, ONE, BY_PYRAMID)
@@ -51,6 +60,56 @@ PIERCED = "revealed_by_a_pierced_wall"
 STRIP = "last_pixel_of_a_strip"
 
 SUITE.kept_by(BOX)
+
+
+@SUITE.scene("shows what faced away once it turns about")
+def turnstile(rng: np.random.Generator) -> Case:
+    """A one-sided panel with its back to the camera, which turns about and back again."""
+    points, faces = panel((-1.0, 1.0), (-1.0, 1.0), -6.0)
+    objects = [("panel", (points, faces[:, ::-1])), ("wall", panel((-4.0, 4.0), (-3.0, 3.0), -9.0))]
+    angles = (0.0, 0.0, 0.6 * np.pi, np.pi, np.pi, 0.0)
+    where = [{"panel": about((0.0, 0.0, -6.0), angle, axis=1)} for angle in angles]
+    return _one_sided(objects, where)
+
+
+@SUITE.scene("shows what is stretched across its normal")
+def stretched(rng: np.random.Generator) -> Case:
+    """A one-sided roof that leans at 45 degrees lies nearly flat once it is six times as wide."""
+    middle = np.array([2.0, 0.0, -6.0])
+    corners = [[0.5, -1, -0.5], [0.5, 1, -0.5], [-0.5, 1, 0.5], [-0.5, -1, 0.5]]
+    roof = np.array([*corners, [0.05, 0, 0.05]])
+    faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    wide = moved(*middle) @ np.diag([6.0, 1.0, 1.0, 1.0]) @ moved(*-middle)
+    where = [{"roof": pose} for pose in (np.eye(4), np.eye(4), wide, wide)]
+    return _one_sided([("roof", (roof + middle, faces))], where)
+
+
+@SUITE.scene("shows the one of two parallel panels that it faces")
+def treads(rng: np.random.Generator) -> Case:
+    """One object of two panels that face up, one above the camera and one below it."""
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    tread = np.array([[-2.0, 0, -4], [2, 0, -4], [2, 0, -8], [-2, 0, -8]])
+    up = np.array([0.0, 1.0, 0.0])
+    both = together((tread + up, faces), (tread - up, faces))
+    return case([("treads", both)], [camera_at((0.0, -0.2, 0.0))] * 2, one_sided=("treads",))
+
+
+@SUITE.scene("shows the side of a roof that it faces, from behind the ridge")
+def steep_roof(rng: np.random.Generator) -> Case:
+    """A one-sided roof whose ridge points away from the camera, which stands far to its side."""
+    points = np.array(
+        [[-1.0, -1, 0], [-1, 1, 0], [0, -1, -1.7], [0, 1, -1.7], [1, -1, 0], [1, 1, 0]]
+    )
+    faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]])
+    view = camera_at((10.0, 0.0, 0.0), (0.0, 0.0, -6.0))
+    return case([("roof", (points - [0, 0, 6], faces))], [view] * 2, one_sided=("roof",))
+
+
+def _one_sided(objects: list[tuple[str, Mesh]], where: list[dict[str, Any]]) -> Case:
+    """Objects of which the first is one-sided, posed in each frame."""
+    frames = [Frame((camera_at(),), world_from_object=poses) for poses in where]
+    scene = case(objects, [camera_at()], one_sided=(objects[0][0],)).scene
+    return Case(scene, CameraPath(frames, "conformance"))
 
 
 @SUITE.contract
@@ -338,9 +397,64 @@ mutant("W11", of=(BOX,), contract="what_the_pyramid_hides_is_not_drawn")(
     )
 )  # fmt: skip
 
+
+@mutant("U13", of=(MESHLETS,), caught_by="turnstile")
+class ConesAtRest:
+    """Cones are those of the scene as it was met."""
+
+    def moved_cones(self, units):
+        return self.cones
+
+
+@mutant("U14", of=(MESHLETS,), caught_by="stretched")
+class ConesPosedLikePoints:
+    """What takes an object's points from rest to where they are takes its cone's axis too."""
+
+    def prepare(self, scene):
+        self.at_rest = scene.vertices
+        return super().prepare(scene)
+
+    def cones_of(self, scene, units):
+        found = super().cones_of(scene, units)
+        if scene.vertices is self.at_rest:
+            self.first = found
+        return found
+
+    def moved_cones(self, units):
+        cones = super().moved_cones(units)
+        for unit in units:
+            vertices = self.scene.triangles[self.units.gather(np.array([unit]))].reshape(-1)
+            rest, now = (v[vertices].astype(float) for v in (self.at_rest, self.scene.vertices))
+            now_from_rest, *_ = np.linalg.lstsq(rest - rest[0], now - now[0])
+            axis = self.first[unit, AXIS : AXIS + 3] @ now_from_rest
+            cones[unit, AXIS : AXIS + 3] = axis / np.linalg.norm(axis)
+            cones[unit, COSINE], cones[unit, SINE] = self.first[unit, [COSINE, SINE]]
+        return cones
+
+
+@mutant("U15", of=(MESHLETS,), caught_by="treads")
+class ConesWithoutReach:
+    """All planes are taken to go through the middle of the meshlet."""
+
+    def cones_of(self, scene, units):
+        cones = super().cones_of(scene, units)
+        cones[:, REACH] = np.maximum(cones[:, REACH], 0.0)
+        return cones
+
+
+@mutant("U16", of=(MESHLETS,), caught_by="steep_roof")
+class MeanNormalForAll:
+    """The mean normal stands for all."""
+
+    def cones_of(self, scene, units):
+        cones = super().cones_of(scene, units)
+        cones[:, COSINE], cones[:, SINE] = 1.0, 0.0
+        return cones
+
+
 common("G10", of=TWICE, caught_by="walk_through_a_city")
 common("G13", of=BY_SET, caught_by="revealed_behind_glass")
-common("G15 M1 M2 M3 M5 M6", of=TWICE)
+common("G15 M1 M2 M3 M5 M6", of=(*TWICE, MESHLETS))
 common("M4", of=(BOX, SPHERE))
 
 not_here("G2", TWICE, "no box is rasterised, so no face of one is culled")
@@ -371,6 +485,14 @@ equivalent(
     "G8",
     (SPHERE,),
     "a sphere around a box lies before what is in the box by more than depth rounds",
+)
+CONES = "U13 U14 U15 U16"
+not_here(CONES, TWICE, "objects have no cones")
+tried = {made.id for made in SUITE.mutants if made.method is MESHLETS}
+not_here(
+    " ".join({*COMMON, *SUITE.ids} - tried),
+    (MESHLETS,),
+    "boxes of meshlets are looked up as two-pass-hzb's are",
 )
 UNSAFE = [id for id in (*COMMON, *SUITE.ids) if not id.startswith("W")]
 not_here(" ".join(UNSAFE), (LAST,), "it promises nothing: what it leaves out is measured")
