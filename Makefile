@@ -108,8 +108,8 @@ MODELS := /usr/share/assimp/models
 board: setup
 	mkdir -p board
 	$(BIN)/visref path orbit $(MODELS)/glTF2/2CylinderEngine-glTF-Binary/2CylinderEngine.glb \
-	  --frames 24 --out board/engine.path.json
-	$(BIN)/visref path walk $(MODELS)/IFC/AC14-FZK-Haus.ifc --frames 24 --out board/house.path.json
+	  --frames 8 --out board/engine.path.json
+	$(BIN)/visref path walk $(MODELS)/IFC/AC14-FZK-Haus.ifc --frames 8 --out board/house.path.json
 	$(BIN)/visref batch docs/board.toml --out board/batch || test $$? -eq 1
 	$(BIN)/visref report board/batch/runs/* --board docs/board.md || test $$? -eq 1
 
