@@ -451,6 +451,8 @@ BREAKING = "</script><script>x()</script><!--\u2028\u202e\"'>&{{7*7}}{% raw %}"
 def test_no_text_of_a_run_folder_gets_out_of_its_place_on_the_page(run, tmp_path):
     """Every text that anybody may choose is one that would end an element, an attribute, a
     comment, a script or a template."""
+    assert main(["report", str(run), "--out", str(tmp_path / "plain")]) == 1
+    scripts = (tmp_path / "plain" / "report.html").read_text().count("<script")
     for name in ("frames", "timings", "objects"):
         table = pq.read_table(run / f"{name}.parquet")
         for column in ("culler", "name", "occluder_name"):
@@ -485,8 +487,6 @@ def test_no_text_of_a_run_folder_gets_out_of_its_place_on_the_page(run, tmp_path
         for finding in value["findings"]:
             finding |= {"message": BREAKING, "object": BREAKING}
 
-    assert main(["report", str(run), "--out", str(tmp_path / "plain")]) == 1
-    scripts = (tmp_path / "plain" / "report.html").read_text().count("<script")
     edit(run / "manifest.json", manifest)
     edit(run / "verdict.json", verdict)
     assert main(["report", str(run), "--out", str(tmp_path / "page")]) == 1
