@@ -34,8 +34,8 @@ def write_report(folders: Sequence[Path], out: Path, *, scene: str | Scene | Non
 
     A folder that `visref bench` wrote may stand among the run folders: its plot and its advice
     come too. `scene`: the one run's scene, loaded, a file or a generated one, which adds a view of
-    it in three dimensions. The page is self-contained, but for a large scene's `scene3d.js` beside it.
-    The same folders give the same bytes. Raises InputError where a folder is neither, no run is
+    it in three dimensions. The page is self-contained, but for a large scene's `scene3d.js` beside
+    it. The same folders give the same bytes. Raises InputError where a folder is neither, no run is
     among them, `scene` is not what was judged, `out` cannot be written to, or a file there is one
     of theirs.
     """
