@@ -214,17 +214,8 @@ def test_the_view_starts_and_its_slider_changes_what_is_counted(folder, tmp_path
         ):
             assert time.monotonic() < end
         assert page.run(counts)["superfluous"] == 1
-        assert page.problems == []
+        # Without a GPU the driver says that it is slow.
+        assert [one for one in page.problems if "GL Driver Message" not in one] == []
         assert {url for url in page.requests if not url.startswith(("data:", "blob:"))} == {
             page_file.resolve().as_uri()
         }
-        if KEPT:
-            page.run("document.querySelector('.flight').scrollIntoView({behavior: 'instant'})")
-            time.sleep(1)
-            shot = page.call("Page.captureScreenshot", format="png")["data"]
-            open(KEPT, "wb").write(base64.b64decode(shot))
-
-
-import os
-
-KEPT = os.environ.get("KEPT_SHOT")
