@@ -78,8 +78,8 @@ for (const root of document.querySelectorAll(".flight")) {
     stage.append(renderer.domElement);
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const world = new THREE.Scene();
-    const light = new THREE.DirectionalLight(0xffffff, 0.65);
-    world.add(new THREE.AmbientLight(0xffffff, 0.5), light, light.target);
+    const light = new THREE.DirectionalLight(0xffffff, 0.6);
+    world.add(new THREE.AmbientLight(0xffffff, 0.55), light, light.target);
     const attributes = {
       position: new THREE.BufferAttribute(positions, 3),
       color: new THREE.BufferAttribute(new Uint8Array(positions.length), 3, true),
@@ -242,7 +242,7 @@ for (const root of document.querySelectorAll(".flight")) {
       const camera = through ? ownEye() : free;
       camera.updateMatrixWorld();
       light.position.copy(camera.position).addScaledVector(up, size * 0.05);
-      light.target.position.copy(camera.position).add(new THREE.Vector3(0, 0, -1).applyQuaternion(camera.quaternion));
+      light.target.position.copy(camera.position).add(new THREE.Vector3(0, 0, -size * 0.15).applyQuaternion(camera.quaternion));
       light.target.updateMatrixWorld();
       renderer.render(world, camera);
     };
@@ -340,12 +340,14 @@ for (const root of document.querySelectorAll(".flight")) {
       if (bounds.isEmpty()) bounds.setFromPoints([place(camera.e)]);
       const corner = (bits) => new THREE.Vector3(...["x", "y", "z"].map((one, i) => bounds[bits >> i & 1 ? "max" : "min"][one]));
       segments(box, [0, 1, 2, 3, 4, 5, 6, 7].flatMap((one) => [1, 2, 4].filter((bit) => !(one & bit)).flatMap((bit) => [corner(one), corner(one | bit)])));
-      const seen = !found.hidden && found.x >= 0;
+      // Its witness is of its worst frame; in another there is no ray to show.
+      const [frame, name] = data.cells[cell];
+      const seen = !found.hidden && found.x >= 0 && found.frame === frame && found.view === name;
       const hit = seen ? point(camera, found.x, found.y, found.depth) : bounds.getCenter(new THREE.Vector3());
       const from = camera.flat && seen ? point(camera, found.x, found.y, camera.near) : place(camera.e);
       segments(ray, [from, hit]);
       chosen = { cell, point: seen };
-      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : ""}.`;
+      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : found.hidden ? "" : `; its witness is of frame ${found.frame}`}.`;
       const arm = hit.clone().sub(from);
       const side = new THREE.Vector3().crossVectors(arm, up).normalize().multiplyScalar(arm.length() * 0.5);
       look(from.clone().addScaledVector(arm, -0.3).addScaledVector(up, arm.length() * 0.4).add(side), from.clone().addScaledVector(arm, 0.6));
