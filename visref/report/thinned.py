@@ -55,7 +55,7 @@ def thinned(scene: Scene, first: Sequence[int], budget: int, whole_budget: int) 
     points, faces = [], []
     for obj, goal in enumerate(goals.tolist()):
         part = _part(scene, obj) if goal else (np.zeros((0, 3)), np.zeros((0, 3), np.int64))
-        part = part if goal >= counts[obj] else _simplified(part, goal)
+        part = _simplified(part, goal) if 0 < goal < counts[obj] else part
         points.append(part[0])
         faces.append(part[1])
     boxes = [
