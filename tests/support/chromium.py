@@ -111,9 +111,13 @@ class Page:
             )
 
 
+# WebGL without a GPU.
+SWIFTSHADER = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
 @contextlib.contextmanager
-def browser() -> Iterator[Page]:
-    """A page in a fresh profile; Chromium ends with the block."""
+def browser(*flags: str) -> Iterator[Page]:
+    """A page in a fresh profile, with further flags; Chromium ends with the block."""
     assert FOUND is not None
     to_read, send = os.pipe()
     receive, to_write = os.pipe()
@@ -121,7 +125,7 @@ def browser() -> Iterator[Page]:
         # The protocol's pipe is file descriptors 3 and 4 of the browser.
         command = f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}'
         process = subprocess.Popen(
-            ["bash", "-c", command, FOUND, *_FLAGS, f"--user-data-dir={profile}"],
+            ["bash", "-c", command, FOUND, *_FLAGS, *flags, f"--user-data-dir={profile}"],
             pass_fds=(to_read, to_write),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -24,6 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="a page, JUnit XML and Markdown")
     parser.add_argument(
+        "--scene",
+        metavar="SCENE",
+        help="the scene that the run judged, a file or a generated one: the page gets a view of it "
+        "in three dimensions, with each frame's culling frozen",
+    )
+    parser.add_argument(
         "--tables",
         type=Path,
         metavar="DIR",
@@ -41,10 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> Exit:
     if given.out is None and given.tables is None and given.board is None:
         raise InputError("there is nowhere to write to", fix="give --out, --tables or --board")
+    if given.scene is not None and given.out is None:
+        raise InputError("--scene adds a view to the page", fix="give --out too")
     page = None
     if given.out is not None:
         with doing("writing the page"):
-            page = write_report(given.runs, given.out)
+            page = write_report(given.runs, given.out, scene=given.scene)
     whole = given.tables is not None or given.board is not None
     folders = [folder for folder in given.runs if not is_bench(folder)]
     runs = [read_run(folder, objects=whole) for folder in folders]

@@ -34,8 +34,9 @@ from visref.report.summary import (
     summarise,
 )
 from visref.report.tables import table_view
+from visref.report.view3d import View3d
 from visref.run_folder.causes import Cause
-from visref.run_folder.layout import MAX_MARGIN_PX
+from visref.run_folder.layout import MAX_MARGIN_PX, REPORT_SCENE
 from visref.run_folder.read import RunFolder
 from visref.wording import legible
 
@@ -44,8 +45,14 @@ MAX_SUPERFLUOUS = 5
 MAX_MOVED = 10
 
 
-def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Path) -> str:
-    """The whole page. `out` is the folder it will stand in: replay commands start there."""
+def page_html(
+    runs: Sequence[RunFolder],
+    benches: Sequence[BenchFolder],
+    out: Path,
+    flight: View3d | None = None,
+) -> str:
+    """The whole page. `out` is the folder it will stand in: replay commands start there. `flight`:
+    the view in three dimensions of the first run."""
     environment = page_environment("visref.report")
     environment.filters |= {
         "percent": words.percent,
@@ -75,6 +82,8 @@ def page_html(runs: Sequence[RunFolder], benches: Sequence[BenchFolder], out: Pa
         elsewhere=ELSEWHERE,
         benches=[_bench_view(bench, out) for bench in benches],
         styles=STYLES,
+        flight=flight,
+        scene_file=REPORT_SCENE,
     )
 
 

@@ -62,7 +62,9 @@ SUPERFLUOUS_ROWS = "superfluous_rows"
 
 # What `visref report` writes, into a folder of the user's choice.
 REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY = "report.html", "junit.xml", "summary.md"
-REPORT = (REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY)
+# Beside the page, what would make it too large.
+REPORT_SCENE = "scene3d.js"
+REPORT = (REPORT_PAGE, REPORT_JUNIT, REPORT_SUMMARY, REPORT_SCENE)
 
 # The view of a frame that has one camera without a name.
 UNNAMED_VIEW = ""

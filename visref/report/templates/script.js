@@ -3,6 +3,9 @@
 {% include "page.js" %}
 {% include "frames.js" %}
 {% include "crops.js" %}
+{% if flight is not none %}
+{% include "flight.js" %}
+{% endif %}
 {% include "list.js" %}
 {% include "plots.js" %}
 {% include "copying.js" %}
