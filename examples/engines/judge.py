@@ -94,7 +94,7 @@ def judged(engine: str, trial: Trial, out: Path) -> dict[str, Any]:
     recording = folder.with_suffix(".jsonl")
     run(*recorder(engine), scene, path, recording, *trial.settings)
     run(*VISREF, "check", scene, "--recording", recording, "--out", folder, good=(0, 1))
-    (sums,) = json.loads((folder / "verdict.json").read_text())["cullers"].values()
+    (sums,) = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))["cullers"].values()
     return sums
 
 

@@ -163,7 +163,8 @@ def _report(run: Path, folders: Folders) -> Any:
     page = re.sub(
         r"<style>.*?</style>|data:[\w/+;]+,[\w+/=]+", "", texts["report.html"], flags=re.S
     )
-    scripts = len(re.findall("<script", page))
+    # What is only data is never run.
+    scripts = len(re.findall('<script(?! type="application/octet-stream")', page))
     if scripts > 2 or re.search(r"<[^>]*\son\w+\s*=", page) or "javascript:" in page:
         raise WrongAnswer("report.html holds a script of others")
     return status, said, texts

@@ -125,7 +125,11 @@ def test_the_site_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
     pytest.importorskip("mkdocs")
     built = build(tmp_path)
     assert built.returncode == 0, built.stderr
-    ours = {file.relative_to(DOCS).with_suffix(".html") for file in DOCS.rglob("*.md")}
+    # A folder's README is its index.
+    named = [
+        re.sub(r"README\.md$", "index.md", str(one.relative_to(DOCS))) for one in DOCS.rglob("*.md")
+    ]
+    ours = {Path(name).with_suffix(".html") for name in named}
     made = {file.relative_to(tmp_path) for file in tmp_path.rglob("*.html")}
     assert made == ours | {Path("404.html")}
     leads = 0

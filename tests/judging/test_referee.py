@@ -343,10 +343,13 @@ def test_answers_that_were_recorded_have_the_times_that_are_recorded_with_them(t
     rows = writer_timings(writer)
     assert [r for r in rows if r[0] == "replay"] == [
         ("replay", 1, "cull", 7.5),
+        ("replay", 1, "first_call", 7.5),
         ("replay", 2, "sort", 1.0),
     ]
-    # A culler that is called has a time in every frame.
-    assert [r[1:3] for r in rows if r[0] == "draws"] == [(f, "cull") for f in FRAMES]
+    # A culler that is called has a time in every frame, and its first call is marked.
+    times = [r[1:3] for r in rows if r[0] == "draws"]
+    first, *others = FRAMES
+    assert times == [(first, "cull"), (first, "first_call"), *((f, "cull") for f in others)]
 
 
 def writer_timings(writer):

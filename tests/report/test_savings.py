@@ -204,4 +204,4 @@ def test_a_run_with_the_switch_shows_pixel_savings_of_every_method(tmp_path, cap
 
 def test_a_report_that_is_to_go_nowhere_is_refused(capsys):
     assert cli.main(["report", "run"]) == 2
-    assert "--out or --tables" in capsys.readouterr().err
+    assert "--out, --tables or --board" in capsys.readouterr().err
