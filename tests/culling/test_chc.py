@@ -8,13 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.culling_scenes import random_camera, random_scene
-from visref.camera import Camera
+from tests.support.culling_scenes import (
+    ASIDE,
+    FROM,
+    WALLED,
+    drawn_by,
+    random_camera,
+    random_scene,
+)
 from visref.camera_path import CameraPath, Frame
 from visref.conformance import case
 from visref.conformance.moving import moved, posed
 from visref.conformance.scenes import box, pixel_panel
-from visref.conformance.scenes import camera as camera_at
 from visref.conformance.suite import built_case
 from visref.culler import Promise, QueryStats
 from visref.engines.recalled import RecalledTruths
@@ -206,27 +211,6 @@ def test_answers_are_those_of_queries_that_are_waited_for_one_by_one():
 
 
 # What is drawn.
-
-FROM = camera_at()
-ASIDE = camera_at(eye=(6.0, 0.0, 0.0))
-# A wall over the left half of the picture and a panel behind each half; from aside both panels are
-# seen, and no wall.
-WALLED = Scene.from_objects(
-    [
-        ("wall", *pixel_panel(FROM, (-0.5, 31.5), (-0.5, 47.5), 5.0)),
-        ("hidden", *pixel_panel(FROM, (12.0, 18.0), (20.0, 28.0), 30.0)),
-        ("open", *pixel_panel(FROM, (44.0, 50.0), (20.0, 28.0), 30.0)),
-    ]
-)
-
-
-def drawn_by(spec: str, cameras: list[Camera], scene: Scene = WALLED) -> list[list[int]]:
-    culler = make_culler(spec)
-    culler.prepare(scene)
-    try:
-        return [sorted(culler.cull(camera).unit_ids.tolist()) for camera in cameras]
-    finally:
-        culler.close()
 
 
 @pytest.mark.parametrize("spec", EVERY_WAY)

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.culling_scenes import ASIDE, FROM, WALLED, drawn_by
 from visref.camera import Camera
-from visref.conformance.scenes import camera as camera_at
-from visref.conformance.scenes import pixel_panel
 from visref.registry import make_culler
 from visref.scene import Scene
 from visref_culling.boxes.commands import view_bytes
@@ -169,28 +168,6 @@ def sphere_rectangle(camera: Camera, centre: np.ndarray, radius: float) -> np.nd
     for one in (view, asked, found, shader):
         one.release()
     return result
-
-
-# A wall over the left half of the picture and a panel behind each half; from aside both panels are
-# seen, and no wall.
-FROM = camera_at()
-ASIDE = camera_at(eye=(6.0, 0.0, 0.0))
-WALLED = Scene.from_objects(
-    [
-        ("wall", *pixel_panel(FROM, (-0.5, 31.5), (-0.5, 47.5), 5.0)),
-        ("hidden", *pixel_panel(FROM, (12.0, 18.0), (20.0, 28.0), 30.0)),
-        ("open", *pixel_panel(FROM, (44.0, 50.0), (20.0, 28.0), 30.0)),
-    ]
-)
-
-
-def drawn_by(spec: str, cameras: list[Camera]) -> list[list[int]]:
-    culler = make_culler(spec)
-    culler.prepare(WALLED)
-    try:
-        return [sorted(culler.cull(camera).unit_ids.tolist()) for camera in cameras]
-    finally:
-        culler.close()
 
 
 @pytest.mark.parametrize("way", ["", ",texels=1", ",projection=sphere"])

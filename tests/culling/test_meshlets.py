@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.culling_scenes import drawn_by
 from visref.camera import Camera, look_at
 from visref.errors import InputError
 from visref.registry import make_culler
@@ -273,15 +274,6 @@ def test_cones_of_what_moves_are_those_of_a_scene_that_stands_so(linear):
         culler.close()
 
 
-def drawn(spec: str, scene: Scene, cameras: list[Camera]) -> list[list[int]]:
-    culler = make_culler(spec)
-    culler.prepare(scene)
-    try:
-        return [sorted(culler.cull(camera).unit_ids.tolist()) for camera in cameras]
-    finally:
-        culler.close()
-
-
 @pytest.mark.gl
 @pytest.mark.parametrize("first", ["set", "pyramid"])
 def test_meshlets_behind_others_or_that_face_away_are_not_drawn(first):
@@ -291,8 +283,8 @@ def test_meshlets_behind_others_or_that_face_away_are_not_drawn(first):
     scene = scene_of([wall, away, hidden])
     camera = Camera(look_at((4.0, 1.5, 9.0), (4.0, 1.5, 0.0)), 64, 48, near=0.1, far=100, yfov=1.2)
     spec = f"two-pass-hzb:units=meshlets,first={first}"
-    assert drawn(spec, scene, [camera] * 3)[2] == [0]
-    assert drawn(spec + ",cones=false", scene, [camera] * 3)[2] == [0, 1]
+    assert drawn_by(spec, [camera] * 3, scene)[2] == [0]
+    assert drawn_by(spec + ",cones=false", [camera] * 3, scene)[2] == [0, 1]
 
 
 @pytest.mark.gl

@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.conformance.scenes import camera as camera_at
+from visref.conformance.scenes import pixel_panel
+from visref.registry import make_culler
 from visref.scene import Scene
 
 BOX_FACES = np.array(
@@ -102,3 +105,26 @@ def owners_by_brute_force(scene: Scene, camera: Camera) -> tuple[NDArray, NDArra
                 margin[sample] = min(margin[sample], t[hit[1]] / t[hit[0]] - 1.0)
     shape = (camera.height, camera.width)
     return owner.reshape(shape), depth.reshape(shape), margin.reshape(shape)
+
+
+# A wall over the left half of the picture and a panel behind each half; from aside both panels are
+# seen, and no wall.
+FROM = camera_at()
+ASIDE = camera_at(eye=(6.0, 0.0, 0.0))
+WALLED = Scene.from_objects(
+    [
+        ("wall", *pixel_panel(FROM, (-0.5, 31.5), (-0.5, 47.5), 5.0)),
+        ("hidden", *pixel_panel(FROM, (12.0, 18.0), (20.0, 28.0), 30.0)),
+        ("open", *pixel_panel(FROM, (44.0, 50.0), (20.0, 28.0), 30.0)),
+    ]
+)
+
+
+def drawn_by(spec: str, cameras: list[Camera], scene: Scene = WALLED) -> list[list[int]]:
+    """The units that a culler draws of a scene, camera after camera."""
+    culler = make_culler(spec)
+    culler.prepare(scene)
+    try:
+        return [sorted(culler.cull(camera).unit_ids.tolist()) for camera in cameras]
+    finally:
+        culler.close()

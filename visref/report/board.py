@@ -78,26 +78,18 @@ def board_markdown(runs: Sequence[RunFolder]) -> str:
 
 
 def _entries(run: RunFolder) -> dict[str, Entry]:
-    base = _time(run, next((one for one in run.cullers if one == BASELINE), None))
-    return {culler: _entry(run, culler, base) for culler in run.cullers}
+    rows = {culler: summarise(run, culler) for culler in run.cullers}
+    base = rows[BASELINE].ms_median if BASELINE in rows else None
+    return {culler: _entry(row, base) for culler, row in rows.items()}
 
 
-def _entry(run: RunFolder, culler: str, base: float | None) -> Entry:
-    row, own = summarise(run, culler), _time(run, culler)
+def _entry(row: CullerSummary, base: float | None) -> Entry:
     return Entry(
         row,
         row.counts.losing - row.counts.ties,
         max(row.ages, default=None),
-        own / base if own is not None and base else None,
+        row.ms_median / base if row.ms_median is not None and base else None,
     )
-
-
-def _time(run: RunFolder, culler: str | None) -> float | None:
-    """The median milliseconds of a frame after the first, None where there is none."""
-    times = run.cull_ms.get(culler, {}) if culler is not None else {}
-    first = min(times, default=0)
-    later = [ms for frame, ms in times.items() if frame != first]
-    return statistics.median(later) if later else None
 
 
 def _over_all(entries: Mapping[str, Mapping[str, Entry]]) -> Grid:
