@@ -44,6 +44,11 @@ def test_times_are_quotients_of_medians_without_the_first_frame():
     assert cells(text, "### scene", BASELINE)[f"time over {BASELINE}"] == "1.00"
 
 
+def test_a_baseline_with_options_is_one():
+    run = timed(**{"frustum:fragments=true": [9.0, 2.0], "mine": [9.0, 6.0]})
+    assert cells(board_markdown([run]), "### scene", "mine")[f"time over {BASELINE}"] == "3.00"
+
+
 def test_without_the_baseline_or_a_second_frame_there_is_no_time():
     for run in (timed(mine=[1.0, 6.0]), timed(frustum=[1.0], mine=[1.0])):
         assert cells(board_markdown([run]), "### scene", "mine")[f"time over {BASELINE}"] == "–"

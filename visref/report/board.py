@@ -15,6 +15,7 @@ from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_file
 from visref.report import words
 from visref.report.run_tables import Grid, grid_markdown
+from visref.report.savings import kind_of
 from visref.report.summary import CullerSummary, summarise
 from visref.run_folder.read import RunFolder
 
@@ -79,7 +80,7 @@ def board_markdown(runs: Sequence[RunFolder]) -> str:
 
 def _entries(run: RunFolder) -> dict[str, Entry]:
     rows = {culler: summarise(run, culler) for culler in run.cullers}
-    base = rows[BASELINE].ms_median if BASELINE in rows else None
+    base = next((row.ms_median for name, row in rows.items() if kind_of(name) == BASELINE), None)
     return {culler: _entry(row, base) for culler, row in rows.items()}
 
 

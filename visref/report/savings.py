@@ -119,13 +119,14 @@ def baselines_of(run: RunFolder) -> dict[str, str]:
     """By kind of `BASELINES`, the first culler of that kind which judged a frame of the run."""
     cullers = [culler for culler in run.cullers if run.frames_of[culler]]
     return {
-        kind: next(culler for culler in cullers if _kind(culler) == kind)
+        kind: next(culler for culler in cullers if kind_of(culler) == kind)
         for kind in BASELINES
-        if any(_kind(culler) == kind for culler in cullers)
+        if any(kind_of(culler) == kind for culler in cullers)
     }
 
 
-def _kind(culler: str) -> str:
+def kind_of(culler: str) -> str:
+    """A culler's name without its options."""
     return culler.partition(":")[0]
 
 
