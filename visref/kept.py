@@ -29,7 +29,7 @@ from visref.errors import InputError
 from visref.files import lasting_beside
 from visref.merging.reading import read_part
 from visref.picking import Stretch
-from visref.recordings.truth_file import TruthRows
+from visref.recordings.truth_reading import TruthRows
 from visref.run_folder.inside import file_inside, json_inside
 from visref.run_folder.write import write_json
 from visref.wording import counted

@@ -31,7 +31,8 @@ from visref.judging.outcome import RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.referee import ImageCheck, JudgedFrame, Listener, Referee
 from visref.picking import Shard, Stretch, evenly_picked
-from visref.recordings.truth_file import RecordedTruth, read_truth
+from visref.recordings.truth_file import RecordedTruth
+from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.aside import Aside

@@ -28,7 +28,7 @@ from visref.judging.referee import JudgedFrame, Listener
 from visref.kept import Kept, keeping
 from visref.memory import SAMPLE_BYTES, TRIANGLE_BYTES, default_budget
 from visref.picking import Shard, Stretch, stretches
-from visref.recordings.truth_file import can_be_merged, read_rows
+from visref.recordings.truth_reading import can_be_merged, read_rows
 from visref.run_folder.layout import RUN_FOLDER
 from visref.runs import merge_naming
 from visref.shares import Asked, MakingAnew, judge_share

@@ -30,7 +30,8 @@ from visref.camera_path import CameraPath
 from visref.conformance.declared import read_declared
 from visref.formats import load_path
 from visref.recordings import truth_file
-from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.truth_file import TruthTable
+from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import read_visible_sets
 from visref.report import write_report
 from visref.scene import Scene

@@ -19,7 +19,8 @@ from visref.culler import Culler, DrawnSet
 from visref.engines import make_engine
 from visref.judging.referee import Referee
 from visref.promise import Promise
-from visref.recordings.truth_file import RecordedTruth, TruthTable, read_truth
+from visref.recordings.truth_file import RecordedTruth, TruthTable
+from visref.recordings.truth_reading import read_truth
 from visref.scene import Scene, Units
 from visref.visibility import objects_seen
 

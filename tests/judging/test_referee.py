@@ -25,7 +25,8 @@ from visref.judging.referee import Referee
 from visref.judging.settle import settle
 from visref.judging.status import Exit, Status
 from visref.judging.walk import walk_samples
-from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.truth_file import TruthTable
+from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import Replay, read_visible_sets
 from visref.run_folder.write import RunWriter, slug
 from visref.scene import Alpha, Units

@@ -17,7 +17,7 @@ from visref.engines import make_engine
 from visref.inputs import Inputs
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.referee import Referee
-from visref.recordings.truth_file import read_truth
+from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import Replay, read_visible_sets
 from visref.report import write_report
 from visref.run_folder.read import read_run

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
@@ -16,7 +18,8 @@ from tests.support.hand_made import camera, scene_of_squares, truth
 from visref.camera_path import CameraPath, Frame
 from visref.errors import InputError
 from visref.recordings import truth_file
-from visref.recordings.truth_file import TruthTable, read_truth
+from visref.recordings.truth_file import TruthTable
+from visref.recordings.truth_reading import read_rows, read_truth, write_joined
 from visref.visibility import objects_seen
 
 SCENE = scene_of_squares(0.0, -1.0, -2.0)
@@ -157,7 +160,7 @@ def _sealed(file, change):
     """Spoil a file and seal it again, as a writer with a fault would."""
     table = change(pq.read_table(file))
     facts = json.loads(table.schema.metadata[b"visref"])
-    facts["digest"] = truth_file._digest([table], facts)
+    facts["digest"] = truth_file.digest_of([table], facts)
     pq.write_table(table.replace_schema_metadata({b"visref": json.dumps(facts).encode()}), file)
 
 
@@ -251,3 +254,55 @@ def test_missing_truth_file_or_folder_is_said_to_be_missing(tmp_path):
     for place in (tmp_path / "none.parquet", tmp_path):
         with pytest.raises(InputError, match="no such truth file"):
             read_truth(place, SCENE, PATH, range(3))
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_row_groups_are_read_one_after_another_as_one_table(rows, file):
+    whole = read_truth(file, SCENE, PATH, range(3))
+    pq.write_table(pq.read_table(file), file, row_group_size=rows)
+    read = read_truth(file, SCENE, PATH, range(3))
+    assert list(read.views) == list(whole.views)
+    assert list(read_rows(file, 3).recorded.views) == list(whole.views)
+    for again in (read, read_rows(file, 3).recorded):
+        for cell, known in whole.views.items():
+            mine = again.views[cell]
+            assert mine.objects.tolist() == known.objects.tolist()
+            assert mine.samples.tolist() == known.samples.tolist()
+            assert mine.owned == known.owned
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_an_object_twice_is_refused_wherever_row_groups_part(rows, file):
+    table = pq.read_table(file)
+    first = table.slice(0, 1)
+    # Its second row is as far from it as can be.
+    _sealed(file, lambda _: pa.concat_tables([first, table.slice(2), first]))
+    pq.write_table(pq.read_table(file), file, row_group_size=rows)
+    with pytest.raises(InputError, match="stands twice"):
+        read_truth(file, SCENE, PATH, range(3))
+    with pytest.raises(InputError, match="stands twice"):
+        assert read_rows(file, 3).recorded
+
+
+def test_parts_in_row_groups_are_joined_as_one_table(file, tmp_path):
+    whole = file.read_bytes()
+    parts = []
+    for name, frames in (("early", [0]), ("late", [1, 2])):
+        part = tmp_path / f"{name}.parquet"
+        shutil.copyfile(file, part)
+
+        def of_part(table, frames=frames):
+            facts = json.loads(table.schema.metadata[b"visref"])
+            kept = [at for at, frame in enumerate(facts["frames"]) if frame in frames]
+            kept.sort(key=lambda at: facts["frames"][at])
+            facts.update({n: [facts[n][at] for at in kept] for n in ("frames", "views", "owned")})
+            table = table.filter(pc.is_in(table["frame"], pa.array(frames, pa.int32())))
+            return table.replace_schema_metadata({b"visref": json.dumps(facts).encode()})
+
+        _sealed(part, of_part)
+        pq.write_table(pq.read_table(part), part, row_group_size=1)
+        parts.append(read_rows(part))
+    write_joined(tmp_path / "joined.parquet", parts)
+    table = pq.read_table(tmp_path / "joined.parquet")
+    assert table.equals(pq.read_table(pa.BufferReader(whole)).sort_by("frame"))
+    assert read_truth(tmp_path / "joined.parquet", SCENE, PATH, range(3)).engine == "hand"

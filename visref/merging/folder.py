@@ -23,7 +23,7 @@ from visref.merging.reading import FIX, PartFolder, read_part
 from visref.merging.truths import check_truths
 from visref.provenance import machine
 from visref.recordings.spool import Spool
-from visref.recordings.truth_file import read_rows, write_joined
+from visref.recordings.truth_reading import read_rows, write_joined
 from visref.run_folder.groups import RowGroups
 from visref.run_folder.inside import file_inside, lines_inside
 from visref.run_folder.layout import (

@@ -18,7 +18,7 @@ from visref.judging.asking import Failure, Step
 from visref.judging.bounds import BoundsTooSmall
 from visref.judging.summary import Caster, Facts, Moved
 from visref.picking import Shard, Stretch
-from visref.recordings.truth_file import TruthRows, read_rows
+from visref.recordings.truth_reading import TruthRows, read_rows
 from visref.run_folder.checks import Told
 from visref.run_folder.columns import table_inside
 from visref.run_folder.facts import read_motion

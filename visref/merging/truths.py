@@ -8,7 +8,8 @@ from pathlib import Path
 
 from visref.errors import InputError
 from visref.files import refuse_inputs, replacing_file
-from visref.recordings.truth_file import TRUTH_BEGINS, TruthRows, read_rows, write_joined
+from visref.recordings.truth_file import TRUTH_BEGINS
+from visref.recordings.truth_reading import TruthRows, read_rows, write_joined
 
 _SAME = {
     "scene": "of another scene",

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from PIL import Image
 
-from visref.recordings.truth_file import read_rows
+from visref.recordings.truth_reading import read_rows
 from visref.run_folder.facts import FIX
 from visref.run_folder.inside import file_inside
 from visref.run_folder.layout import TRUTH
@@ -30,9 +30,10 @@ class ObjectNames:
     def __init__(self, run: RunFolder, frames: Set[int]) -> None:
         self._table: pa.Table | None = None
         if frames and run.manifest.version >= 2 and (run.folder / TRUTH).is_file():
-            table = read_rows(file_inside(run.folder, TRUTH, FIX)).table
-            wanted = pa.array(sorted(frames), table["frame"].type)
-            self._table = table.filter(pc.is_in(table["frame"], wanted))
+            wanted = pa.array(sorted(frames), pa.int32())
+            truth = read_rows(file_inside(run.folder, TRUTH, FIX))
+            groups = [one.filter(pc.is_in(one["frame"], wanted)) for one in truth.tables()]
+            self._table = pa.concat_tables(groups) if groups else None
 
     def of(self, frame: int, view: str) -> dict[int, str]:
         """By id, the names of what is visible there."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from visref.doing import doing
 from visref.errors import InputError
 from visref.inputs import open_scene
-from visref.recordings.truth_file import read_rows
+from visref.recordings.truth_reading import read_rows
 from visref.report import words
 from visref.report.packed import packed_bytes
 from visref.report.thinned import Thinned, thinned
@@ -145,13 +145,11 @@ def payload(run: RunFolder, scene: Scene, shown: Thinned) -> bytes:
 
 def _changed(run: RunFolder, scene: Scene, places: dict[Cell, int]) -> NDArray[np.bool_]:
     """(cells, n) bool: whose visibility is another than a cell before; at first, who is visible."""
-    table = read_rows(file_inside(run.folder, TRUTH, FIX), scene.object_count).table
+    truth = read_rows(file_inside(run.folder, TRUTH, FIX), scene.object_count).recorded
     visible = np.zeros((len(places), scene.object_count), np.bool_)
-    cells = zip(table["frame"].to_pylist(), table["view"].to_pylist(), strict=True)
-    rows = np.array([places.get(cell, -1) for cell in cells], np.int64)
-    objects = table["object"].to_numpy()
-    seen = (rows >= 0) & (table["pixels"].to_numpy() > 0)
-    visible[rows[seen], objects[seen]] = True
+    for (frame, view), row in places.items():
+        if (frame, view) in truth.views:
+            visible[row] = truth.seen(frame, view, scene.object_count)
     visible[1:] ^= visible[:-1].copy()
     return visible
 
