@@ -26,14 +26,15 @@ Place = tuple[int, str]
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A case, a frame and a view of it that are asked about, and what a culler drew, by frame and
-    view, the names of units."""
+    """A case, a frame and a view of it that are asked about, and by frame and view what a culler
+    drew, the names of units, and which objects it missed."""
 
     case: Case
     frame: int = 0
     view: str = ""
     drawn: Mapping[Place, Sequence[str]] = field(default_factory=dict)
     too_small: Sequence[str] = ()
+    missed: Mapping[Place, Sequence[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ def at(build: Callable[[], Stage]) -> At:
 def answer(stage: Stage, place: Place) -> Answer:
     scene = stage.case.scene
     drawn = np.array([scene.id_of_name[name] for name in stage.drawn[place]], np.int32)
-    return Answer.of(*place, drawn, np.zeros(0, np.int32), Spool())
+    missed = np.array([scene.id_of_name[name] for name in stage.missed.get(place, ())], np.int32)
+    return Answer.of(*place, drawn, np.sort(missed), Spool())
 
 
 def names(asked: At, flags) -> set[str]:

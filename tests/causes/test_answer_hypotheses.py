@@ -265,6 +265,25 @@ def left_out_once():
     return Stage(posed(objects, frames), 1, drawn=drawn)
 
 
+def missed_from_some_time_on():
+    """In the third of three frames the culler misses three objects that it missed in the second:
+    'start' was missed in the first too, 'drawn' was drawn then, and 'rightly' was left out rightly,
+    as it stood aside."""
+    view = plain()
+    objects = [
+        (name, sheet(view, (2 + 7 * i, 6 + 7 * i), (4, 9), 9.0))
+        for i, name in enumerate(("start", "drawn", "kept", "rightly"))
+    ]
+    frames = [Frame((view,), world_from_object={"rightly": there}) for there in (AWAY, HERE, HERE)]
+    lost = ["start", "drawn", "rightly"]
+    return Stage(
+        posed(objects, frames),
+        2,
+        drawn={(0, ""): ["kept", "drawn"], (1, ""): ["kept"], (2, ""): ["kept"]},
+        missed={(0, ""): ["start"], (1, ""): lost, (2, ""): lost},
+    )
+
+
 IDS = [
     *claims(
         neighbours,
@@ -285,6 +304,8 @@ IDS = [
         "first-answer-kept: left out before -> late again",
         "first-answer-kept: nothing new -> late again aside",
     ),
+    # That what is missed was missed before explains nothing.
+    *claims(missed_from_some_time_on, "first-answer-kept: nothing new -> rightly"),
     *claims(namesakes, "same-names: -> tree#2 tree#3"),
 ]
 

@@ -16,6 +16,9 @@ from visref.scene import Int32
 
 Bool = NDArray[np.bool_]
 
+# Over how many frames it is followed for how long something has been left out.
+LOOK_BACK = 64
+
 
 def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
     def shown(at: At) -> Told:
@@ -159,22 +162,43 @@ def neighbour(step: int) -> dict[str, Tell]:
 
 def left_out_before(at: At) -> Told:
     """What was in the view and left out in the frame before stays left out."""
-    before = at.before(1)
-    if before is None:
+    before, kept = at.before(1), nothing_new(at)
+    if before is None or kept is None:
         return None
-    then = at.sights.answers.at(before.frame, at.view)
-    return None if then is None else then[at.ids] | ~before.boxes(at.ids).in_view
+    return kept | ~before.boxes(at.ids).in_view
 
 
 def nothing_new(at: At) -> Told:
-    """What was not drawn in the frame before is not drawn."""
-    before = at.sights.moments.before(at.frame, 1)
-    return None if before is None else _drawn_then(at, before)
+    """What was not drawn in the frame before is not drawn. What is missed then and now is no sign
+    of that unless it was left out rightly when that began."""
+    frame, answers = at.sights.moments.before(at.frame, 1), at.sights.answers
+    then = None if frame is None else answers.at(frame, at.view)
+    if then is None:
+        return None
+    left_out = ~then[at.ids]
+    rightly = np.zeros(len(at.ids), np.bool_)
+    objects = _objects(at)
+    for _ in range(LOOK_BACK):
+        assert frame is not None
+        missed = np.isin(objects, answers.missed(frame, at.view))
+        rightly |= left_out & ~missed
+        left_out &= missed
+        frame = at.sights.moments.before(frame, 1)
+        then = None if frame is None else answers.at(frame, at.view)
+        if then is None or not left_out.any():
+            break
+        left_out &= ~then[at.ids]
+    return ~rightly
 
 
-def _drawn_then(at: At, frame: int) -> Told:
-    then = at.sights.answers.at(frame, at.view)
-    return None if then is None else then[at.ids]
+def _objects(at: At) -> Int32:
+    """(k,) int32, the object of each unit's first triangle, -1 for one that has none."""
+    units, place = at.sights.units, at.now.place
+    result = np.full(len(at.ids), -1, np.int32)
+    some = units.sizes[at.ids] > 0
+    first = units.triangles[units.offsets[at.ids[some]]]
+    result[some] = place.scene.object_of_triangle[first]
+    return result
 
 
 def neighbour_in_order(*, first: bool, by_id: bool = False) -> Tell:

@@ -78,8 +78,16 @@ class Answers:
 
     def at(self, frame: int, view: str) -> NDArray[np.bool_] | None:
         """(u,) bool, what was drawn in a view of a frame, None where there was no answer."""
-        found = self._by_place.get((frame, view)) or self._by_place.get((frame, ""))
+        found = self._found(frame, view)
         return None if found is None else found.drawn(self.units.count)
+
+    def missed(self, frame: int, view: str) -> Int32:
+        """(k,) int32, the objects that were missed in a view of a frame, ascending."""
+        found = self._found(frame, view)
+        return np.zeros(0, np.int32) if found is None else found.missed
+
+    def _found(self, frame: int, view: str) -> Answer | None:
+        return self._by_place.get((frame, view)) or self._by_place.get((frame, ""))
 
 
 class Evidence:
