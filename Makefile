@@ -47,7 +47,7 @@ $(AXE):
 	-@npm install --silent --no-save --no-package-lock axe-core
 
 test: warm $(AXE)
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist worksteal --durations=40
 
 test-fast: warm
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"

@@ -5,7 +5,8 @@
 Without `--kept-back` the kept-back third is not run, whatever is asked for; with it, that third
 alone is. What is counted are convicted objects: an object that loses samples in a frame and view.
 Up to three causes are named of each, the likeliest first: the answer is right if one of them is,
-and wrong if none is; how often the first is the right one is told too.
+and wrong if none is; how often the first is the right one is told too. A plain fact, as that
+nothing at all is drawn, is right where it is why, and else says as little as no cause does.
 """
 
 from __future__ import annotations
@@ -74,6 +75,8 @@ class ByVisref:
 
 
 NONE = "none"
+# Said only where it is so, as the answers show: where it is not why, nothing is said of that.
+FACTS = frozenset({"nothing-drawn", "never-drawn"})
 
 
 @dataclass
@@ -97,6 +100,7 @@ class Row:
     def add(self, causes: Sequence[str]) -> None:
         """Count one convicted object."""
         first = causes[0] if causes else NONE
+        causes = [cause for cause in causes if cause in self.accepted or cause not in FACTS]
         right = not set(self.accepted).isdisjoint(causes)
         self.convicted += 1
         self.given[first] += 1

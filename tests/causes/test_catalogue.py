@@ -154,6 +154,16 @@ def test_answer_is_right_if_any_cause_named_is():
     assert (unknown.right, unknown.wrong, unknown.none) == (0, 1, 1)
 
 
+def test_a_fact_is_right_where_it_is_why_and_says_nothing_elsewhere():
+    why, elsewhere = table.Row("a", "", ["nothing-drawn"]), table.Row("b", "", ["flipped"])
+    for row in (why, elsewhere):
+        row.add(["nothing-drawn"])
+        row.add(["nothing-drawn", "own-depth"])
+    assert (why.right, why.wrong, why.none) == (2, 0, 0)
+    assert (elsewhere.right, elsewhere.wrong, elsewhere.none) == (0, 1, 1)
+    assert elsewhere.given == {"nothing-drawn": 2}
+
+
 def test_shares_are_of_the_faults_that_a_cause_describes():
     known, each, unknown = table.totals(rows())
     assert "4 objects lost by 1 faults" in known
