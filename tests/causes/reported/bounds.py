@@ -175,9 +175,7 @@ class SphereAboutThePivot(Strewn):
         return sphere_in_view(camera, self.place.rigs[1][some, :3, 3], radius)
 
 
-@reported(
-    "Unity-Technologies/ScriptableRenderPipeline #3001", "origin in the view", places.strewn
-)
+@reported("Unity-Technologies/ScriptableRenderPipeline #3001", "origin in the view", places.strewn)
 class PivotInTheView(InView):
     """It is in the view if its origin is."""
 
@@ -355,5 +353,3 @@ class PointBelowTheHorizon(InView):
         along = -(ahead @ eye) / reach
         closest = np.sqrt(np.maximum(eye @ eye - along**2, 0.0))
         return (along > 0) & (along < reach) & (closest < self.RADIUS)
-
-

@@ -14,7 +14,6 @@ from tests.causes.reported.sound import (
     Sound,
     corners,
     depths,
-    rectangles,
     reported,
 )
 from tests.causes.reported.sound import places as projected
@@ -300,7 +299,6 @@ class EyeOfTheCharacter(Sound):
         his = replace(camera, world_from_camera=pose, yfov=2.4)
         result = super().shows(his, some, boxes)
         # What he has beside him or behind is not asked about.
-        low, high = rectangles(his, boxes)
         pixels, depth = projected(his, corners(boxes))
         size = np.array([his.width, his.height])
         inside = ((pixels > 0) & (pixels < size - 1)).all(axis=(1, 2)) & (depth > 0).all(axis=1)

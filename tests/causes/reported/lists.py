@@ -242,7 +242,7 @@ class SectionsVisitedOnce(Sound):
 
     def section_in_view(self, camera, section):
         low = np.array([section[0] * self.SIDE, -1.0, section[1] * self.SIDE])
-        box = np.array([[low, low + (self.SIDE, 12.0, self.SIDE)]])
+        box = np.array([[low, np.add(low, (self.SIDE, 12.0, self.SIDE))]])
         return bool(self.in_view(camera, np.zeros(1, int), box)[0])
 
 

@@ -28,8 +28,9 @@ Objects = list[tuple[str, Mesh]]
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """`rigs`: of a place whose objects are copies of a few meshes, each one's box at home, (n, 2,
-    3), and world_from_object, (n, 4, 4). `cells`: by object, the cell it belongs to, -1 for none."""
+    """`rigs`: of a place whose objects are copies of a few meshes, each one's box at home,
+    (n, 2, 3), and world_from_object, (n, 4, 4). `cells`: by object, the cell that it belongs to,
+    -1 for none."""
 
     scene: Scene
     path: CameraPath
@@ -67,7 +68,7 @@ def prism(sides: int, radius: float, height: float) -> Mesh:
     """A closed upright prism on the ground."""
     a = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([radius * np.cos(a), np.zeros(sides), -radius * np.sin(a)], axis=1)
-    points = np.concatenate([ring, ring + (0, height, 0), [(0, 0, 0), (0, height, 0)]])
+    points = np.concatenate([ring, np.add(ring, (0, height, 0)), [(0, 0, 0), (0, height, 0)]])
     faces = []
     for i in range(sides):
         j = (i + 1) % sides
@@ -89,11 +90,13 @@ def _village() -> Objects:
             x, z = 11.0 * (i - 3) - 5.5, 11.0 * (k - 3) - 5.5
             wide, deep, tall = rng.uniform((4.5, 4.5, 2.8), (7.4, 7.4, 7.0))
             low = np.array([x - wide / 2, 0, z - deep / 2])
-            objects.append((f"house {i}-{k}", box(low, low + (wide, tall, deep))))
+            objects.append((f"house {i}-{k}", box(low, np.add(low, (wide, tall, deep)))))
             roof = prism(4, 0.72 * max(wide, deep), 0.5)
             objects.append((f"roof {i}-{k}", put(roof, (x, tall, z), turn=np.pi / 4)))
             objects.append((f"chimney {i}-{k}", box((x, tall, z), (x + 0.6, tall + 1.7, z + 0.5))))
-            objects.append((f"fence {i}-{k}", box(low - (0.9, 0, 0.9), low + (wide, 1, -0.85))))
+            objects.append(
+                (f"fence {i}-{k}", box(np.add(low, (-0.9, 0, -0.9)), np.add(low, (wide, 1, -0.85))))
+            )
     for n in range(110):
         along, aside = rng.uniform(-36, 36), rng.choice((-1.4, 1.4)) + rng.uniform(-0.3, 0.3)
         street = 11.0 * rng.integers(-3, 3)
@@ -166,7 +169,7 @@ def village_with(change: str) -> Place:
         eyes, ahead = _street(30)
         order = np.repeat([2, 20, 8, 26, 12, 29], 4)
         step = np.tile([0.0, 0.0, 0.0, 0.6], 6)
-        made = views(eyes[order] + step[:, None] * (0.3, 0, -1), ahead[order])
+        made = views(eyes[order] + step[:, None] * np.array([0.3, 0, -1]), ahead[order])
         made = [replace(one, cut=k % 4 == 0 and k > 0) for k, one in enumerate(made)]
     return Place(scene_of(_village()), CameraPath(made))
 
@@ -251,7 +254,8 @@ def hall() -> Place:
                 rack = [box((0, y, 0), (0.9, y + 0.08, 3.4)) for y in (0.1, 1.1, 2.1, 3.0)]
                 add(f"rack {cell}-{n}", put(together(*rack), at), cell)
                 for shelf in range(4):
-                    low = at + (0.15, (0.18, 1.18, 2.18, 3.08)[shelf], rng.uniform(0.1, 2.4))
+                    up = (0.18, 1.18, 2.18, 3.08)[shelf]
+                    low = at + np.array([0.15, up, rng.uniform(0.1, 2.4)])
                     size = rng.uniform((0.3, 0.25, 0.3), (0.6, 0.7, 0.9))
                     add(f"goods {cell}-{n}-{shelf}", box(low, low + size), cell)
             for n in range(4):
@@ -272,8 +276,8 @@ def hall() -> Place:
 @cache
 def plaza(*, leaving: bool = False, turning: bool = False, growing: bool = False) -> Place:
     """People walk in rings about columns and kiosks, as a camera strolls by. `leaving`: kiosks are
-    taken down one by one, and people come. `turning`: what walks are long carts. `growing`: balloons
-    are blown up on the spot."""
+    taken down one by one, and people come. `turning`: what walks are long carts. `growing`: what
+    stands there are balloons that are blown up."""
     rng = np.random.default_rng(23)
     objects: Objects = [("pavement", box((-40, -0.3, -40), (40, 0, 40)))]
     for n in range(22):
@@ -340,7 +344,7 @@ def passages() -> Place:
 
 @cache
 def reed_bed() -> Place:
-    """Reeds and flags that grow and bend far out of their places, between walls, and a walk along."""
+    """Reeds that grow and bend far out of their places, between walls, and a walk along them."""
     rng = np.random.default_rng(5)
     objects: Objects = [("bank", box((-30, -0.5, -30), (30, 0, 12)))]
     for n in range(12):
@@ -385,7 +389,7 @@ def avenue(*, by_distance: bool = True) -> Place:
         centres.append((x, height / 2, z))
     for n in range(20):
         low = np.array([rng.uniform(-7, 7), 0, rng.uniform(-80, 5)])
-        objects.append((f"bench {n}", box(low, low + (0.5, 0.5, 1.4))))
+        objects.append((f"bench {n}", box(low, np.add(low, (0.5, 0.5, 1.4)))))
     scene = scene_of(objects)
     positions = [points.astype(np.float32) for _, (points, _) in objects]
     starts = np.cumsum([0, *map(len, positions)])
@@ -547,7 +551,9 @@ def globe() -> Place:
 
     def point(lat, lon):
         r = 100 + 1.2 * np.sin(9 * lat) * np.cos(7 * lon)
-        return np.stack([r * np.cos(lat) * np.sin(lon), r * np.sin(lat), r * np.cos(lat) * np.cos(lon)], -1)
+        return np.stack(
+            [r * np.cos(lat) * np.sin(lon), r * np.sin(lat), r * np.cos(lat) * np.cos(lon)], -1
+        )
 
     n = 4
     index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
@@ -610,14 +616,14 @@ def glasshouse() -> Place:
     t = np.linspace(0, 1, 28)
     eyes = np.stack([-9 + 19 * t, np.full(28, 1.6), 11 - 12 * t], axis=1)
     cameras = views(eyes, heading(0.55 * np.sin(6 * t), -0.05))
-    alpha = {name: Alpha.BLEND for name in glass} | {name: Alpha.MASK for name in lattices}
+    alpha = dict.fromkeys(glass, Alpha.BLEND) | dict.fromkeys(lattices, Alpha.MASK)
     built = cut_out(case(objects, cameras, alpha=alpha), lattices)
     return Place(built.scene, CameraPath(cameras))
 
 
 @cache
 def lake() -> Place:
-    """A lake, whose water is glass, with wrecks and stones under it, and jetties; one looks down."""
+    """A lake, whose water is glass, with wrecks under it and posts in it; one looks down."""
     rng = np.random.default_rng(15)
     objects: Objects = [
         ("bed", box((-30, -5, -40), (30, -4.5, 20))),
@@ -641,7 +647,7 @@ def lake() -> Place:
     t = np.linspace(0, 1, 26)
     eyes = np.stack([-12 + 22 * t, 2.5 + np.sin(5 * t), 16 - 14 * t], axis=1)
     cameras = views(eyes, heading(0.5 * np.sin(6 * t), -0.45))
-    built = case(objects, cameras, alpha={name: Alpha.BLEND for name in water})
+    built = case(objects, cameras, alpha=dict.fromkeys(water, Alpha.BLEND))
     return Place(built.scene, CameraPath(cameras))
 
 

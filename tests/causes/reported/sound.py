@@ -1,4 +1,4 @@
-"""What the reported faults are made of: a culler without a mistake, step by step, and a register."""
+"""What the reported faults are made of: a culler without a mistake, in steps, and a register."""
 
 from __future__ import annotations
 

@@ -20,7 +20,9 @@ from tests.causes.reported.sound import (
 )
 
 
-@reported("GarageGames/Torque3D #525", "lens shift left out", partial(places.village_twice, "headset"))
+@reported(
+    "GarageGames/Torque3D #525", "lens shift left out", partial(places.village_twice, "headset")
+)
 class EyesWithoutTheirOffset(InView):
     """The frustum of each eye is a regular one, without the offset of its lens."""
 
@@ -231,7 +233,9 @@ class OnlyAStepCullsAnew(InView):
         return self.answer
 
 
-@reported("ZeaInc/zea-engine #586", "answer from before a cut", partial(places.village_with, "jumps"))
+@reported(
+    "ZeaInc/zea-engine #586", "answer from before a cut", partial(places.village_with, "jumps")
+)
 class SwitchedCameraCullsNothing(InView):
     """A cut to another camera changes nothing that is drawn, until that one moves."""
 
