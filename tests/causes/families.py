@@ -126,6 +126,8 @@ FAMILIES: dict[str, frozenset[str]] = {
     "depth from another eye": _told(""),
     "answer two frames late": _told("two-frames-late"),
     "answer several frames late": _told("n-frames-late"),
+    # What nothing else had the place of gets its own answer, and that two frames late.
+    "answer of what had its place": _told("two-frames-late"),
     # The answer is as many frames late as the eye has stood still.
     "answer kept on the spot": _told("one-frame-late two-frames-late n-frames-late"),
     "answer from before a cut": _told("across-a-cut"),

@@ -44,7 +44,7 @@ class SphereNeverUpdated(InView):
         return sphere_in_view(camera, *spheres(self.first.object_bounds[some]))
 
 
-@reported("CesiumGS/cesium #487", "pose of the frame before", places.plaza)
+@reported("CesiumGS/cesium #487", "pose of the frame before", places.moving_groves)
 class SphereOfTheFrameBefore(InView):
     """The sphere of what moves is brought up to date after it was tested."""
 
@@ -135,7 +135,9 @@ class RadiusOfOneAxis(Strewn):
         return sphere_in_view(camera, centre, radius * np.linalg.norm(axes[:, :, 0], axis=1))
 
 
-@reported("OGRECave/ogre #1729", "box or sphere too small", partial(places.strewn, "mirrored"))
+@reported(
+    "FlaxEngine/FlaxEngine #3940", "box or sphere too small", partial(places.strewn, "mirrored")
+)
 class NegativeRadius(Strewn):
     """The radius is multiplied with the greatest scale: negative, where all three are."""
 
@@ -200,7 +202,7 @@ class TooFewHeights(InView):
     def boxes(self):
         boxes = np.array(self.scene.object_bounds)
         for at in np.flatnonzero([name.startswith("tile") for name in self.scene.names]):
-            x, z = np.meshgrid(*(np.linspace(*boxes[at, :, axis], 3) for axis in (0, 2)))
+            x, z = np.meshgrid(*(np.linspace(*boxes[at, :, axis], 2) for axis in (0, 2)))
             heights = places.height(x, z)
             boxes[at, :, 1] = heights.min(), heights.max()
         return boxes
@@ -253,7 +255,7 @@ class CentreOfTheBox(InView):
         return sphere_in_view(camera, boxes.mean(axis=1), np.zeros(len(some)))
 
 
-@reported("gazebosim/gz-math #85", "one corner in the view", places.village)
+@reported("gazebosim/gz-math #85", "one corner in the view", partial(places.village, yfov=0.35))
 class NoCornerInside(InView):
     """A box none of whose corners is in the view, and which holds no corner of it, is out."""
 
@@ -271,7 +273,7 @@ class NoCornerInside(InView):
         return inside.any(axis=1) | held
 
 
-@reported("root-project/jsroot #61", "one corner in the view", places.hall)
+@reported("root-project/jsroot #61", "one corner in the view", partial(places.strewn, "scaled"))
 class EightPointsContained(InView):
     """A box is in the view if the view contains one of its eight points."""
 
@@ -279,7 +281,7 @@ class EightPointsContained(InView):
         return (~outside(camera, corners(boxes)).any(axis=0)).any(axis=1)
 
 
-@reported("FUSEEProjectTeam/Fusee #652", "box without thickness", places.lake)
+@reported("FUSEEProjectTeam/Fusee #652", "box without thickness", places.glasshouse)
 class NoThickness(InView):
     """A box that is flat along an axis intersects nothing."""
 
@@ -297,15 +299,17 @@ class AcrossTheNearPlane(InView):
 
 
 @reported("cogentcore/core #326", "corners behind the eye", places.village)
-class DividedBehindTheEye(InView):
-    """Corners are divided by their depth, behind the eye too, and their rectangle is tested."""
+class CornersBehindTheEyeDropped(InView):
+    """The rectangle that is tested is that of the corners before the eye alone."""
 
     def in_view(self, camera, some, boxes):
         pixels, depth = camera.pixel_of(corners(boxes).reshape(-1, 3))
         pixels, depth = pixels.reshape(-1, 8, 2), depth.reshape(-1, 8)
+        ahead = depth >= camera.near
+        most = np.where(ahead[..., None], pixels, -np.inf).max(axis=1)
+        least = np.where(ahead[..., None], pixels, np.inf).min(axis=1)
         last = np.array([camera.width, camera.height])
-        across = (pixels.max(axis=1) >= -0.5) & (pixels.min(axis=1) <= last - 0.5)
-        return across.all(axis=1) & (depth.max(axis=1) >= camera.near)
+        return ((most >= -0.5) & (least <= last - 0.5)).all(axis=1)
 
 
 @reported("x3dom/x3dom #571", "box across every side", partial(places.village, far=40.0))
@@ -337,11 +341,11 @@ class DepthTimesX(InView):
 class PointBelowTheHorizon(InView):
     """A tile is below the horizon if one point of it is, for it counts as having no extent."""
 
-    RADIUS = 98.8
+    RADIUS = 99.9
 
     def in_view(self, camera, some, boxes):
         point = boxes.mean(axis=1)
-        point *= (100.5 / np.linalg.norm(point, axis=1))[:, None]
+        point *= (100.0 / np.linalg.norm(point, axis=1))[:, None]
         result = super().in_view(camera, some, boxes)
         tiles = np.array([self.scene.names[i].startswith("tile") for i in some])
         return result & ~(tiles & self.below(camera.eye, point))

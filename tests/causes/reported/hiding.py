@@ -20,7 +20,7 @@ from tests.causes.reported.sound import places as projected
 from visref.scene import Alpha
 
 
-@reported("godotengine/godot #94210", "distance for depth", places.hall)
+@reported("godotengine/godot #94210", "distance for depth", partial(places.strewn, "scaled"))
 class PointNearestByDistance(Sound):
     """Of a box the depth of the point is compared that is nearest by straight distance."""
 
@@ -64,7 +64,7 @@ class Coarse(Sound):
         return bool((found >= nearest * (1.0 - SLACK)).any())
 
 
-@reported("godotengine/godot #53288", "quarter of the resolution", places.hall)
+@reported("godotengine/godot #53288", "quarter of the resolution", places.groves)
 class ThroughNarrowGaps(Coarse):
     """Depth has a quarter of the resolution, and a gap may lie between its rays."""
 
@@ -108,7 +108,7 @@ class Pyramid(Sound):
 @reported(
     "bevyengine/bevy #14062",
     "last texels left out",
-    partial(places.village, width=187, height=117),
+    partial(places.village, width=191, height=127),
 )
 class OddSidesCut(Pyramid):
     """A level of odd sides loses its last column or row to the next."""
@@ -123,7 +123,7 @@ class OddSidesCut(Pyramid):
         return super().texels(depth, np.minimum(low, last), np.minimum(high, last))
 
 
-@reported("bevyengine/bevy #14042", "some samples of the rectangle", places.hall)
+@reported("bevyengine/bevy #14042", "some samples of the rectangle", places.village)
 class LevelTooFine(Pyramid):
     """Two by two texels are looked up, in a level too fine for them to cover the rectangle."""
 
@@ -267,7 +267,7 @@ class WaterHidesTheBed(GlassBakedAsOccluder):
     """Visibility was computed with opaque water, which is drawn transparent."""
 
 
-@reported("GothicVRProject/GothicVR #235, first", "masks solid", places.forest)
+@reported("GothicVRProject/GothicVR #235, first", "masks solid", places.glasshouse)
 class ClippedLeavesHide(Sound):
     """What is alpha-clipped is among the occluders, as if it had no holes."""
 

@@ -97,30 +97,34 @@ class ListFromBeforeARemoval(Sound):
         return result
 
 
-@reported("matiaszanolli/ByroRedux #194", "answers shifted", places.hall)
-class SkippedInOneListAlone(Sound):
-    """One object is not in the list that is culled, and those after it get their neighbour's
-    answer."""
+@reported(
+    "Kelsidavis/WoWee #104",
+    "answer of what had its place",
+    partial(places.plaza, leaving=True),
+)
+class PlacesSwappedSinceTheAnswer(Sound):
+    """Answers are read two frames later by places in a list, where the last fills the place of
+    what is removed."""
 
-    SKIPPED = 120
+    def prepare(self, scene):
+        self.listed, self.answers = [], []
+        return super().prepare(scene)
 
     def kept(self, camera):
-        answers = super().kept(camera)
-        culled = np.delete(answers, self.SKIPPED)
-        result = answers.copy()
-        result[: len(culled)] = culled
+        now = set(np.flatnonzero(self.there()).tolist())
+        for one in [one for one in self.listed if one not in now]:
+            at, last = self.listed.index(one), self.listed.pop()
+            if last != one:
+                self.listed[at] = last
+        self.listed += sorted(now - set(self.listed))
+        self.answers.append(super().kept(camera)[self.listed])
+        result = np.zeros(self.scene.object_count, np.bool_)
+        result[self.listed] = True
+        if len(self.answers) > 2:
+            old = self.answers.pop(0)
+            known = min(len(old), len(self.listed))
+            result[self.listed[:known]] = old[:known]
         return result
-
-
-@reported("matiaszanolli/ByroRedux #647", "ids wrap", places.strewn)
-class NumbersOfFewBits(Sound):
-    """Numbers of objects are kept in too few bits, and wrap."""
-
-    BITS = 6
-
-    def kept(self, camera):
-        answers = super().kept(camera)
-        return answers[np.arange(len(answers)) & ((1 << self.BITS) - 1)]
 
 
 @reported("matiaszanolli/ByroRedux #2751", "list cut short", places.village)
@@ -199,9 +203,9 @@ class NeighboursNotSent(Sound):
 
 
 @reported("CaffeineMC/sodium #872", "traversal stops short", places.village)
-class SectionsVisitedOnce(Sound):
-    """Sections are reached through their faces, never back on one's way, and each once, by the
-    first way that leads there."""
+class SectionsTakenForClosed(Sound):
+    """Sections are reached through faces of open ones, and one with a house in it counts as
+    closed on all sides."""
 
     SIDE = 11.0
 
@@ -218,21 +222,16 @@ class SectionsVisitedOnce(Sound):
         return kept
 
     def flood(self, camera, start):
-        """Sections reached, breadth first: a section that a house fills lets through straight."""
-        full = self.houses()
-        reached, queue = {start}, [(start, None)]
-        while queue:
-            (x, z), way = queue.pop(0)
-            for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                ahead = (x + step[0], z + step[1])
-                back = way is not None and step == (-way[0], -way[1])
-                aside = way is not None and (x, z) in full and step != way
-                if ahead in reached or back or aside or max(map(abs, ahead)) > 5:
-                    continue
-                if not self.section_in_view(camera, ahead):
-                    continue
-                reached.add(ahead)
-                queue.append((ahead, step))
+        """Sections that are reached from one, itself among them."""
+        closed, reached, ahead = self.houses(), {start}, [start]
+        while ahead:
+            x, z = one = ahead.pop()
+            if one in closed and one != start:
+                continue
+            for at in ((x + 1, z), (x - 1, z), (x, z + 1), (x, z - 1)):
+                if at not in reached and max(map(abs, at)) < 6 and self.section_in_view(camera, at):
+                    reached.add(at)
+                    ahead.append(at)
         return reached
 
     def houses(self):
@@ -254,9 +253,11 @@ class GapBetweenLevels(Sound):
 
     def kept(self, camera):
         kept = super().kept(camera)
-        centre = self.boxes().mean(axis=1)
+        boxes = self.boxes()
+        boxes[~self.there()] = 0.0
+        centre = boxes.mean(axis=1)
         trees = [name.startswith("tree") for name in self.scene.names]
-        away = np.linalg.norm(np.where(np.isfinite(centre), centre, 0.0) - camera.eye, axis=1)
+        away = np.linalg.norm(centre - camera.eye, axis=1)
         between = np.zeros(len(kept), np.bool_)
         for end in places.LEVEL_ENDS:
             between |= (away > (1 - self.GAP) * end) & (away < (1 + self.GAP) * end)

@@ -135,7 +135,7 @@ def village_from_above(rolled: bool = False, zoomed: bool = False) -> Place:
     for k, one in enumerate(views(eyes, np.tile([0, -0.85, -0.53], (n, 1)), ymag=9.0, far=200.0)):
         if rolled:
             one = replace(one, world_from_camera=_rolled(one.world_from_camera, 0.06 * k))
-        made.append(replace(one, ymag=9.0 + 0.5 * k) if zoomed else one)
+        made.append(replace(one, ymag=9.0 + 0.2 * k) if zoomed else one)
     return Place(scene_of(_village()), CameraPath(made))
 
 
@@ -177,7 +177,7 @@ def village_with(change: str) -> Place:
 @cache
 def village_twice(eyes: str = "split") -> Place:
     """The village in two views: a "split" screen of two players, or a "headset" whose lenses are
-    shifted outward; or with a "mirror", which looks back."""
+    shifted outward; or with a "mirror", which looks back, or a "probe" that hangs above."""
     at, ahead = _street(28)
     frames = []
     for k in range(len(at)):
@@ -192,10 +192,13 @@ def village_twice(eyes: str = "split") -> Place:
         elif eyes == "mirror":
             one, two = views([at[k], at[k] + 0.5 * right], [ahead[k], (1, 1, -1) * -ahead[k]])
             two = replace(two, width=96, height=60)
+        elif eyes == "probe":
+            one, two = views([at[k], at[k] + (0, 5.5, 0)], [ahead[k], ahead[k] - (0, 0.3, 0)])
+            two = replace(two, width=96, height=60)
         else:
             other = (k + 11) % len(at)
             one, two = views([at[k], at[other]], [ahead[k], ahead[other]], **first)
-        names = ("left", "right") if eyes != "mirror" else ("main", "mirror")
+        names = ("main", eyes) if eyes in ("mirror", "probe") else ("left", "right")
         frames.append(
             Frame(tuple(replace(c, view=n) for c, n in zip((one, two), names, strict=True)))
         )
@@ -448,7 +451,7 @@ def strewn(kind: str = "turned") -> Place:
         home = meshes[n % 3]
         size = np.ones(3)
         if kind == "scaled":
-            size = rng.uniform(0.5, 1.2, 3) * (1, rng.uniform(1, 3.5), 1)
+            size = np.exp(rng.uniform(np.log(0.5), np.log((3.5, 3.0, 4.0))))
         if kind == "mirrored":
             size = np.array([-1.0, 1.0, 1.0]) * rng.uniform(0.8, 1.3)
         a = rng.uniform(0, 2 * np.pi)
@@ -539,7 +542,7 @@ def hills() -> Place:
     t = np.linspace(0, 1, 28)
     x, z = 12 * np.sin(3 * t), 30 - 48 * t
     eyes = np.stack([x, height(x, z) + 2.4, z], axis=1)
-    path = CameraPath(views(eyes, heading(0.8 * np.sin(5 * t), -0.12)))
+    path = CameraPath(views(eyes, heading(0.8 * np.sin(5 * t), 0.08)))
     return Place(scene_of(objects), path)
 
 
@@ -636,7 +639,7 @@ def lake() -> Place:
             x, z = 10.0 * (i - 3), 8.0 * (k - 4) - 4
             flat = np.array([[x, 0, z], [x, 0, z + 8], [x + 10, 0, z + 8], [x + 10, 0, z]])
             objects.append((water[-1], (flat, np.array([[0, 1, 2], [0, 2, 3]]))))
-    for n in range(90):
+    for n in range(70):
         x, z = rng.uniform(-27, 26), rng.uniform(-36, 10)
         if n % 5 == 0:
             objects.append((f"post {n}", put(prism(6, 0.2, 6.0), (x, -4.5, z))))
@@ -644,7 +647,7 @@ def lake() -> Place:
             size = rng.uniform((0.4, 0.3, 0.4), (2.0, 1.2, 2.0))
             low = np.array([x, rng.uniform(-4.5, -1.5), z])
             objects.append((f"wreck {n}", box(low, low + size)))
-    t = np.linspace(0, 1, 26)
+    t = np.linspace(0, 1, 15)
     eyes = np.stack([-12 + 22 * t, 2.5 + np.sin(5 * t), 16 - 14 * t], axis=1)
     cameras = views(eyes, heading(0.5 * np.sin(6 * t), -0.45))
     built = case(objects, cameras, alpha=dict.fromkeys(water, Alpha.BLEND))

@@ -78,7 +78,7 @@ class OneEyeCullsForBoth(Sound):
         return self.left
 
 
-@reported("secondlife/viewer #1469", "the other view", partial(places.village_twice, "mirror"))
+@reported("secondlife/viewer #1469", "the other view", partial(places.village_twice, "probe"))
 class ProbeWithoutTheOccluded(Sound):
     """What the main camera's depth hides is left out of the other's image too."""
 
@@ -185,7 +185,7 @@ class BeyondFogThatIsNotThere(InView):
         return super().in_view(camera, some, boxes) & (away <= self.END)
 
 
-@reported("OPM/ResInsight #13745", "near too large", places.hall)
+@reported("OPM/ResInsight #13745", "near too large", places.village)
 class NearPushedByARatio(InView):
     """The near plane is pushed out until far is no more than so many times as far."""
 
