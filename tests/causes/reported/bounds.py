@@ -195,19 +195,6 @@ class HeightsInTheShader(InView):
         return boxes
 
 
-@reported("WorldWindEarth/WorldWindKotlin #18", "box or sphere too small", places.hills)
-class TooFewHeights(InView):
-    """A tile's box reaches as high as the few heights that are looked up in it."""
-
-    def boxes(self):
-        boxes = np.array(self.scene.object_bounds)
-        for at in np.flatnonzero([name.startswith("tile") for name in self.scene.names]):
-            x, z = np.meshgrid(*(np.linspace(*boxes[at, :, axis], 2) for axis in (0, 2)))
-            heights = places.height(x, z)
-            boxes[at, :, 1] = heights.min(), heights.max()
-        return boxes
-
-
 @reported("tr7zw/EntityCulling #3", "box or sphere too small", partial(places.plaza, turning=True))
 class HitBoxForTheModel(Sound):
     """What walks is tested by the box that it is hit by, which its model sticks out of."""

@@ -223,7 +223,7 @@ def far_village() -> Place:
 
 
 @cache
-def hall() -> Place:
+def hall(**lens) -> Place:
     """Rooms of a warehouse in a row and beside each other, with doors, racks, pillars and goods."""
     rng = np.random.default_rng(8)
     objects: Objects = [
@@ -269,7 +269,7 @@ def hall() -> Place:
     z = np.interp(t, [0, 0.4, 0.7, 1], [11, 8.6, 20.5, 22])
     turn = np.interp(t, [0, 0.2, 0.4, 0.6, 0.8, 1], [1.6, 0.9, 2.0, 3.0, 1.4, 0.4])
     eyes = np.stack([x, np.full(30, 1.75), z], axis=1)
-    path = CameraPath(views(eyes, heading(turn, -0.07), yfov=1.05))
+    path = CameraPath(views(eyes, heading(turn, -0.07), **{"yfov": 1.05, **lens}))
     return Place(scene_of(objects), path, cells=cells)
 
 
@@ -444,14 +444,14 @@ def strewn(kind: str = "turned") -> Place:
         worlds.append(np.eye(4))
     meshes = (
         box((0, 0, 0), (3.6, 0.5, 0.4)),
-        box((0, 0, -0.3), (1.8, 1.2, 0.3)),
+        box((0, 0, -1.9), (0.5, 0.9, 1.2)),
         put(prism(5, 0.35, 2.6), (0.9, 0, 0.4)),
     )
-    for n in range(110):
+    for n in range(140):
         home = meshes[n % 3]
         size = np.ones(3)
         if kind == "scaled":
-            size = np.exp(rng.uniform(np.log(0.5), np.log((3.5, 3.0, 4.0))))
+            size = np.exp(rng.uniform(np.log(0.5), np.log((4.0, 2.0, 4.5))))
         if kind == "mirrored":
             size = np.array([-1.0, 1.0, 1.0]) * rng.uniform(0.8, 1.3)
         a = rng.uniform(0, 2 * np.pi)
@@ -501,7 +501,7 @@ def moving_groves() -> Place:
     """The meadow of which patches drift about, every plant with its patch."""
     still = groves()
     rng = np.random.default_rng(3)
-    drift = rng.uniform((-0.7, 0, -0.4), (0.7, 0, 0.4), (18, 3))
+    drift = rng.uniform((-1.1, 0, -0.6), (1.1, 0, 0.6), (18, 3))
     names = still.scene.names
     frames = []
     for k, one in enumerate(still.path.cameras):
@@ -616,8 +616,8 @@ def glasshouse() -> Place:
         else:
             plant = box((0, 0, 0), rng.uniform((0.3, 0.3, 0.3), (1.2, 0.6, 0.6)))
         objects.append((f"plant {n}", put(plant, at)))
-    t = np.linspace(0, 1, 28)
-    eyes = np.stack([-9 + 19 * t, np.full(28, 1.6), 11 - 12 * t], axis=1)
+    t = np.linspace(0, 1, 24)
+    eyes = np.stack([-9 + 19 * t, np.full(24, 1.6), 11 - 12 * t], axis=1)
     cameras = views(eyes, heading(0.55 * np.sin(6 * t), -0.05))
     alpha = dict.fromkeys(glass, Alpha.BLEND) | dict.fromkeys(lattices, Alpha.MASK)
     built = cut_out(case(objects, cameras, alpha=alpha), lattices)
