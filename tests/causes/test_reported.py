@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from functools import cache
 
 import numpy as np
 import pytest
 
-from tests.causes.reported import REPORTS, reported
+from tests.causes.drawn import KEPT_BACK
+from tests.causes.reported import LOT, REPORTS, reported
 from tests.causes.reported.sound import Sound
 from visref.engines import make_engine
 from visref.timeline import Timeline
@@ -62,6 +64,7 @@ def once_each():
     return list(seen.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("report", REPORTS, ids=lambda report: report.name)
 def test_mistake_shows(report):
     place = report.place()
@@ -72,6 +75,7 @@ def test_mistake_shows(report):
     assert len({at for at, _ in lost}) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("report", once_each(), ids=lambda report: report.name)
 def test_culler_without_a_mistake_loses_nothing_there(report):
     place = report.place()
@@ -102,3 +106,9 @@ def test_each_is_a_mistake_of_its_own():
     faults = list(reported())
     assert len({fault.mistake for fault in faults}) == len(faults) == len(REPORTS)
     assert all(fault.about for fault in faults)
+
+
+def test_lot_is_drawn_and_the_others_are_spare():
+    sources = Counter(fault.source for fault in reported())
+    assert sources == {"reported": LOT, "spare": len(REPORTS) - LOT}
+    assert {fault.name for fault in reported()} <= KEPT_BACK

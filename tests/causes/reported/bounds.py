@@ -126,15 +126,6 @@ class ScaleForgotten(Strewn):
         return sphere_in_view(camera, centre, radius)
 
 
-@reported("cedricpinson/osgjs #149", "box or sphere too small", partial(places.strewn, "scaled"))
-class RadiusOfOneAxis(Strewn):
-    """The radius is scaled as if all axes were scaled as the first is."""
-
-    def in_view(self, camera, some, boxes):
-        centre, radius, axes = self.home(some)
-        return sphere_in_view(camera, centre, radius * np.linalg.norm(axes[:, :, 0], axis=1))
-
-
 @reported(
     "FlaxEngine/FlaxEngine #3940", "box or sphere too small", partial(places.strewn, "mirrored")
 )
@@ -283,20 +274,6 @@ class AcrossTheNearPlane(InView):
     def in_view(self, camera, some, boxes):
         nearest = depths(camera, corners(boxes)).min(axis=1)
         return super().in_view(camera, some, boxes) & (nearest >= camera.near)
-
-
-@reported("cogentcore/core #326", "corners behind the eye", places.village)
-class CornersBehindTheEyeDropped(InView):
-    """The rectangle that is tested is that of the corners before the eye alone."""
-
-    def in_view(self, camera, some, boxes):
-        pixels, depth = camera.pixel_of(corners(boxes).reshape(-1, 3))
-        pixels, depth = pixels.reshape(-1, 8, 2), depth.reshape(-1, 8)
-        ahead = depth >= camera.near
-        most = np.where(ahead[..., None], pixels, -np.inf).max(axis=1)
-        least = np.where(ahead[..., None], pixels, np.inf).min(axis=1)
-        last = np.array([camera.width, camera.height])
-        return ((most >= -0.5) & (least <= last - 0.5)).all(axis=1)
 
 
 @reported("x3dom/x3dom #571", "box across every side", partial(places.village, far=40.0))

@@ -20,7 +20,7 @@ from tests.causes.reported.sound import places as projected
 from visref.scene import Alpha
 
 
-@reported("godotengine/godot #94210", "distance for depth", partial(places.strewn, "scaled"))
+@reported("godotengine/godot #94210", "distance for depth", partial(places.hall, yfov=1.7))
 class PointNearestByDistance(Sound):
     """Of a box the depth of the point is compared that is nearest by straight distance."""
 
@@ -108,7 +108,7 @@ class Pyramid(Sound):
 @reported(
     "bevyengine/bevy #14062",
     "last texels left out",
-    partial(places.village, width=191, height=127),
+    partial(places.hall, width=255, height=159),
 )
 class OddSidesCut(Pyramid):
     """A level of odd sides loses its last column or row to the next."""
@@ -123,7 +123,7 @@ class OddSidesCut(Pyramid):
         return super().texels(depth, np.minimum(low, last), np.minimum(high, last))
 
 
-@reported("bevyengine/bevy #14042", "some samples of the rectangle", places.village)
+@reported("bevyengine/bevy #14042", "some samples of the rectangle", places.passages)
 class LevelTooFine(Pyramid):
     """Two by two texels are looked up, in a level too fine for them to cover the rectangle."""
 

@@ -202,7 +202,7 @@ class NeighboursNotSent(Sound):
         return kept & ~rim
 
 
-@reported("CaffeineMC/sodium #872", "traversal stops short", places.village)
+@reported("CaffeineMC/sodium #872", "traversal stops short", partial(places.village, 15))
 class SectionsTakenForClosed(Sound):
     """Sections are reached through faces of open ones, and one with a house in it counts as
     closed on all sides."""
