@@ -18,6 +18,7 @@ from tests.causes.reported.sound import (
     sphere_in_view,
     spheres,
 )
+from visref.camera import look_at
 
 
 @reported(
@@ -161,7 +162,7 @@ class MapNotTurned(InView):
     """The rectangle that the map is culled by does not turn with it."""
 
     def lens(self, camera):
-        upright = places.look_at(camera.eye, camera.eye + camera.forward)
+        upright = look_at(camera.eye, camera.eye + camera.forward)
         return replace(camera, world_from_camera=upright)
 
 
