@@ -115,4 +115,27 @@ FAMILIES: dict[str, frozenset[str]] = {
     "parts left out": _told(""),
     "answers lost": _told(""),
     "traversal stops short": _told(""),
+    # Of the reported faults alone.
+    "origin in the view": _told("pivot"),
+    "boxes about another origin": _told("origin-forgotten"),
+    "box across every side": _told(""),
+    "plane's arithmetic wrong": _told(""),
+    "a point for the whole": _told(""),
+    "eighth of the resolution": _told("coarse-depth-1/8"),
+    "occluders through another lens": _told(""),
+    "depth from another eye": _told(""),
+    "answer two frames late": _told("two-frames-late"),
+    "answer several frames late": _told("n-frames-late"),
+    # What nothing else had the place of gets its own answer, and that two frames late.
+    "answer of what had its place": _told("two-frames-late"),
+    # The answer is as many frames late as the eye has stood still.
+    "answer kept on the spot": _told("one-frame-late two-frames-late n-frames-late"),
+    "answer from before a cut": _told("across-a-cut"),
+    # What has been outside the view since the first frame stands there at rest.
+    "box of when it was hidden": _told("rest-pose"),
+    "outside at first, never drawn": _told("never-drawn"),
+    "another level of detail": _told("absent-lod"),
+    "no level drawn": _told(""),
+    "parent by its child": _told(""),
+    "first of the group for those seen": _told(""),
 }

@@ -1,0 +1,36 @@
+"""Faults that people reported of engines and libraries: each culler makes the one mistake that a
+report tells of, on a scene where it shows.
+
+Written from the reports, whose project and number each names, without a look at what finds causes.
+Fifty, drawn by seed, are a lot; the others are spare, for a time when that lot is spent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from tests.causes.fault import Fault, Input
+from tests.causes.reported import bounds, hiding, lists, view
+from tests.causes.reported.sound import REPORTS, Report
+
+__all__ = ["REPORTS", "bounds", "hiding", "lists", "reported", "view"]
+
+LOT, SEED = 50, 17
+
+
+def reported() -> Iterator[Fault]:
+    names = sorted(report.name for report in REPORTS)
+    order = np.random.Generator(np.random.PCG64(SEED)).permutation(len(names))
+    lot = {names[at] for at in order[:LOT]}
+    for report in REPORTS:
+        name = f"{'reported' if report.name in lot else 'spare'}/{report.name}"
+        about = " ".join((report.culler.__doc__ or "").split())
+        yield Fault(name, report.family, name, about, partial(_input, report))
+
+
+def _input(report: Report) -> Input:
+    place = report.place()
+    return Input(place.scene, place.path, report.culler(place))
