@@ -233,12 +233,28 @@ def test_an_answer_of_something_or_of_little_to_see_is_not_nothing():
 
 
 def test_level_that_is_drawn_and_not_there_is_said_of_its_group():
-    """Of the groups (0, 1) and (2, 3) one level each is there. Drawn was level 1, which is not."""
+    """Of the groups (0, 1) and (2, 3) one level each is there. Named was level 1, which is not."""
+    groups = (Group("a", "a", (0, 1), ((0,), (1,))), Group("b", "b", (2, 3), ((2,), (3,))))
+    made = of_groups(groups)
+    asked, answers = listed([[2, 4]], 5, missed=[[0]], built=made)
+    assert dropped(asked, answers, "absent-lod", ignored={1: 0}) == [0, 1]
+    assert dropped(asked, answers, "absent-lod") is None
+    # What is drawn is not left out, and what was named later says nothing of now.
+    asked, answers = listed([[0, 2, 4]], 5, missed=[[]], built=made)
+    assert dropped(asked, answers, "absent-lod", ignored={1: 0}) == [1]
+    asked, answers = listed([[2, 4]], 5, missed=[[0]], built=made)
+    assert dropped(asked, answers, "absent-lod", ignored={1: 3}) == []
+
+
+def test_levels_that_are_all_named_at_once_are_no_wrong_choice():
+    groups = (Group("a", "a", (0, 1, 2), ((0,), (1,), (2,))),)
+    asked, answers = listed([[3, 4]], 5, missed=[[0]], built=of_groups(groups))
+    assert dropped(asked, answers, "absent-lod", ignored={1: 0, 2: 0}) == []
+    assert dropped(asked, answers, "absent-lod", ignored={1: 0}) == [0, 1, 2]
+
+
+def of_groups(groups):
     made = case(
         [(f"o{i}", panel((i - 9.0, i - 8.5), (0.0, 5.0), -5.0)) for i in range(5)], [plain()]
     )
-    groups = (Group("a", "a", (0, 1), ((0,), (1,))), Group("b", "b", (2, 3), ((2,), (3,))))
-    made = replace(made, scene=replace(made.scene, groups=groups))
-    asked, answers = listed([[1, 2, 4]], 5, missed=[[0]], built=made)
-    assert dropped(asked, answers, "absent-lod", ignored={1: 0}) == [0, 1]
-    assert dropped(asked, answers, "absent-lod") is None
+    return replace(made, scene=replace(made.scene, groups=groups))

@@ -162,33 +162,51 @@ def neighbour(step: int) -> dict[str, Tell]:
 
 def left_out_before(at: At) -> Told:
     """What was in the view and left out in the frame before stays left out."""
-    before, kept = at.before(1), nothing_new(at)
-    if before is None or kept is None:
-        return None
-    return kept | ~before.boxes(at.ids).in_view
+    return _as_before(at, in_view=True)
 
 
 def nothing_new(at: At) -> Told:
-    """What was not drawn in the frame before is not drawn. What is missed then and now is no sign
-    of that unless it was left out rightly when that began."""
+    """What was not drawn in the frame before is not drawn."""
+    return _as_before(at, in_view=False)
+
+
+def _as_before(at: At, *, in_view: bool) -> Told:
+    """What was left out stays left out; `in_view`: if it was in the view then.
+
+    Most of what is drawn or missed was so in the frame before, and says nothing by that. So it is
+    followed back to where that began: what is missed since it was left out rightly would be left
+    out, and so would be what is drawn, though it was once left out.
+    """
     frame, answers = at.sights.moments.before(at.frame, 1), at.sights.answers
     then = None if frame is None else answers.at(frame, at.view)
-    if then is None:
+    if frame is None or then is None:
         return None
-    left_out = ~then[at.ids]
-    rightly = np.zeros(len(at.ids), np.bool_)
     objects = _objects(at)
+    drawn = then[at.ids]
+    # What is missed now and was drawn then is not left out because it was.
+    was_drawn = drawn & ~np.isin(objects, answers.missed(at.frame, at.view))
+    was_missed = ~drawn
+    left_out = np.zeros(len(at.ids), np.bool_)
     for _ in range(LOOK_BACK):
-        assert frame is not None
-        missed = np.isin(objects, answers.missed(frame, at.view))
-        rightly |= left_out & ~missed
-        left_out &= missed
-        frame = at.sights.moments.before(frame, 1)
-        then = None if frame is None else answers.at(frame, at.view)
-        if then is None or not left_out.any():
+        missed = np.isin(objects, answers.missed(frame, at.view)) & ~drawn
+        begins = ~drawn & (was_drawn | (was_missed & ~missed))
+        if begins.any():
+            left_out |= begins & _in_view(at, frame) if in_view else begins
+        was_drawn, was_missed = was_drawn & drawn, was_missed & missed
+        cut = at.sights.moments.cameras(frame)[0].cut
+        before = at.sights.moments.before(frame, 1)
+        then = None if before is None else answers.at(before, at.view)
+        if before is None or then is None or cut or not (was_drawn | was_missed).any():
             break
-        left_out &= ~then[at.ids]
-    return ~rightly
+        frame, drawn = before, then[at.ids]
+    return ~left_out
+
+
+def _in_view(at: At, frame: int) -> Bool:
+    there = at.then(frame)
+    if there is None:
+        return np.zeros(len(at.ids), np.bool_)
+    return there.boxes(at.ids).in_view
 
 
 def _objects(at: At) -> Int32:

@@ -66,25 +66,29 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
             return None
         return ~(at.now.seen[at.ids] | at.boxes.in_view)
 
-    ignored = np.zeros(count, np.bool_)
-    ignored[list(record.ignored)] = True
-
     def absent_level(at: At) -> Told:
-        scene = at.scene
-        group_of = {
-            obj: number
+        """Of a thing of several levels one that is absent was named, and the one that is there
+        was not. Where all levels are named at once, their choice is not what is wrong."""
+        scene, now = at.scene, _drawn_now(at)
+        level_of = {
+            obj: (number, place)
             for number, group in enumerate(scene.groups)
-            if group.levels
-            for level in group.levels
+            for place, level in enumerate(group.levels)
             for obj in level
         }
-        if not group_of or not ignored.any():
+        if not level_of or not record.ignored or now is None:
             return None
         units = at.sights.units
         first = np.minimum(units.offsets[:-1], max(len(units.triangles) - 1, 0))
         objects = scene.object_of_triangle[units.triangles[first]]
-        wrong = {group_of.get(int(objects[unit])) for unit in np.flatnonzero(ignored)} - {None}
-        return np.array([group_of.get(int(obj)) not in wrong for obj in at.objects()])
+        named: dict[int, dict[int, set[int]]] = {}
+        for unit, frame in record.ignored.items():
+            if int(objects[unit]) in level_of and frame <= at.frame:
+                number, place = level_of[int(objects[unit])]
+                named.setdefault(number, {}).setdefault(frame, set()).add(place)
+        wrong = {number for number, at_once in named.items() if len(at_once[min(at_once)]) == 1}
+        groups = [level_of.get(int(obj), (-1, 0))[0] for obj in at.objects()]
+        return now | ~np.isin(groups, list(wrong))
 
     return {
         "absent-lod": {"": absent_level},

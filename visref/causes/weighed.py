@@ -165,7 +165,16 @@ class Weighed:
         able = np.flatnonzero(likely[:-1] >= FAR_LESS * likely[0]).tolist()
         others = [ranked[i][1] for i in able if i >= NAMED or not wanted[i]]
         named += [one for one in others if self._alike(one, named[0])]
-        return [one for one in named[:NAMED] if self._no_chance(one, open_)]
+        return [
+            one
+            for one in named[:NAMED]
+            if self._explains(one, open_) and self._no_chance(one, open_)
+        ]
+
+    def _explains(self, tried: Tried, open_: Bool) -> bool:
+        """Whether it explains more of what is open than it would have left out besides."""
+        right = np.count_nonzero(tried.culled & open_)
+        return bool(right > np.count_nonzero(tried.culled & self.told.good & self.told.lossy))
 
     def _alike(self, one: Tried, other: Tried) -> bool:
         """Whether they leave out nearly the same of what shows, where something was lost."""
