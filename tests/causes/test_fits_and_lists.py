@@ -34,6 +34,17 @@ def lengthwise():
     return Stage(case(objects, [wide()]))
 
 
+def besides():
+    """Boxes whose nearest points lie 4, (3, 4) and (3, 4, 12) from the eye, and one about it."""
+    objects = [
+        ("ahead", box((-1.0, -1.0, -6.0), (1.0, 1.0, -4.0))),
+        ("aside", box((3.0, -1.0, -9.0), (5.0, 1.0, -4.0))),
+        ("corner", box((3.0, 4.0, -14.0), (5.0, 6.0, -12.0))),
+        ("about", box((-1.0, -1.0, -2.0), (1.0, 1.0, 2.0))),
+    ]
+    return Stage(case(objects, [wide()]))
+
+
 def covered():
     """'shown' is 6 by 4 pixels, nothing before it; 'gap' shows in 2 by 5 of its 7 by 5; 'cross'
     in 3 by 1 and 1 by 3 about one sample: 5, and in no square of 2. No diagonal meets a sample."""
@@ -69,6 +80,12 @@ def test_near_is_put_on_the_farthest_depth_of_a_box_and_far_on_its_nearest():
     far = values(lengthwise, "far-nearer", "fitted")
     assert near == {"beam": 12.0, "floor": 12.0, "sheet": 20.0}
     assert far == {"beam": 4.0, "floor": -3.0, "sheet": 20.0}
+
+
+def test_far_by_distance_is_put_on_the_nearest_point_of_a_box():
+    beside = values(besides, "far-nearer", "fitted by distance")
+    # The eye is at the origin, and inside the last.
+    assert beside == {"ahead": 4.0, "aside": 5.0, "corner": 13.0, "about": 0.0}
 
 
 def test_samples_are_those_that_show_or_that_the_rectangle_has_free():

@@ -181,7 +181,7 @@ def _as_before(at: At, *, in_view: bool) -> Told:
     then = None if frame is None else answers.at(frame, at.view)
     if frame is None or then is None:
         return None
-    objects = _objects(at)
+    objects = at.objects()
     drawn = then[at.ids]
     # What is missed now and was drawn then is not left out because it was.
     was_drawn = drawn & ~np.isin(objects, answers.missed(at.frame, at.view))
@@ -207,16 +207,6 @@ def _in_view(at: At, frame: int) -> Bool:
     if there is None:
         return np.zeros(len(at.ids), np.bool_)
     return there.boxes(at.ids).in_view
-
-
-def _objects(at: At) -> Int32:
-    """(k,) int32, the object of each unit's first triangle, -1 for one that has none."""
-    units, place = at.sights.units, at.now.place
-    result = np.full(len(at.ids), -1, np.int32)
-    some = units.sizes[at.ids] > 0
-    first = units.triangles[units.offsets[at.ids[some]]]
-    result[some] = place.scene.object_of_triangle[first]
-    return result
 
 
 def neighbour_in_order(*, first: bool, by_id: bool = False) -> Tell:

@@ -41,6 +41,14 @@ def far(at: At) -> Float64:
     return np.asarray(at.boxes.depths.min(axis=1))
 
 
+def away(at: At) -> Float64:
+    """The distance from the eye to the box."""
+    boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    eye = at.boxes.camera.eye
+    closest = np.clip(eye, boxes[:, 0], boxes[:, 1])
+    return np.asarray(np.linalg.norm(closest - eye, axis=1))
+
+
 def samples(at: At) -> Float64:
     return at.now.samples[at.ids].astype(np.float64)
 
@@ -84,6 +92,7 @@ def widths(sight: Sight, units: int) -> Float64:
 FITS = (
     Fit("near-larger", "fitted", near),
     Fit("far-nearer", "fitted", far, below=False),
+    Fit("far-nearer", "fitted by distance", away, below=False),
     Fit("too-few-samples", "owned", samples),
     Fit("too-few-samples", "passing", passing),
     Fit("too-few-samples", "size", on_screen),

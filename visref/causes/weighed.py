@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -152,6 +152,22 @@ class Weighed:
                 best[cause] = value, one
         if not best:
             return []
+        return self._likely(best, open_) or self._facts(open_, known)
+
+    def _facts(self, open_: Bool, known: Sequence[str]) -> list[Tried]:
+        """What is so, where no more can be said."""
+        least = LEAST * np.count_nonzero(self.told.lost)
+        able = [
+            one
+            for one in self.tried
+            if one.hypothesis.cause in LAST
+            and one.hypothesis.cause not in known
+            and np.count_nonzero(one.culled & open_) >= least
+        ]
+        return able[:1]
+
+    def _likely(self, best: Mapping[str, tuple[float, Tried]], open_: Bool) -> list[Tried]:
+        """Of the causes that explain enough, each with its worth."""
         if np.count_nonzero(open_) < TELLING:
             return self._ordinary([one for _, one in best.values()], open_)
         ranked = sorted(best.values(), key=lambda found: -found[0])
