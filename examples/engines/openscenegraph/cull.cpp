@@ -95,6 +95,7 @@ int main() {
     view->setDefaults();
     view->setInitVisitor(nullptr); // it would compile for OpenGL
     view->setSceneData(root);
+    if (!view->getCollectOccludersVisitor()) view->setCollectOccludersVisitor(new osg::CollectOccludersVisitor);
     osg::ref_ptr<osg::FrameStamp> stamp = new osg::FrameStamp;
     std::ios::sync_with_stdio(false);
     std::cout << std::setprecision(17);
