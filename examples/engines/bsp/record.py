@@ -10,7 +10,7 @@ tree as the engine does (visref_bsp/pvs.py). `ways` goes from the eye to what a 
 `visref check` says is lost, and tells through what: by open leaves alone, so that the PVS is wrong,
 or through solid ones, where faces are missing that the PVS counts on.
 
-All but `draw` and `ways` by visref itself: `pip install examples/engines/bsp` teaches it the format.
+`pip install examples/engines/bsp` teaches visref itself the format.
 """
 
 from __future__ import annotations
@@ -27,15 +27,16 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from visref_bsp import pvs  # noqa: E402
-from visref_bsp.lumps import Bsp, load  # noqa: E402
-from visref_bsp.scene import name_of, ours, theirs  # noqa: E402
+from visref_bsp import pvs
+from visref_bsp.lumps import Bsp, load
+from visref_bsp.scene import name_of, ours, theirs
 
-from visref.camera_path import CameraPath  # noqa: E402
-from visref.errors import InputError  # noqa: E402
-from visref.recordings import RecordingWriter  # noqa: E402
+from visref.camera_path import CameraPath
+from visref.errors import InputError
+from visref.recordings import RecordingWriter
 
-# A player stands 24 units above its feet and sees from 26 above that; things hover as high as feet.
+# A player's origin, which a map's places are meant for, sinks to 24 units above the floor; its eye is
+# 26 above that. A place is put some 9 too low by the game itself, so that it starts in the air.
 EYE_HEIGHT = 26.0
 ABOVE_GROUND = 9.0
 NEAR = 4.0
@@ -63,7 +64,7 @@ def places(bsp: Bsp) -> list[np.ndarray]:
         except ValueError:
             continue
         if STANDS.match(fields.get("classname", "")) and place.shape == (3,):
-            eye = place + [0.0, 0.0, ABOVE_GROUND + EYE_HEIGHT]
+            eye = place + np.array([0.0, 0.0, ABOVE_GROUND + EYE_HEIGHT])
             if np.isfinite(eye).all() and bsp.leaves["cluster"][pvs.leaf_at(bsp, eye)] >= 0:
                 found.append(eye)
     return found

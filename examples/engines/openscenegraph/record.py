@@ -1,7 +1,7 @@
 """OpenSceneGraph culls a scene along a camera path, and what is left is recorded.
 
-    python record.py SCENE PATH.json RECORDING.jsonl [--small-feature PX] [--culling default|all|none]
-        [--near-far volumes|own] [--occluders N]
+    python record.py SCENE PATH.json RECORDING.jsonl [--small-feature PX]
+        [--culling default|all|none] [--near-far volumes|own] [--occluders N]
     python record.py --suite SUITE OUT        every case of `visref conformance --write SUITE`
 
 `cull.cpp` beside this, which is compiled on first use (g++, libopenscenegraph-dev), holds the scene

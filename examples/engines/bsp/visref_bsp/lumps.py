@@ -1,8 +1,8 @@
 """A compiled map, as it lies in its file: IBSP version 46, of Quake III and its kin.
 
 A header names 17 lumps by offset and length; each is an array of records. Source: id Software's
-`qfiles.h` (GPL, of 2005), and K. Proudfoot's "Unofficial Quake 3 Map Specs". What a record refers to
-is checked here, once, so that what reads a `Bsp` can index without a thought.
+`qfiles.h` (GPL, of 2005), and K. Proudfoot's "Unofficial Quake 3 Map Specs". What a record refers
+to is checked here, once, so that what reads a `Bsp` can index without a thought.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ MAGIC, VERSION = b"IBSP", 46
 FIX = "export or copy it anew"
 # Kinds of faces.
 PLANAR, PATCH, TRIANGLES, FLARE = 1, 2, 3, 4
-# What a shader says of its faces and brushes.
+# What a shader says of its faces.
 SURFACE_NODRAW = 0x80
-CONTENTS_TRANSLUCENT = 0x20000000
 
 LUMPS: dict[str, tuple[int, Any]] = {
     "entities": (0, np.uint8),

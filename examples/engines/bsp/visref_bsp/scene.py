@@ -8,9 +8,9 @@ Axes: the map's (x, y, z), with z up, is (x, z, -y) here, which rounds nothing. 
 
 - Curved faces (biquadratic Bezier patches) become `STEPS` by `STEPS` pairs of triangles for each
   patch of three by three points; the engine chooses its own steps, by distance.
-- Faces of shaders with translucent contents (glass, most water) are blended: they hide nothing, as
-  the compiler's vis does not let them hide. Other shader scripts are not read: a grate counts as a
-  wall, and the sky as what it is painted on. Both make fewer things visible.
+- Every face hides what is behind it: shader scripts are not read, and the map itself does not tell a
+  pane from a teleporter that is painted on a wall. So glass, water, grates and the sky count as
+  walls, which makes fewer things visible, and accuses no PVS wrongly.
 - Flares, and faces that are not drawn (`SURF_NODRAW`), keep their ids without triangles.
 - Doors, lifts and all else that is an entity's are left out, as if they stood open.
 """
@@ -26,9 +26,7 @@ from visref.errors import InputError
 from visref.findings import Code
 from visref.formats import NO_MESH, Mesh, Placed
 from visref.memory import Budget
-from visref.scene import Alpha
 from visref_bsp.lumps import (
-    CONTENTS_TRANSLUCENT,
     FIX,
     FLARE,
     PATCH,
@@ -64,10 +62,8 @@ def placed(bsp: Bsp, budget: Budget) -> Placed:
                 positions, triangles = _geometry(bsp, face)
             except InputError as error:
                 raise error.at(place=f"faces[{number}]") from None
-            glass = bool(shader["contents"] & CONTENTS_TRANSLUCENT)
             mesh = len(result.meshes)
-            alpha = Alpha.BLEND if glass else Alpha.OPAQUE
-            result.meshes.append(Mesh.plain(ours(positions), triangles, alpha=alpha))
+            result.meshes.append(Mesh.plain(ours(positions), triangles))
         name = name_of(number)
         path = f"{shader['name'].decode('latin-1')}/{name}"
         result.add(name, mesh, np.eye(4), path=path)
