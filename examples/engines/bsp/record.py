@@ -35,8 +35,7 @@ from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.recordings import RecordingWriter
 
-# A player's origin, which a map's places are meant for, sinks to 24 units above the floor; its eye is
-# 26 above that. A place is put some 9 too low by the game itself, so that it starts in the air.
+# The game puts a player 9 units above a place that the map names; its eye is 26 above that.
 EYE_HEIGHT = 26.0
 ABOVE_GROUND = 9.0
 NEAR = 4.0
@@ -133,7 +132,7 @@ def way_to(bsp: Bsp, witness: dict[str, Any]) -> tuple[str, list[int]]:
         if (last - first) * length > ROUNDED and first * length < length - ROUNDED
     ]
     clusters = [one for one, before in zip(within, [None, *within], strict=False) if one != before]
-    if pvs.SOLID in clusters:
+    if min(clusters) < 0:
         return "through what is solid", clusters
     if bsp.pvs is not None and not bsp.pvs[clusters[0], clusters[-1]]:
         return "through open clusters, the last not in the PVS of the first", clusters

@@ -125,10 +125,10 @@ def _lump(data: bytes, name: str, offset: int, length: int, kind: np.dtype[Any])
 
 def _pvs(lump: Records) -> NDArray[np.bool_] | None:
     """A row of bits for each cluster, the lowest bit of a byte first, uncompressed."""
-    if not len(lump):
+    if not lump[:4].any():  # no lump, or no cluster: compiled without
         return None
     clusters, row = lump[:8].view("<i4").tolist() if len(lump) >= 8 else (-1, -1)
-    if clusters < 0 or row < (clusters + 7) // 8 or len(lump) - 8 < clusters * row:
+    if clusters < 1 or row < (clusters + 7) // 8 or len(lump) - 8 < clusters * row:
         raise InputError(
             f"{clusters} clusters of {row} bytes do not fit its {len(lump)} bytes",
             place="visibility",
@@ -153,9 +153,8 @@ def _check(bsp: Bsp) -> None:
     _within("leaves", leaves["face"], leaves["faces"], len(bsp.leaf_faces), "faces of leaves")
     _numbers("leaf_faces", bsp.leaf_faces, len(faces), "face")
     _numbers("nodes", nodes["plane"], len(bsp.planes), "plane")
-    clusters = len(bsp.leaves) if bsp.pvs is None else len(bsp.pvs)
-    solid = leaves["cluster"] < 0
-    _numbers("leaves", np.where(solid, 0, leaves["cluster"]), max(clusters, 1), "cluster")
+    if bsp.pvs is not None:
+        _numbers("leaves", np.maximum(leaves["cluster"], 0), len(bsp.pvs), "cluster")
     children = nodes["child"].astype(np.int64)
     own = np.arange(len(nodes))[:, None]
     # A node before its parent could be its ancestor, and the walk down the tree would not end.

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref_bsp.lumps import Bsp
-from visref_bsp.scene import ours, theirs
-
-SOLID = -1
+from visref_bsp.scene import theirs
 
 
 def leaf_at(bsp: Bsp, point: NDArray[np.float64]) -> int:
@@ -34,9 +32,9 @@ def leaves_drawn(bsp: Bsp, eye: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(leaves,): those that the PVS lets through."""
     clusters = bsp.leaves["cluster"]
     cluster = int(clusters[leaf_at(bsp, eye)])
-    if bsp.pvs is None or cluster == SOLID or not len(bsp.pvs):
-        return clusters != SOLID
-    seen: NDArray[np.bool_] = bsp.pvs[cluster][np.maximum(clusters, 0)] & (clusters != SOLID)
+    if bsp.pvs is None or cluster < 0:
+        return clusters >= 0
+    seen: NDArray[np.bool_] = bsp.pvs[cluster][np.maximum(clusters, 0)] & (clusters >= 0)
     return seen
 
 
@@ -60,7 +58,7 @@ def frustum(camera: Camera) -> NDArray[np.float64]:
     """(4, 4): a x + b y + c z + d >= 0 within each side, in the map's axes."""
     clip = camera.clip_from_world(far=camera.near + 1.0)
     rows = np.array([clip[3] + clip[0], clip[3] - clip[0], clip[3] + clip[1], clip[3] - clip[1]])
-    # ours() takes (x, y, z) to (x, z, -y), and planes go the way back.
+    # The map's (x, y, z) is (x, z, -y) in the world, and so are a plane's numbers.
     return np.stack([rows[:, 0], -rows[:, 2], rows[:, 1], rows[:, 3]], axis=1)
 
 
@@ -110,6 +108,3 @@ def way(
         waiting.append((int(node["child"][1 - near]), middle, last))
         waiting.append((int(node["child"][near]), first, middle))
     return pieces
-
-
-__all__ = ["SOLID", "drawn", "frustum", "in_frustum", "leaf_at", "leaves_drawn", "ours", "way"]

@@ -8,8 +8,8 @@ Axes: the map's (x, y, z), with z up, is (x, z, -y) here, which rounds nothing. 
 
 - Curved faces (biquadratic Bezier patches) become `STEPS` by `STEPS` pairs of triangles for each
   patch of three by three points; the engine chooses its own steps, by distance.
-- Every face hides what is behind it: shader scripts are not read, and the map itself does not tell a
-  pane from a teleporter that is painted on a wall. So glass, water, grates and the sky count as
+- Every face hides what is behind it: shader scripts are not read, and the map itself does not tell
+  a pane from a teleporter that is painted on a wall. So glass, water, grates and the sky count as
   walls, which makes fewer things visible, and accuses no PVS wrongly.
 - Flares, and faces that are not drawn (`SURF_NODRAW`), keep their ids without triangles.
 - Doors, lifts and all else that is an entity's are left out, as if they stood open.
