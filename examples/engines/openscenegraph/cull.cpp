@@ -1,9 +1,10 @@
 /* OpenSceneGraph culls a scene, view by view, and tells what is left: no window and no OpenGL.
  *
  * Reads from standard input, writes a line for each view to standard output. record.py speaks with it:
- *   option NAME VALUE           culling, small_feature_px, near_far, occluders, shadow_volume: see main()
+ *   option NAME VALUE           culling, small_feature_px, near_far, occluders, shadow_volume, nested: see main()
  *   object V T                  then V lines x y z, T lines of three corners; objects are numbered from 0
- *   occluder OBJECT             then four lines x y z, in the object's space
+ *   occluder OBJECT             then four lines x y z, in the object's space; stands beside the Geode, or,
+ *                               where nested, is put in above it
  *   pose OBJECT M               its matrix, 16 numbers by rows; it has none before
  *   present OBJECT 0|1
  *   view WIDTH HEIGHT P V       projection and view matrix, by rows; answers: near far object object ...
@@ -107,6 +108,7 @@ int main() {
     };
     std::string word;
     unsigned frame = 0;
+    bool nested = false;
     while (in >> word) {
         if (word == "option") {
             std::string name = read<std::string>();
@@ -117,6 +119,7 @@ int main() {
             else if (name == "near_far")
                 view->setComputeNearFarMode(static_cast<osg::CullSettings::ComputeNearFarMode>(value));
             else if (name == "occluders") occluders->setMaximumNumberOfActiveOccluders(value);
+            else if (name == "nested") nested = value != 0;
             else if (name == "shadow_volume") occluders->setMinimumShadowOccluderVolume(value);
             else give_up("there is no option " + name);
         } else if (word == "object") {
@@ -128,10 +131,13 @@ int main() {
             objects.push_back(one);
         } else if (word == "occluder") {
             osg::MatrixTransform &one = object();
-            /* What stands below an OccluderNode is not hidden by it. */
             osg::ref_ptr<osg::OccluderNode> occluder = read_occluder();
-            occluder->addChild(one.getChild(0));
-            one.setChild(0, occluder);
+            if (nested) {
+                occluder->addChild(one.getChild(0));
+                one.setChild(0, occluder);
+            } else {
+                one.addChild(occluder);
+            }
         } else if (word == "pose") {
             osg::MatrixTransform &one = object();
             one.setMatrix(read_matrix());

@@ -1,7 +1,7 @@
 """OpenSceneGraph culls a scene along a camera path, and what is left is recorded.
 
     python record.py SCENE PATH.json RECORDING.jsonl [--small-feature PX]
-        [--culling default|all|none] [--near-far volumes|own] [--occluders N]
+        [--culling default|all|none] [--near-far volumes|own] [--occluders N [--nested]]
     python record.py --suite SUITE OUT        every case of `visref conformance --write SUITE`
 
 `cull.cpp` beside this, which is compiled on first use (g++, libopenscenegraph-dev), holds the scene
@@ -9,8 +9,9 @@ as a MatrixTransform with a Geode for each object, and lets a SceneView cull it,
 that OpenSceneGraph has by default. Nothing is drawn: recorded is what the state graph holds for
 drawing. The scene is read by visref, so any format will do; what a file animates is refused.
 
---occluders N: the N largest upright rectangles of opaque objects become OccluderNodes; all may be
-active, since OpenSceneGraph takes the ten largest on the screen by itself.
+--occluders N: the N largest upright rectangles of opaque objects become OccluderNodes, beside their
+object's Geode; all may be active, where OpenSceneGraph by itself takes ten. With --nested an object
+stands below its OccluderNodes, one within the other.
 """
 
 from __future__ import annotations
@@ -179,6 +180,7 @@ def record(scene_file: Path, path_file: Path, recording: Path, options: argparse
         lines.append(f"option small_feature_px {options.small_feature!r}")
     if options.occluders:
         lines.append(f"option occluders {options.occluders}")
+        lines.append(f"option nested {int(options.nested)}")
     lines += told_scene(scene, options.occluders)
     before = None
     for frame in path.frames:
@@ -220,6 +222,7 @@ def main() -> None:
     parser.add_argument("--culling", default="default", choices=tuple(CULLING))
     parser.add_argument("--near-far", default="volumes", choices=tuple(NEAR_FAR))
     parser.add_argument("--occluders", type=int, default=0, metavar="N")
+    parser.add_argument("--nested", action="store_true", help="objects below their occluders")
     options = parser.parse_args()
     if len(options.files) != (2 if options.suite else 3):
         parser.error("which files?")

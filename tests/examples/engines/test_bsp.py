@@ -130,10 +130,13 @@ def test_an_eye_in_the_solid_and_a_map_without_pvs_draw_all():
 
 
 def test_the_frustum_leaves_out_the_leaves_behind_it_and_no_more():
+    """A side that rises by tan(0.5) passes 100, the rooms' half width, 183 before the eye; behind
+    it, the engine has no plane, so nearer rooms are drawn."""
     bsp = parsed(written())
-    assert drawn_from(bsp, 50, 1, with_frustum=True) == [1, 2, 3, 4, 5]
-    assert drawn_from(bsp, 150, -1, with_frustum=True) == ALL
-    assert drawn_from(bsp, 150, 1, with_frustum=True) == [1, 2]
+    assert drawn_from(bsp, 282, 1, with_frustum=True) == [1, 2, 3, 4, 5]
+    assert drawn_from(bsp, 284, 1, with_frustum=True) == [1, 2]
+    assert drawn_from(bsp, 182, 1, with_frustum=True) == ALL
+    assert drawn_from(bsp, 284, -1, with_frustum=True) == ALL
 
 
 def test_a_way_through_the_rooms_is_cut_at_their_planes():
@@ -176,10 +179,10 @@ def test_a_pvs_that_lacks_a_room_is_convicted_and_the_way_to_it_is_open(tmp_path
 
 
 def test_a_hole_in_what_the_pvs_counts_on_is_told_from_that(tmp_path):
-    """The room between is solid, for the PVS, and its walls are not drawn."""
+    """The room between is solid for the PVS, so that neither wall beyond its plane is drawn."""
     status, _, ways = judged(written(BLIND, clusters=(0, -1, 2)), tmp_path)
     assert status == 1
-    assert ways.splitlines()[-1] == "1 through what is solid"
+    assert ways.splitlines()[-1] == "2 through what is solid"
 
 
 def test_eyes_stand_where_players_do(tmp_path):
