@@ -61,8 +61,11 @@ TRIALS = {
         Trial("city", ("--occluders", "300")),
         Trial("rooms"),
         Trial("rooms", ("--occluders", "300")),
+        Trial("rooms", ("--occluders", "300", "--nested")),
     ),
-    "bsp": tuple(Trial(f"{one}.bsp") for one in ("aggressor", "oa_dm1", "oa_dm3", "oa_dm5")),
+    "bsp": tuple(
+        Trial(f"{one}.bsp") for one in ("aggressor", "oa_dm1", "oa_dm3", "oa_dm5", "oa_minia")
+    ),
 }
 MAPS = Path("/usr/share/games/openarena/baseoa/pak1-maps.pk3")
 # Settings with which the conformance suite is recorded too, and what is expected of it.

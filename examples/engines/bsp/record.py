@@ -8,7 +8,8 @@
 item, a weapon), and looks all around from there: six views of 90 degrees. `draw` walks the map's
 tree as the engine does (visref_bsp/pvs.py). `ways` goes from the eye to what a run folder of
 `visref check` says is lost, and tells through what: by open leaves alone, so that the PVS is wrong,
-or through solid ones, where faces are missing that the PVS counts on.
+through solid ones, where faces are missing that the PVS counts on, or through a brush by which the
+map's author has shut the view.
 
 `pip install examples/engines/bsp` teaches visref itself the format.
 """
@@ -41,6 +42,8 @@ ABOVE_GROUND = 9.0
 NEAR = 4.0
 # Faces lie on planes of the tree, and a plane's float32 numbers put them this far off it.
 ROUNDED = 0.25
+# A brush of this shader is drawn by nobody, and shut for q3map2's vis.
+ANTIPORTAL = b"antiportal"
 STANDS = re.compile(r"info_player|item_|weapon_|ammo_|holdable_|team_CTF|misc_teleporter_dest")
 # Of six views: where they look, and what is up there.
 VIEWS = {
@@ -126,17 +129,27 @@ def way_to(bsp: Bsp, witness: dict[str, Any]) -> tuple[str, list[int]]:
     ray = witness["depth"] * (f + a * r + b * u)
     length = float(np.linalg.norm(ray))
     pieces = pvs.way(bsp, theirs(e), theirs(e + ray))
-    within = [
-        int(bsp.leaves["cluster"][leaf])
+    leaves = [
+        leaf
         for first, last, leaf in pieces
         if (last - first) * length > ROUNDED and first * length < length - ROUNDED
     ]
+    within = [int(bsp.leaves["cluster"][leaf]) for leaf in leaves]
     clusters = [one for one, before in zip(within, [None, *within], strict=False) if one != before]
     if min(clusters) < 0:
         return "through what is solid", clusters
+    if any(ANTIPORTAL in name for leaf in leaves for name in brushes_in(bsp, leaf)):
+        return "through an antiportal of the map's author", clusters
     if bsp.pvs is not None and not bsp.pvs[clusters[0], clusters[-1]]:
         return "through open clusters, the last not in the PVS of the first", clusters
     return "through open clusters, the last of which does not list it", clusters
+
+
+def brushes_in(bsp: Bsp, leaf: int) -> list[bytes]:
+    """The shaders of the brushes that reach into a leaf."""
+    first, count = bsp.leaves["brush"][leaf], bsp.leaves["brushes"][leaf]
+    named = bsp.brushes["shader"][bsp.leaf_brushes[first : first + count]]
+    return [bytes(name) for name in bsp.shaders["name"][named]]
 
 
 def main() -> None:

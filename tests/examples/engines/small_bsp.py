@@ -45,7 +45,7 @@ def node(plane: int, front: int, back: int, most: int) -> bytes:
 
 def leaf(cluster: int, least: int, most: int, first: int, count: int) -> bytes:
     box = (least, -100, -100, most, 100, 100)
-    return struct.pack("<12i", cluster, 0, *box, first, count, 0, 0)
+    return struct.pack("<12i", cluster, 0, *box, first, count, 0, int(cluster == 1))
 
 
 def written(
@@ -69,8 +69,10 @@ def written(
         + leaf(clusters[1], 0, 100, 1, 4)
         + leaf(clusters[2], 100, 300, 5, 2),
         5: struct.pack("<7i", 0, 1, 3, 4, 5, 2, 1),
+        6: struct.pack("<i", 0),
         7: struct.pack("<6f4i", *[0.0] * 6, 0, 6, 0, 0)
         + struct.pack("<6f4i", *[0.0] * 6, 6, 1, 0, 0),
+        8: struct.pack("<3i", 0, 0, 0),
         10: vertices,
         11: struct.pack("<6i", 0, 1, 2, 0, 2, 3),
         13: face(0, 1, 0, 4, 6)

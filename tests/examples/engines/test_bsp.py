@@ -185,6 +185,14 @@ def test_a_hole_in_what_the_pvs_counts_on_is_told_from_that(tmp_path):
     assert ways.splitlines()[-1] == "2 through what is solid"
 
 
+def test_a_brush_that_the_author_has_put_in_the_way_is_told_from_that_too(tmp_path):
+    names = (b"common/antiportal", b"textures/nodraw")
+    shaders = b"".join(struct.pack("<64sII", name, 0x80 * at, 1) for at, name in enumerate(names))
+    status, _, ways = judged(written(BLIND, lumps={1: shaders}), tmp_path)
+    assert status == 1
+    assert ways.splitlines()[-1] == "1 through an antiportal of the map's author"
+
+
 def test_eyes_stand_where_players_do(tmp_path):
     file, path = tmp_path / "rooms.bsp", tmp_path / "path.json"
     file.write_bytes(written())
@@ -204,6 +212,9 @@ def test_eyes_stand_where_players_do(tmp_path):
         ({3: struct.pack("<9i", 2, -1, -2, *[0] * 6)}, "nodes[0]: it names plane 2 of 2"),
         ({4: b"", 3: b""}, "leaves: there is no leaf"),
         ({5: struct.pack("<7i", 0, 1, 3, 4, 5, 2, 7)}, "leaf_faces[6]: it names face 7 of 7"),
+        ({6: struct.pack("<i", 1)}, "leaf_brushes[0]: it names brush 1 of 1"),
+        ({6: b""}, "leaves[1]: it names brushes of leaves 0 to 1 of 0"),
+        ({8: struct.pack("<3i", 0, 0, 2)}, "brushes[0]: it names shader 2 of 2"),
         ({7: b""}, "models: there is no world"),
         (
             {7: struct.pack("<6f4i", *[0.0] * 6, 0, 8, 0, 0)},

@@ -71,6 +71,17 @@ def test_it_passes_cases_that_move_and_shift_and_have_several_views(tmp_path):
     assert problems(names, tmp_path / "cases") == dict.fromkeys(names, ())
 
 
+def test_the_shrunk_case_is_lost_below_its_occluders_and_not_beside_them(tmp_path):
+    case = ENGINES / "openscenegraph" / "nested"
+    files = (case / "scene.glb", case / "path.json")
+    record(*files, tmp_path / "r.jsonl", "--occluders", "300", "--nested")
+    status, sums = status_and_sums(files[0], tmp_path)
+    assert (status, sums["visible"], sums["missed"]) == (1, 1, 1)
+    record(*files, tmp_path / "r.jsonl", "--occluders", "300")
+    status, sums = status_and_sums(files[0], tmp_path)
+    assert (status, sums["visible"], sums["missed"]) == (0, 1, 0)
+
+
 def test_it_refuses_what_it_does_not_do(tmp_path):
     suite, out = recorded_cases(["bending_reeds", "cut_by_a_plane"], tmp_path)
     done = record("--suite", suite, out)

@@ -38,6 +38,7 @@ LUMPS: dict[str, tuple[int, Any]] = {
         ],
     ),
     "leaf_faces": (5, "<i4"),
+    "leaf_brushes": (6, "<i4"),
     "models": (
         7,
         [
@@ -45,6 +46,7 @@ LUMPS: dict[str, tuple[int, Any]] = {
             *(("brush", "<i4"), ("brushes", "<i4")),
         ],
     ),
+    "brushes": (8, [("side", "<i4"), ("sides", "<i4"), ("shader", "<i4")]),
     "vertices": (10, [("place", "<f4", 3), ("rest", "V32")]),
     "mesh_vertices": (11, "<i4"),
     "faces": (
@@ -74,7 +76,9 @@ class Bsp:
     nodes: Records
     leaves: Records
     leaf_faces: Records
+    leaf_brushes: Records
     models: Records
+    brushes: Records
     vertices: Records
     mesh_vertices: Records
     faces: Records
@@ -152,6 +156,12 @@ def _check(bsp: Bsp) -> None:
     _numbers("faces", faces["shader"], len(bsp.shaders), "shader")
     _within("leaves", leaves["face"], leaves["faces"], len(bsp.leaf_faces), "faces of leaves")
     _numbers("leaf_faces", bsp.leaf_faces, len(faces), "face")
+    _within(
+        *("leaves", leaves["brush"], leaves["brushes"]),
+        *(len(bsp.leaf_brushes), "brushes of leaves"),
+    )
+    _numbers("leaf_brushes", bsp.leaf_brushes, len(bsp.brushes), "brush")
+    _numbers("brushes", bsp.brushes["shader"], len(bsp.shaders), "shader")
     _numbers("nodes", nodes["plane"], len(bsp.planes), "plane")
     if bsp.pvs is not None:
         _numbers("leaves", np.maximum(leaves["cluster"], 0), len(bsp.pvs), "cluster")
