@@ -10,7 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.engines.recorded import ENGINES, city, judged, recorded_cases, status_and_sums
+from tests.examples.engines.recorded import (
+    ENGINES,
+    city,
+    judged,
+    recorded_cases,
+    rows_of_a_rerun,
+    status_and_sums,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("g++", "openscenegraph")]
 RECORD = (sys.executable, str(ENGINES / "openscenegraph" / "record.py"))
@@ -96,3 +103,8 @@ def test_a_scene_that_is_none_ends_with_a_line(tmp_path):
     done = subprocess.run([*RECORD, *map(str, words)], capture_output=True, text=True, check=False)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert not (tmp_path / "r.jsonl").exists()
+
+
+def test_the_page_has_the_figures_of_a_rerun(tmp_path):
+    rows, unknown = rows_of_a_rerun("openscenegraph", tmp_path)
+    assert (len(rows), unknown) == (7, [])
