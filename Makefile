@@ -85,11 +85,17 @@ bench: warm
 	$(BIN)/python -m benchmarks $(BENCH)
 
 # Other people's engines, which examples/engines records and docs/engines tells of, and their tests.
+# What cannot be had here skips its tests, with the reason.
+ENGINE_PACKAGES := g++ libopenscenegraph-dev openarena-081-maps
 engines: warm
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --constraint constraints.txt --editable '.[engines]'
-	@command -v npm >/dev/null || tools/apt-install npm
-	cd examples/engines && npm install --no-package-lock --ignore-scripts --no-audit --no-fund --silent
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
+	  --editable examples/engines/bsp
+	@tools/apt-install $(ENGINE_PACKAGES) || echo "without OpenSceneGraph and maps" >&2
+	@command -v npm >/dev/null || tools/apt-install npm || echo "without npm" >&2
+	cd examples/engines && { npm install --no-package-lock --ignore-scripts --no-audit --no-fund \
+	  --silent || echo "without the engines of the web" >&2; }
 	$(BIN)/python -m pytest -q tests/examples/engines
 
 # The papers' tables, on so many frames of each path, and the documentation made from them.
@@ -114,4 +120,4 @@ board: setup
 	$(BIN)/visref report board/batch/runs/* --board docs/board.md || test $$? -eq 1
 
 clean:
-	rm -rf $(VENV) board demo tables build dist site examples/engines/node_modules
+	rm -rf $(VENV) board demo tables build dist site examples/engines/node_modules examples/engines/openscenegraph/build

@@ -36,6 +36,8 @@ NODE_MODULES = Path(__file__).parent.parent / "examples" / "engines" / "node_mod
 ENGINES = {
     "panda3d": lambda: find_spec("panda3d") is not None and find_spec("gltf") is not None,
     **{name: (NODE_MODULES / name).is_dir for name in ("three", "babylonjs", "playcanvas")},
+    "openscenegraph": Path("/usr/include/osgUtil/SceneView").exists,
+    "openarena-081-maps": Path("/usr/share/games/openarena/baseoa/pak1-maps.pk3").exists,
 }
 # Those, and toolchains of recorders whose packages are large, or that few distributions have.
 NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", *ENGINES})

@@ -1,10 +1,11 @@
 """Records an engine on the scenes of its page in docs/engines, has visref judge it, and prints the
 page's tables.
 
-    python examples/engines/judge.py panda3d|three|babylonjs|playcanvas --out OUT
+    python examples/engines/judge.py panda3d|three|babylonjs|playcanvas|openscenegraph|bsp --out OUT
 
 Each command is printed before it runs; all of them can be given by hand. What is generated,
-recorded and judged stays in OUT: `visref report OUT/RUN --out PAGE` draws the page of a run.
+recorded and judged stays in OUT: `visref report OUT/RUN --out PAGE` draws the page of a run. The
+maps are those of Debian's package openarena-081-maps.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import json
 import shlex
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,21 +56,38 @@ TRIALS = {
         Trial("city", (*QUERIES, "--rounds=4")),
     ),
     "playcanvas": (Trial("city"),),
+    "openscenegraph": (
+        Trial("city"),
+        Trial("city", ("--occluders", "300")),
+        Trial("rooms"),
+        Trial("rooms", ("--occluders", "300")),
+        Trial("rooms", ("--occluders", "300", "--nested")),
+    ),
+    "bsp": tuple(
+        Trial(f"{one}.bsp") for one in ("aggressor", "oa_dm1", "oa_dm3", "oa_dm5", "oa_minia")
+    ),
 }
+MAPS = Path("/usr/share/games/openarena/baseoa/pak1-maps.pk3")
 # Settings with which the conformance suite is recorded too, and what is expected of it.
 SUITES = {
     "panda3d": {(): "conformance.toml", ("--occluders", "50"): "conformance-occluders.toml"},
     "three": {(): "conformance.toml"},
     "babylonjs": {},
     "playcanvas": {},
+    "openscenegraph": {
+        (): "conformance.toml",
+        ("--small-feature", "0"): "conformance-all-sizes.toml",
+    },
+    "bsp": {},
 }
 COLUMNS = ("visible", "drawn", "superfluous", "missed", "partly_missed", "missed_pixels")
 HEADINGS = ("visible", "drawn", "superfluous", "missed", "partly missed", "samples lost", "ages")
 
 
 def recorder(engine: str) -> tuple[str, ...]:
-    if engine == "panda3d":
-        return (sys.executable, str(HERE / "panda3d" / "record.py"))
+    if engine in ("panda3d", "openscenegraph", "bsp"):
+        words = (sys.executable, str(HERE / engine / "record.py"))
+        return (*words, "draw") if engine == "bsp" else words
     return ("node", str(HERE / "web" / "record.mjs"), engine)
 
 
@@ -83,12 +102,29 @@ def run(*command: str | Path, good: tuple[int, ...] = (0,)) -> str:
     return done.stdout
 
 
-def judged(engine: str, trial: Trial, out: Path) -> dict[str, Any]:
-    """What the verdict says of one trial."""
+def generated(trial: Trial, out: Path) -> tuple[Path, Path]:
     name = SCENES[trial.scene][0]
     scene, path = out / f"{name}.glb", out / f"{name}.path.json"
     if not path.exists():
         run(sys.executable, "-m", "visref_datasets_gen", *SCENES[trial.scene], "--out", out)
+    return scene, path
+
+
+def map_of(trial: Trial, out: Path) -> tuple[Path, Path]:
+    """A map out of OpenArena's, which is a zip archive, and a path through it."""
+    if not MAPS.exists():
+        raise SystemExit(f"there is no {MAPS}; install openarena-081-maps")
+    scene = out / trial.scene
+    path = scene.with_suffix(".path.json")
+    with zipfile.ZipFile(MAPS) as pack:
+        scene.write_bytes(pack.read(f"maps/{trial.scene}"))
+    run(sys.executable, HERE / "bsp" / "record.py", "path", scene, path)
+    return scene, path
+
+
+def judged(engine: str, trial: Trial, out: Path) -> dict[str, Any]:
+    """What the verdict says of one trial."""
+    scene, path = map_of(trial, out) if engine == "bsp" else generated(trial, out)
     label = "-".join([engine, trial.scene, *(one.strip("-") for one in trial.settings)])
     folder = out / label.replace("=", "-")
     recording = folder.with_suffix(".jsonl")

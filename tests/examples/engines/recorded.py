@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -83,3 +85,16 @@ def judged(names: Sequence[str], recordings: Path) -> dict[str, tuple[str, ...]]
             found = judged_on(lambda one=culler: one, case.case, case.truths)
         problems[case.name] = found.problems
     return problems
+
+
+def rows_of_a_rerun(engine: str, folder: Path) -> tuple[list[str], list[str]]:
+    """The table that `judge.py` prints for an engine, and which of its lines its page lacks."""
+    done = subprocess.run(
+        [sys.executable, ENGINES / "judge.py", engine, "--out", folder, "--no-suite"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    page = (ENGINES.parent.parent / "docs" / "engines" / f"{engine}.md").read_text(encoding="utf-8")
+    rows = [line for line in done.stdout.splitlines() if line.startswith("|")]
+    return rows, [line for line in rows if line not in page.splitlines()]

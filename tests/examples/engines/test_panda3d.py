@@ -19,6 +19,7 @@ from tests.examples.engines.recorded import (
     drawn_in,
     judged,
     recorded_cases,
+    rows_of_a_rerun,
     status_and_sums,
 )
 
@@ -110,14 +111,6 @@ def test_it_refuses_what_it_does_not_do(tmp_path):
 
 @pytest.mark.slow
 def test_the_page_has_the_figures_of_a_rerun(tmp_path):
-    done = subprocess.run(
-        [sys.executable, ENGINES / "judge.py", "panda3d", "--out", tmp_path, "--no-suite"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    page = (ENGINES.parent.parent / "docs" / "engines" / "panda3d.md").read_text(encoding="utf-8")
-    rows = [line for line in done.stdout.splitlines() if line.startswith("|")]
-    assert len(rows) == 6
-    assert [line for line in rows if line not in page.splitlines()] == []
+    rows, unknown = rows_of_a_rerun("panda3d", tmp_path)
+    assert (len(rows), unknown) == (6, [])
     assert json.loads((tmp_path / "panda3d-city" / "verdict.json").read_text())["exit_status"] == 0
