@@ -73,12 +73,12 @@ class Answers:
         return [clean[i] for i in evenly_picked(len(clean), CLEAN)]
 
     @cached_property
-    def _by_place(self) -> dict[tuple[int, str], Answer]:
+    def by_place(self) -> dict[tuple[int, str], Answer]:
         return {(answer.frame, answer.view): answer for answer in self.every}
 
     def at(self, frame: int, view: str) -> NDArray[np.bool_] | None:
         """(u,) bool, what was drawn in a view of a frame, None where there was no answer."""
-        found = self._by_place.get((frame, view)) or self._by_place.get((frame, ""))
+        found = self.by_place.get((frame, view)) or self.by_place.get((frame, ""))
         return None if found is None else found.drawn(self.units.count)
 
 
