@@ -347,7 +347,10 @@ for (const root of document.querySelectorAll(".flight")) {
       const from = camera.flat && seen ? point(camera, found.x, found.y, camera.near) : place(camera.e);
       segments(ray, [from, hit]);
       chosen = { cell, point: seen };
-      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : found.hidden ? "" : `; its witness is of frame ${found.frame}`}.`;
+      const { objects, named } = data.moves;
+      const moves = !objects ? "" : named.includes(object) ? " It moves, and stands here as at rest."
+        : objects > named.length ? " If it moves, it stands here as at rest." : "";
+      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : found.hidden ? "" : `; its witness is of frame ${found.frame}`}.${moves}`;
       const arm = hit.clone().sub(from);
       const side = new THREE.Vector3().crossVectors(arm, up).normalize().multiplyScalar(arm.length() * 0.5);
       look(from.clone().addScaledVector(arm, -0.3).addScaledVector(up, arm.length() * 0.4).add(side), from.clone().addScaledVector(arm, 0.6));
