@@ -143,11 +143,11 @@ for (const root of document.querySelectorAll(".list")) {
       say("found", data.whys[its("why")]);
     } else {
       const partly = its("partly");
-      say("lost", `${page.number.format(its("samples"))} samples over ${page.number.format(its("frames"))} frames`
+      say("lost", `${page.number.format(its("samples"))} samples over ${page.number.format(its("frames"))} frame${its("frames") === 1 ? "" : "s"}`
         + (partly ? `, in ${page.number.format(partly)} of ${page.number.format(its("misses"))} cases partly` : ""));
       say("worst in", `${where}: ${page.number.format(its("pixels"))} of ${page.number.format(its("owned"))} samples that it owns there`);
       say("cause", data.whys[its("why")] || "none is known");
-      say("age", its("age") < 0 ? "in view by right" : its("age") === 0 ? "0: it came into view in that frame" : `in view for ${its("age")} frames`);
+      say("age", its("age") < 0 ? "in view by right" : its("age") === 0 ? "0: it came into view in that frame" : `in view for ${its("age")} frame${its("age") === 1 ? "" : "s"}`);
       say("witness", `pixel (${its("x")}, ${its("y")}), depth ${its("depth")}, object ${its("object")}, triangle ${its("triangle")}`
         + (its("margin") < 0 ? "" : `; it holds for at least ${its("margin")} px around`));
       if (data.facts[its("facts")]) say("around it", data.facts[its("facts")]);
