@@ -71,15 +71,13 @@ def drawn(folder):
 def named_by_frame(evidence, records, *others):
     """In place of the search: a cause for even frames, and another for odd ones."""
     for record in records:
-        record.causes = CausesFound(
-            {
-                (one.frame, one.view, int(obj)): (
-                    Named(("old-pose", "list-full")[one.frame % 2], 0.5),
-                )
-                for one in record.frames
-                for obj in convicted(one.verdict)
-            }
-        )
+        causes = Named("old-pose", 0.5), Named("list-full", 0.5)
+        named = {
+            (one.frame, one.view, int(obj)): (causes[one.frame % 2],)
+            for one in record.frames
+            for obj in convicted(one.verdict)
+        }
+        record.causes = CausesFound(named, frozenset(named))
 
 
 @pytest.mark.parametrize(
