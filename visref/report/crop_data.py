@@ -17,8 +17,8 @@ from visref.wording import legible
 
 # All crops of a page together, as they stand in it; and of these, those that are whole. Beyond them
 # come small ones: of so many cells a side.
-MAX_BYTES = 2_400_000
-WHOLE_BYTES = 1_200_000
+MAX_BYTES = 2_000_000
+WHOLE_BYTES = 1_000_000
 SMALL_CELLS = 24
 # Base64 takes four bytes for three.
 _GROWN = 4 / 3
