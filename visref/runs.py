@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from visref.between.search import FrameGeometry, GeometricSearch, write_geometric
 from visref.causes.evidence import Evidence
+from visref.causes.pictured import paint_causes
 from visref.culler import Culler
 from visref.engines import TruthEngine, make_engine
 from visref.engines.exact import ExactEngine
@@ -35,8 +36,11 @@ from visref.merging import merge_into
 from visref.merging.joining import Cell, Joined
 from visref.picking import Shard
 from visref.recordings.truth_file import TRUTH_BEGINS, TruthTable, path_digest
-from visref.run_folder.layout import RUN_FOLDER
+from visref.run_folder.layout import PICTURES, RUN_FOLDER
+from visref.run_folder.picture_plan import PicturePlan
+from visref.run_folder.pictures import Painter
 from visref.run_folder.read import read_run
+from visref.run_folder.rows import PictureSet
 from visref.shares import Asked, judge_share, name_the_causes
 from visref.shares import MakingAnew as MakingAnew
 from visref.shares import Misaligned as Misaligned
@@ -103,8 +107,10 @@ def merge_naming(
         units = cell.part.units.get(cell.spec, inputs.scene.object_units())
         evidence.add(cell.spec, units, cell.record, cell.drawn)
 
-    def after(joined: Joined) -> None:
+    def after(joined: Joined, plan: PicturePlan) -> list[PictureSet]:
         name_the_causes(inputs, evidence, joined.outcome)
+        painter = Painter(folder / PICTURES)
+        return paint_causes(inputs, evidence, joined.outcome.cullers, plan, painter)
 
     return merge_into(folder, parts, path=inputs.path, truth=truth, on_cell=on_cell, after=after)
 

@@ -19,6 +19,7 @@ from typing import Protocol, cast
 
 from visref.alignment import misaligned
 from visref.causes.evidence import Evidence
+from visref.causes.pictured import paint_causes
 from visref.causes.search import find_causes
 from visref.culler import Culler
 from visref.doing import doing
@@ -36,9 +37,10 @@ from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import Replay
 from visref.registry import DEFAULT_ENGINE
 from visref.run_folder.aside import Aside
-from visref.run_folder.layout import PART, SUPERFLUOUS_ROWS, TRUTH
+from visref.run_folder.layout import PART, PICTURES, SUPERFLUOUS_ROWS, TRUTH
 from visref.run_folder.part import InputFindings, Part, PartKeeper
 from visref.run_folder.picture_plan import PicturePlan
+from visref.run_folder.pictures import Painter
 from visref.run_folder.write import RunWriter, write_json
 from visref.visibility import FrameTruth, ObjectVisibility
 
@@ -266,6 +268,15 @@ class _Writing:
         self._put_first(outcome)
         if self._evidence is not None:
             name_the_causes(self._inputs, self._evidence, outcome)
+            self._writer.add_pictures(
+                paint_causes(
+                    self._inputs,
+                    self._evidence,
+                    outcome.cullers,
+                    self._plan,
+                    Painter(self._folder / PICTURES),
+                )
+            )
             if self._keeper is not None:
                 self._keeper.discard()
             self._writer.finish(outcome)

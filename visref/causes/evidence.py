@@ -73,7 +73,7 @@ class Answers:
         return [clean[i] for i in evenly_picked(len(clean), CLEAN)]
 
     @cached_property
-    def _by_place(self) -> dict[tuple[int, str], Answer]:
+    def by_place(self) -> dict[tuple[int, str], Answer]:
         return {(answer.frame, answer.view): answer for answer in self.every}
 
     def at(self, frame: int, view: str) -> NDArray[np.bool_] | None:
@@ -87,7 +87,7 @@ class Answers:
         return np.zeros(0, np.int32) if found is None else found.missed
 
     def _found(self, frame: int, view: str) -> Answer | None:
-        return self._by_place.get((frame, view)) or self._by_place.get((frame, ""))
+        return self.by_place.get((frame, view)) or self.by_place.get((frame, ""))
 
 
 class Evidence:

@@ -92,7 +92,7 @@ def add_judging_arguments(parser: argparse.ArgumentParser) -> None:
         default=4,
         metavar="N",
         help="frames to draw (default 4), and of each culler's misses the first, the last and the "
-        "worst of 2 N objects",
+        "worst of 2 N objects, and one of each cause",
     )
     parser.add_argument(
         "--superfluous-rows",

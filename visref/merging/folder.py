@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,8 @@ from visref.run_folder.witnesses import choose
 from visref.run_folder.write import frames_json, samples_json, write_json, write_rows
 
 _Place = tuple[int, str, int]
+# Told of the whole run and of the pictures that it wants; returns those that it drew besides.
+After = Callable[[Joined, PicturePlan], Iterable[PictureSet]]
 
 
 def merge_runs(folders: Sequence[Path], out: Path) -> RunOutcome:
@@ -69,10 +71,11 @@ def merge_into(
     path: CameraPath | None = None,
     truth: Path | None = None,
     on_cell: Callable[[Cell], None] = lambda cell: None,
-    after: Callable[[Joined], None] = lambda joined: None,
+    after: After = lambda joined, plan: (),
 ) -> RunOutcome:
     """The same into a folder that is there, and empty. Who has the scene at hand may look at each
-    verdict, with what was drawn, and `after` that add to the records before they are written.
+    verdict, with what was drawn, and `after` that add to the records before they are written, and
+    draw pictures into the folder beside those of the plan.
     Stretches, as parts that a run left on its way, have neither the whole `path` nor a copy of the
     `truth` file that they went by."""
     rows = None if truth is None else read_rows(truth)
@@ -93,11 +96,13 @@ class _Merging:
         self._plan = PicturePlan(parts[0].said.pictures)
         # By culler, whose part it is that may have pictures of a frame and view.
         self._drawn: dict[str, dict[Shown, PartFolder]] = {}
+        # Pictures that no part has.
+        self._more: list[PictureSet] = []
 
     def run(
         self,
         on_cell: Callable[[Cell], None] = lambda cell: None,
-        after: Callable[[Joined], None] = lambda joined: None,
+        after: After = lambda joined, plan: (),
     ) -> RunOutcome:
         """Write all files."""
         folder = self._folder
@@ -107,7 +112,7 @@ class _Merging:
             on_cell(cell)
 
         joined = join(self._parts, told, None if self._path is None else self._path.numbers)
-        after(joined)
+        self._more = list(after(joined, self._plan))
         self._objects.close()
         name_causes(folder / OBJECTS, {one.spec: one.causes for one in joined.outcome.cullers})
         write_rows(folder / FRAMES, self._rows, FRAMES_SCHEMA)
@@ -131,11 +136,11 @@ class _Merging:
 
     def _pictures(self, joined: Joined) -> list[dict[str, Any]]:
         """What the manifest says of the pictures, which are copied."""
-        found: list[PictureSet] = []
+        found = list(self._more)
         for spec, drawn in self._drawn.items():
-            wanted = self._plan.wanted(spec)
+            is_drawn = self._plan.drawn_of(spec)
             for (frame, view), part in drawn.items():
-                if self._plan.planned(frame) or (frame, view) in wanted:
+                if is_drawn((frame, view)):
                     found += self._of_part(part, spec, frame, view)
         cullers = [record.spec for record in joined.outcome.cullers]
         return [asdict(one) for one in in_order_of(found, cullers)]

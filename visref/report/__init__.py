@@ -6,6 +6,7 @@ All three say what `verdict.json` says; nothing is judged again here.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from visref.beside import steady
@@ -28,16 +29,20 @@ from visref.scene import Scene
 
 __all__ = ["write_report"]
 
+# Characters of a page that has the view in three dimensions in it; of a larger one that is written
+# beside. Nearly all of them are ASCII, a byte each.
+MAX_PAGE = 8_000_000
+
 
 def write_report(folders: Sequence[Path], out: Path, *, scene: str | Scene | None = None) -> Path:
     """Write `report.html`, `junit.xml` and `summary.md` into `out`; returns the page's path.
 
     A folder that `visref bench` wrote may stand among the run folders: its plot and its advice
     come too. `scene`: the one run's scene, loaded, a file or a generated one, which adds a view of
-    it in three dimensions. The page is self-contained, but for a large scene's `scene3d.js` beside
-    it. The same folders give the same bytes. Raises InputError where a folder is neither, no run is
-    among them, `scene` is not what was judged, `out` cannot be written to, or a file there is one
-    of theirs.
+    it in three dimensions. The page is self-contained, but for `scene3d.js` beside it where the
+    scene or the page is large. The same folders give the same bytes. Raises InputError where a
+    folder is neither, no run is among them, `scene` is not what was judged, `out` cannot be written
+    to, or a file there is one of theirs.
     """
     out = Path(out)
     benches = [read_bench(folder) for folder in map(Path, folders) if is_bench(folder)]
@@ -55,11 +60,15 @@ def write_report(folders: Sequence[Path], out: Path, *, scene: str | Scene | Non
         if len(runs) > 1:
             raise InputError("--scene goes with one run", fix="make a report of that run alone")
         flight = view3d_of(runs[0], scene)
+    html = page_html(runs, benches, out, flight)
+    if flight is not None and flight.scene and not flight.beside and len(html) > MAX_PAGE:
+        flight = replace(flight, beside=True)
+        html = page_html(runs, benches, out, flight)
     if flight is not None and flight.beside:
         with replacing_file(out / REPORT_SCENE) as beside:
             beside.write_text(flight.script(), encoding="utf-8")
     for file, text in (
-        (page, page_html(runs, benches, out, flight)),
+        (page, html),
         (out / REPORT_JUNIT, junit_xml(runs, out)),
         (out / REPORT_SUMMARY, markdown_summary(runs, benches, out)),
     ):

@@ -9,23 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from visref.report.packed import deflated
+from visref.report.packed import deflated, run_lengths
 from visref.run_folder.colours import BRIGHTEST, DARKEST, pastel, srgb
 from visref.run_folder.layout import OTHERS, SHADES
+from visref.scene import Int64
 from visref.wording import legible
 
-# All crops of a page together, as they stand in it.
+# All crops of a page together, as they stand in it; and of these, those that are whole. Beyond them
+# come small ones: of so many cells a side.
 MAX_BYTES = 2_000_000
+WHOLE_BYTES = 1_000_000
+SMALL_CELLS = 24
 # Base64 takes four bytes for three.
 _GROWN = 4 / 3
 
 
 class CropData:
-    """The crops of a page, as far as it may carry them, over all its runs and cullers: of the
-    objects that are added first."""
+    """The crops of a page, as far as it may carry them, over all its runs and cullers: whole ones
+    of the objects that are added first, then small ones."""
 
     def __init__(self) -> None:
         self._left = MAX_BYTES / _GROWN
+        self._whole = WHOLE_BYTES / _GROWN
         self._crops: list[dict[str, Any]] = []
 
     def add(self, witness: Mapping[str, Any] | None) -> int:
@@ -34,7 +39,12 @@ class CropData:
         if witness is None or "surroundings" not in witness or self._left <= 0.0:
             return -1
         crop = _crop(witness["surroundings"])
-        size = len(deflated(json.dumps(crop, separators=(",", ":")).encode("utf-8", "replace")))
+        size = _size(crop)
+        if size > self._whole:
+            self._whole = 0.0
+            crop = _small(crop)
+            size = _size(crop)
+        self._whole -= size
         if size > self._left:
             self._left = 0.0
             return -1
@@ -46,6 +56,49 @@ class CropData:
         """The crops that were added since the last time."""
         crops, self._crops = self._crops, []
         return crops
+
+
+def _size(crop: Mapping[str, Any]) -> int:
+    return len(deflated(json.dumps(crop, separators=(",", ":")).encode("utf-8", "replace")))
+
+
+def _small(crop: dict[str, Any]) -> dict[str, Any]:
+    """At most `SMALL_CELLS` a side: the middle, about what was lost, where that is small; else
+    every so many-th cell, of which some are lost."""
+    width, height = crop["size"]
+    truth, drawn = (_cells(crop[name]).reshape(height, width) for name in ("truth", "drawn"))
+    lost = np.array([look[2] for look in crop["looks"]], np.bool_)[truth]
+    y, x = np.nonzero(lost) if lost.any() else np.array([[height // 2], [width // 2]])
+    span = int(max(np.ptp(y), np.ptp(x))) + 1
+    step = -(-max(width, height) // SMALL_CELLS) if 2 * span > SMALL_CELLS else 1
+    parts = []
+    for at, side in ((y, height), (x, width)):
+        first = int(at.min()) % step
+        if step == 1:
+            middle = int(at.min() + at.max()) // 2
+            first = min(max(middle - SMALL_CELLS // 2, 0), max(side - SMALL_CELLS, 0))
+        parts.append(slice(first, first + step * SMALL_CELLS, step))
+    rows, columns = parts
+    truth, drawn = truth[rows, columns], drawn[rows, columns]
+    used, place = np.unique(np.concatenate([truth.ravel(), drawn.ravel()]), return_inverse=True)
+    looks = [crop["looks"][look] for look in used.tolist()]
+    named = sorted({look[1] for look in looks} - {-1})
+    left, top, apart = crop["at"]
+    return {
+        "at": [left + columns.start * apart, top + rows.start * apart, apart * step],
+        "size": [truth.shape[1], truth.shape[0]],
+        "names": [crop["names"][name] for name in named],
+        "looks": [
+            [colour, named.index(name) if name >= 0 else -1, gone] for colour, name, gone in looks
+        ],
+        "truth": run_lengths(place[: truth.size]),
+        "drawn": run_lengths(place[truth.size :]),
+    }
+
+
+def _cells(runs: list[int]) -> Int64:
+    lengths, values = np.array(runs, np.int64).reshape(-1, 2).T
+    return np.repeat(values, lengths)
 
 
 def _crop(around: Mapping[str, Any]) -> dict[str, Any]:

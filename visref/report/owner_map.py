@@ -11,12 +11,12 @@ import pyarrow.compute as pc
 from PIL import Image
 
 from visref.recordings.truth_reading import read_rows
+from visref.report.packed import run_lengths
 from visref.run_folder.facts import FIX
 from visref.run_folder.inside import file_inside
 from visref.run_folder.layout import TRUTH
 from visref.run_folder.owners import owners_of
 from visref.run_folder.read import RunFolder
-from visref.scene import Int32
 from visref.wording import legible
 
 # How many cells a map has along each side at most: as fine as a pointer can tell on a page.
@@ -59,13 +59,5 @@ def owner_map(picture: Image.Image, names: Mapping[int, str]) -> dict[str, Any]:
             "background" if obj < 0 else legible(names.get(obj, f"object {obj}"))
             for obj in objects.tolist()
         ],
-        "runs": _runs(place.reshape(-1).astype(np.int32)),
+        "runs": run_lengths(place.reshape(-1)),
     }
-
-
-def _runs(cells: Int32) -> list[int]:
-    starts = np.flatnonzero(np.diff(cells, prepend=-1))
-    lengths = np.diff(starts, append=len(cells))
-    pairs = np.stack([lengths, cells[starts]], axis=1)
-    flat: list[int] = pairs.reshape(-1).tolist()
-    return flat

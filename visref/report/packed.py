@@ -7,6 +7,10 @@ import base64
 import json
 import zlib
 
+import numpy as np
+
+from visref.scene import Int64
+
 
 def packed(value: object) -> str:
     """The value as JSON, packed. The same value gives the same text."""
@@ -24,3 +28,11 @@ def deflated(content: bytes) -> bytes:
     """Bytes as `deflate-raw` has them: without zlib's head, which says nothing here."""
     squeezer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     return squeezer.compress(content) + squeezer.flush()
+
+
+def run_lengths(cells: Int64) -> list[int]:
+    """(k,) numbers from 0 on as run lengths: so many of a number, and so on."""
+    starts = np.flatnonzero(np.diff(cells, prepend=-1))
+    lengths = np.diff(starts, append=len(cells))
+    flat: list[int] = np.stack([lengths, cells[starts]], axis=1).reshape(-1).tolist()
+    return flat

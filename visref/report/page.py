@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from visref.judging.status import Status
 from visref.papers import tables_beside
 from visref.report import words
 from visref.report.bench_folder import BenchFolder
+from visref.report.caused import whys
 from visref.report.charts import plots_of
 from visref.report.crop_data import CropData
 from visref.report.crops import CropBudget
@@ -21,7 +23,6 @@ from visref.report.environment import page_environment
 from visref.report.found import ELSEWHERE, finding_groups
 from visref.report.losses import MAX_LOST, lost_views
 from visref.report.measures import STARTS, cells_of, columns_of
-from visref.report.misses import why_lines
 from visref.report.object_list import ObjectList
 from visref.report.packed import packed
 from visref.report.pictured import PictureBudget, frame_views, opens_at
@@ -128,6 +129,9 @@ def _run_view(
     rows = [summarise(run, culler) for culler in run.cullers]
     frames, frames_left_out = frame_views(run, rows, pictures)
     pictured = {(view.frame, view.view, one.culler) for view in frames for one in view.cullers}
+    places_of: dict[str, set[tuple[int, str]]] = defaultdict(set)
+    for frame, view, culler in pictured:
+        places_of[culler].add((frame, view))
     listed = ObjectList(run, sorted(pictured), crops)
     # Who broke a promise comes first.
     for number, row in sorted(
@@ -149,7 +153,7 @@ def _run_view(
         "why": {
             culler: lines
             for culler in run.cullers
-            if (lines := why_lines(run.verdict.cullers[culler].causes))
+            if (lines := whys(run, culler, places_of.get(culler, ()), f"run{index}"))
         },
         "lost": [
             (row, lost_views(run, row, pictured, out, budget))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from visref.judging.status import Status
 from visref.report import words
+from visref.report.caused import instances
 from visref.report.embedded import data_uri, picture_of
 from visref.report.owner_map import ObjectNames, owner_map
 from visref.report.packed import packed
@@ -117,8 +118,9 @@ def frame_views(
     run: RunFolder, rows: Sequence[CullerSummary], budget: PictureBudget
 ) -> tuple[list[FrameView], int]:
     """The pictured views of frames, as many as the page takes, and how many it leaves out: first
-    the worst of the object that each culler lost most of, of the next, and so on; then those in
-    which most was lost; then the others."""
+    the worst of the object that each culler lost most of, of the next, and so on, and along with
+    these one for each cause, the commonest first; then those in which most was lost; then the
+    others."""
     by_view: dict[Place, dict[str, PictureSet]] = defaultdict(dict)
     for entry in run.manifest.pictures:
         by_view[entry.frame, entry.view][entry.culler] = entry
@@ -158,6 +160,8 @@ def _by_weight(
         mine = [at for at in dict.fromkeys(worst) if row.culler in by_view.get(at, ())]
         for rank, at in enumerate(mine):
             ranks[at] = min(rank, ranks.get(at, rank))
+        for rank, at in enumerate(_of_causes(run, row.culler, by_view, ranks)):
+            ranks[at] = min(rank, ranks.get(at, rank))
     lost = {
         place: sum(
             of_row[culler, *place].missed_pixels
@@ -169,6 +173,24 @@ def _by_weight(
     return sorted(
         by_view, key=lambda place: (ranks.get(place, len(by_view)), -lost[place], order[place])
     )
+
+
+def _of_causes(
+    run: RunFolder,
+    culler: str,
+    by_view: Mapping[Place, Mapping[str, PictureSet]],
+    ranks: Mapping[Place, int],
+) -> list[Place]:
+    """A pictured view for each cause of a culler's misses, the commonest cause first: of those that
+    show it the one that the page wants most already, else the one that loses most by it."""
+    mine = {at for at, entries in by_view.items() if culler in entries}
+    shown = instances(run, culler, mine)
+    found: list[Place] = []
+    for cause in run.verdict.cullers[culler].causes:
+        places = [(one.frame, one.view) for one in shown.get(cause["cause"], ())]
+        if places and not any(place in found for place in places):
+            found.append(min(places, key=lambda place: ranks.get(place, len(by_view))))
+    return found
 
 
 def _frame_view(

@@ -134,6 +134,7 @@ def payload(run: RunFolder, scene: Scene, shown: Thinned) -> bytes:
         "core": scene.core_bounds.tolist(),
         "cells": [[*cell, _camera(run.manifest.samples[cell[0]][cell[1]])] for cell in cells],
         "cullers": [_culler(run, culler, places) for culler in run.cullers],
+        "moves": _moves(run),
     }
     text = json.dumps(head, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
@@ -141,6 +142,14 @@ def payload(run: RunFolder, scene: Scene, shown: Thinned) -> bytes:
     positions = shown.positions.astype("<u2").tobytes()
     bits = np.packbits(_changed(run, scene, places), axis=1, bitorder="little").tobytes()
     return struct.pack("<I", len(text)) + text + triangles + positions + bits
+
+
+def _moves(run: RunFolder) -> dict[str, Any]:
+    """How many `objects` move in some frame, and `named`, those that do most often."""
+    motion = run.manifest.motion
+    if motion is None:
+        return {"objects": 0, "named": []}
+    return {"objects": motion.objects, "named": [one.object for one in motion.most]}
 
 
 def _changed(run: RunFolder, scene: Scene, places: dict[Cell, int]) -> NDArray[np.bool_]:
@@ -249,6 +258,10 @@ def _notes(run: RunFolder, scene: Scene, shown: Thinned) -> tuple[str, ...]:
         )
     if shown.left_out:
         notes.append(f"{words.counted(shown.left_out, 'object')}, the smallest, left out.")
-    if scene.moving is not None and scene.moving.any():
-        notes.append("What moves stands as it does at rest, not as in the frame.")
+    if run.manifest.motion is not None and run.manifest.motion.objects:
+        moved = words.counted(run.manifest.motion.objects, "object")
+        notes.append(
+            f"What moves ({moved}) stands as it does at rest, not as in the frame; the ray of a "
+            "witness is that of its frame."
+        )
     return tuple(notes)

@@ -15,7 +15,7 @@ witnesses/         one file per culler, one JSON line per miss: its ray and the 
                    as hexadecimal floats, so that it replays without the scene; its causes and the
                    plain facts about it; and, for pictures, what is seen around it
 pictures/          pictures of a few frames, listed in manifest.json: which ones is said in
-                   `visref.run_folder.picture_plan`
+                   `visref.run_folder.picture_plan` and `visref.causes.pictured`
 part.json          of a shard: which part of which run it is, and what `visref merge` needs
 part.parquet       of a shard: one row per row of frames.parquet, with who was drawn and what ages
                    hang on

@@ -8,11 +8,13 @@ A part draws what may be among them in the whole run. An object that is among th
 is so among its part's, as fewer are worse there; and the first miss of the run is the first of its
 part. In `open` frames a policy may accept what is confirmed so far, so all of these are kept, and
 push nothing out.
+
+Once causes are known, each has a frame with a picture too (`visref.causes.pictured`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -33,6 +35,11 @@ class PicturePlan:
         self._frames = frozenset(frames)
         self._open = open_
         self._worst: dict[str, _WorstMisses] = {}
+
+    @property
+    def draws(self) -> bool:
+        """Whether it plans any picture at all."""
+        return bool(self._frames)
 
     def planned(self, frame: int) -> bool:
         """Whether the frame gets pictures of every culler, whatever it missed."""
@@ -61,6 +68,11 @@ class PicturePlan:
         as far as misses were added."""
         worst = self._worst.get(spec)
         return worst.places() if worst is not None else frozenset()
+
+    def drawn_of(self, spec: str) -> Callable[[Shown], bool]:
+        """Whether a frame and view in which a culler missed something gets pictures."""
+        wanted = self.wanted(spec)
+        return lambda at: self.planned(at[0]) or at in wanted
 
 
 class _WorstMisses:

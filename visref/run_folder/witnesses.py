@@ -32,9 +32,10 @@ from visref.visibility import mask_states
 # samples lost, get all the triangles along their rays, and beyond them the worst of every object
 # that it is convicted of; every miss has a row in objects.parquet.
 WITNESSES_PER_CULLER = 200
-# What lies around a witness takes some milliseconds to draw: of the worst misses and of so many
-# objects, those that lose most over all frames.
-SURROUNDED_OBJECTS = 200
+# What lies around a witness takes some milliseconds to draw, and some 10 kB: of the worst misses
+# and of so many objects, those that lose most over all frames. Of most of these it is the only
+# picture that the page has.
+SURROUNDED_OBJECTS = 1000
 
 
 def write_witnesses(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -206,6 +206,10 @@ class RunWriter:
         for (frame, _), _, sketch in sorted(wanted, key=lambda one: one[:2]):
             self._pictures.append(self._painter.paint(sketch, self._timeline.at(frame)))
         self._sketches = {}
+
+    def add_pictures(self, pictures: Iterable[PictureSet]) -> None:
+        """Take note of pictures that were drawn into the folder by others."""
+        self._pictures += pictures
 
     def on_frame_done(self, frame: int) -> None:
         self._motion.add(frame)

@@ -103,8 +103,10 @@ for (const root of document.querySelectorAll(".flight")) {
     };
     const frustum = line();
     const path = line({ transparent: true, opacity: 0.6 });
-    // Through whatever stands before them.
-    const ray = line({ depthTest: false });
+    // Through whatever stands before them; the ray thicker than a line can be.
+    const ray = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial({ depthTest: false }));
+    ray.frustumCulled = false;
+    world.add(ray);
     const box = line({ depthTest: false });
     ray.renderOrder = box.renderOrder = 1;
     const segments = (made, points) => made.geometry.setFromPoints(points);
@@ -156,7 +158,10 @@ for (const root of document.querySelectorAll(".flight")) {
       const others = [];
       for (let object = 0; object < count; object += 1) {
         counts[found[object]] += 1;
-        for (let v = firstVertex[object]; v < firstVertex[object + 1]; v += 1) attributes.color.array.set(colours[found[object]], 3 * v);
+        // What is visible lies side by side: no two objects are of quite one brightness.
+        const shade = found[object] === VISIBLE || found[object] === REST ? 0.74 + 0.26 * ((object * 0.618034) % 1) : 1;
+        const colour = colours[found[object]].map((part) => Math.round(part * shade));
+        for (let v = firstVertex[object]; v < firstVertex[object + 1]; v += 1) attributes.color.array.set(colour, 3 * v);
         const list = found[object] === REST ? others : drawn;
         for (let c = firstCorner[object]; c < firstCorner[object + 1]; c += 1) list.push(index[c]);
       }
@@ -345,10 +350,16 @@ for (const root of document.querySelectorAll(".flight")) {
       const seen = !found.hidden && found.x >= 0 && found.frame === frame && found.view === name;
       const hit = seen ? point(camera, found.x, found.y, found.depth) : bounds.getCenter(new THREE.Vector3());
       const from = camera.flat && seen ? point(camera, found.x, found.y, camera.near) : place(camera.e);
-      segments(ray, [from, hit]);
-      chosen = { cell, point: seen };
-      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : found.hidden ? "" : `; its witness is of frame ${found.frame}`}.`;
       const arm = hit.clone().sub(from);
+      ray.geometry.dispose();
+      ray.geometry = new THREE.CylinderGeometry(arm.length() * 0.003, arm.length() * 0.003, arm.length(), 8);
+      ray.position.copy(from).addScaledVector(arm, 0.5);
+      ray.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), arm.clone().normalize());
+      chosen = { cell, point: seen };
+      const { objects, named } = data.moves;
+      const moves = !objects ? "" : named.includes(object) ? " It moves, and stands here as at rest."
+        : objects > named.length ? " If it moves, it stands here as at rest." : "";
+      find("chosen").textContent = `Marked: ${data.names[object]}${seen ? `, with the ray of its witness at pixel (${found.x}, ${found.y})` : found.hidden ? "" : `; its witness is of frame ${found.frame}`}.${moves}`;
       const side = new THREE.Vector3().crossVectors(arm, up).normalize().multiplyScalar(arm.length() * 0.5);
       look(from.clone().addScaledVector(arm, -0.3).addScaledVector(up, arm.length() * 0.4).add(side), from.clone().addScaledVector(arm, 0.6));
     };

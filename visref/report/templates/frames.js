@@ -104,6 +104,12 @@ for (const root of document.querySelectorAll(".browser")) {
     root,
     goTo: (name, frame, view) => show(named(name)?.dataset.culler ?? culler, frame, view),
     nearest: (wanted) => turn(culler, wanted, article.dataset.view),
+    // Of the frames that have a culler's pictures the one nearest to this.
+    around: (name, wanted) => {
+      const list = named(name) ? articlesOf(named(name).dataset.culler) : [];
+      const one = list.length ? nearest(list, wanted, "") : null;
+      return one && { frame: Number(one.dataset.frame), view: one.dataset.view };
+    },
     // The pictures of a frame, view and culler, where the page has them.
     pictures: (name, frame, view) => {
       const id = named(name)?.dataset.culler;

@@ -128,7 +128,7 @@ for (const root of document.querySelectorAll(".list")) {
   });
 
   // One object in full.
-  const tell = (row) => {
+  const tell = (row, wanted) => {
     const its = (column) => data.columns[column][row];
     const culler = data.cullers[its("culler")];
     const [frame, view] = [its("frame"), viewOf(row)];
@@ -143,11 +143,11 @@ for (const root of document.querySelectorAll(".list")) {
       say("found", data.whys[its("why")]);
     } else {
       const partly = its("partly");
-      say("lost", `${page.number.format(its("samples"))} samples over ${page.number.format(its("frames"))} frames`
+      say("lost", `${page.number.format(its("samples"))} samples over ${page.number.format(its("frames"))} frame${its("frames") === 1 ? "" : "s"}`
         + (partly ? `, in ${page.number.format(partly)} of ${page.number.format(its("misses"))} cases partly` : ""));
       say("worst in", `${where}: ${page.number.format(its("pixels"))} of ${page.number.format(its("owned"))} samples that it owns there`);
       say("cause", data.whys[its("why")] || "none is known");
-      say("age", its("age") < 0 ? "in view by right" : its("age") === 0 ? "0: it came into view in that frame" : `in view for ${its("age")} frames`);
+      say("age", its("age") < 0 ? "in view by right" : its("age") === 0 ? "0: it came into view in that frame" : `in view for ${its("age")} frame${its("age") === 1 ? "" : "s"}`);
       say("witness", `pixel (${its("x")}, ${its("y")}), depth ${its("depth")}, object ${its("object")}, triangle ${its("triangle")}`
         + (its("margin") < 0 ? "" : `; it holds for at least ${its("margin")} px around`));
       if (data.facts[its("facts")]) say("around it", data.facts[its("facts")]);
@@ -157,24 +157,36 @@ for (const root of document.querySelectorAll(".list")) {
     const pictures = page.make("div", { class: "seen" });
     const crop = data.crops[its("crop")];
     if (crop) pictures.append(page.crop(crop, name(row)));
-    const at = its("pictured");
-    if (at >= 0) {
-      const [shownFrame, shownView, shownCuller] = data.pictures[at];
-      const article = page.browsers.get(run)?.pictures(shownCuller, shownFrame, shownView);
-      const image = article && [...article.querySelectorAll(".own.drawn")].find(
-        (one) => one.dataset.cullerName === shownCuller)?.querySelector("img");
-      if (image) pictures.append(whole(image, shownFrame, shownView, its, shownFrame === frame && shownView === view, row));
-    }
-    if (!pictures.children.length) {
-      pictures.append(page.make("p", { class: "more" }, "The page has no picture of it: the command draws one from the run folder."));
-    }
+    // Of the frame that was asked for, else of its worst, else of another in which it is lost.
+    const browser = page.browsers.get(run);
+    const imageOf = (where) => where && [...(browser?.pictures(culler.name, ...where)?.querySelectorAll(".own.drawn") ?? [])]
+      .find((one) => one.dataset.cullerName === culler.name)?.querySelector("img");
+    const places = [wanted, its("pictured") < 0 ? null : data.pictures[its("pictured")].slice(0, 2)];
+    const at = places.find((one) => imageOf(one));
+    if (at) pictures.append(whole(imageOf(at), ...at, its, at[0] === frame && at[1] === view, row, at === wanted));
+    else pictures.append(without(culler.name, frame, Boolean(crop), hidden));
     const head = page.make("h3", { tabindex: "-1" }, name(row));
     const link = page.make("a", { href: page.link(placeOf(row)), class: "permalink" }, "Link to this");
     about.replaceChildren(head, facts, pictures, link);
     about.hidden = false;
   };
+  // What there is where no picture of the page shows it.
+  const without = (culler, frame, cropped, hidden) => {
+    const near = page.browsers.get(run)?.around(culler, frame);
+    const said = page.make("p", { class: "more" }, cropped || hidden
+      ? `Frame ${frame} has no picture of all of it on the page.`
+      : "The page has no picture of it: the command draws one from the run folder.");
+    if (near) {
+      const off = Math.abs(near.frame - frame);
+      const where = off ? `, ${page.number.format(off)} frame${off === 1 ? "" : "s"} ${near.frame < frame ? "before" : "after"}` : "";
+      said.append(" The nearest that has one: ", page.make("a", {
+        href: page.link({ run: run === "run0" ? undefined : run, culler, frame: near.frame, view: near.view }),
+      }, `frame ${near.frame}${near.view ? `, view ${near.view}` : ""}${where}`), ".");
+    }
+    return said;
+  };
   // The frame's picture, with a mark at the sample.
-  const whole = (image, frame, view, its, worst, row) => {
+  const whole = (image, frame, view, its, worst, row, asked) => {
     const picture = page.make("img", { src: image.currentSrc || image.dataset.src || image.src, alt: `Frame ${frame}${view ? `, view ${view}` : ""}: who was drawn${worst ? `, with a ring where ${name(row)} was lost` : ""}` });
     const stack = page.make("div", { class: "stack whole" }, picture);
     const size = data.sizes[`${frame} ${view}`] ?? data.sizes[""];
@@ -185,7 +197,8 @@ for (const root of document.querySelectorAll(".list")) {
       stack.append(mark);
     }
     const go = page.make("a", { href: page.link({ run: run === "run0" ? undefined : run, culler: data.cullers[its("culler")].name, frame, view }) }, `All pictures of frame ${frame}${view ? `, view ${view}` : ""}`);
-    const note = worst ? "" : " Its worst frame has no picture on the page; it is lost in this one too.";
+    const note = worst ? "" : asked ? ` Its worst frame is ${its("frame")}.`
+      : " Its worst frame has no picture on the page; it is lost in this one too.";
     return page.make("figure", { class: "framed" }, stack, page.make("figcaption", {}, go, note));
   };
 
@@ -230,7 +243,7 @@ for (const root of document.querySelectorAll(".list")) {
     });
     if (best < 0) return null;
     chosen = best;
-    tell(best);
+    tell(best, place.frame === undefined ? null : [Number(place.frame), place.view ?? viewOf(best)]);
     if (!rows.includes(best)) {
       for (const field of Object.values(fields)) field.value = "";
       filter();
