@@ -24,8 +24,8 @@ from visref.doing import doing, watched_by
 from visref.registry import CULLERS, SCENES, available
 
 VISREF = Path(sys.executable).parent / "visref"
-# Help and a table are all that these do, or they write files that tell it all.
-WITHOUT_JSON = {"demo", "convert", "tables", "warm", "completion"}
+# Its output is code for a shell.
+WITHOUT_JSON = {"completion"}
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
 
@@ -122,6 +122,20 @@ def test_other_answers_for_programs(arguments, tmp_path, capsys):
     (one,) = json.loads(capsys.readouterr().out)
     assert one["holds"] is True
     assert Path(one["picture"]).is_file()
+
+
+def test_the_demo_says_its_page_and_verdicts_to_programs(tmp_path, capsys, monkeypatch):
+    from visref.cli import demo
+
+    drawing = "tests.support.toy_culler:ToyCuller"
+    monkeypatch.setattr(demo, "SCENE", "city:scale=0.01,frames=1")
+    monkeypatch.setattr(demo, "SIZE", (32, 24))
+    monkeypatch.setattr(demo, "CULLERS", (drawing,))
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert Path(said["page"]).is_file()
+    verdict = json.loads((Path(said["run"]) / "verdict.json").read_text())
+    assert said["cullers"] == {drawing: verdict["cullers"][drawing]["status"]}
 
 
 def test_every_command_is_quiet_or_verbose_and_says_json_where_a_program_may_read():

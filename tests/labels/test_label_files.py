@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from visref.exact import ExactScene
 from visref.inputs import open_inputs
 from visref.labels.bop import intrinsics
 from visref.labels.images import MOST_IN_16_BITS, ImageFolder
-from visref.labels.models import RIGID, Model, diameter, pose_between
+from visref.labels.models import RIGID, Model, diameter, normals, pose_between
 from visref.labels.table import SCHEMA
 from visref.scene import Scene
 from visref.visibility import objects_seen
@@ -336,7 +337,7 @@ def test_coco_is_read_by_its_own_tools(inputs, made):
 
 
 def models_of(folder):
-    """Points and triangles by obj_id, from PLY files."""
+    """Points, normals and triangles by obj_id, from PLY files."""
     found = {}
     for file in sorted((folder / "models").glob("*.ply")):
         head, _, body = file.read_text().partition("end_header\n")
@@ -344,7 +345,8 @@ def models_of(folder):
         rows = body.splitlines()
         vertices = np.array([row.split() for row in rows[:points]], float)
         faces = np.array([row.split() for row in rows[points:]], int)[:, 1:]
-        found[int(file.stem[4:])] = vertices, faces
+        assert re.findall(r"property double (\w+)", head) == ["x", "y", "z", "nx", "ny", "nz"]
+        found[int(file.stem[4:])] = vertices[:, :3], vertices[:, 3:], faces
     return found
 
 
@@ -370,7 +372,7 @@ def test_bop_poses_put_the_models_where_the_images_show_them(inputs, made):
         assert len(poses) == len(shown)
         for number, (pose, info_of) in enumerate(zip(poses, shown, strict=True)):
             each = pose["obj_id"] - 1
-            points, _ = models[pose["obj_id"]]
+            points, _, _ = models[pose["obj_id"]]
             rotation = np.array(pose["cam_R_m2c"]).reshape(3, 3)
             assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
             assert np.linalg.det(rotation) > 0
@@ -411,6 +413,21 @@ def check_info(said, mask, visible, depth):
     else:
         x0, y0, width, height = said["bbox_obj"]
         assert x0 < 0 or y0 < 0 or x0 + width >= mask.shape[1] or y0 + height >= mask.shape[0]
+
+
+def test_bop_models_have_normals_weighted_by_angles(made):
+    models = models_of(made / "bop")
+    # Those of a wall face the camera; those of a box are its corners' diagonals, however its faces
+    # are cut into triangles.
+    points, facing, _ = models[1]
+    assert np.allclose(facing, [0.0, 0.0, 1.0])
+    points, facing, _ = models[3]
+    assert len(points) == 8
+    assert np.allclose(np.abs(facing), 1 / np.sqrt(3), atol=1e-6)
+    outwards = np.sign((facing * points).sum(axis=1))
+    assert np.all(outwards == outwards[0])
+    lonely = normals(np.eye(3), np.array([[0, 0, 1]], np.int32))
+    assert np.array_equal(lonely, [[0.0, 0.0, 1.0]] * 3)
 
 
 def test_what_bends_or_is_scaled_has_no_pose():
