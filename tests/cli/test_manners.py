@@ -45,6 +45,24 @@ def test_the_version_is_said_alone(capsys):
     assert capsys.readouterr().out == f"visref {visref.__version__}\n"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["tables", "--out", "x", "--shift", "nan"], "argument --shift: not a number: 'nan'"),
+        (["warm", "--jobs", "1_0"], "argument --jobs: not a whole number: '1_0'"),
+        (
+            ["run", "x", "--out", "y", "--culler", "z", "--time-limit", "soon"],
+            "argument --time-limit: not a number: 'soon'",
+        ),
+    ],
+)
+def test_a_number_that_is_none_is_told_in_words(arguments, told, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith(told)
+
+
 def test_quiet_leaves_the_verdict_and_the_status(arguments, capsys):
     assert main([*arguments, "-q"]) == 1
     said = capsys.readouterr()

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.files import for_arrow
 from visref.findings import Code, Finding
 from visref.recordings.spool import Spool
 from visref.scene import Scene
@@ -187,7 +188,10 @@ def _seal(file: Path, parts: Sequence[_Columns], facts: dict[str, Any]) -> None:
     facts = {**facts, "digest": _digest(parts, facts)}
     schema = _SCHEMA.with_metadata({_KEY: json.dumps(facts, sort_keys=True)})
     table = schema.empty_table()
-    with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+    with (
+        for_arrow(file, "wb") as out,
+        pq.ParquetWriter(out, schema, compression="zstd") as writer,
+    ):
 
         def write(rows: int) -> pa.Table:
             # How a table is put together shows in a file's bytes.
@@ -386,7 +390,7 @@ class TruthRows:
 def can_be_merged(file: Path) -> bool:
     """Whether a truth file says that it is of version 2, which alone `read_rows` takes."""
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found = json.loads((opened.schema_arrow.metadata or {}).get(_KEY, b"{}"))
     except (OSError, pa.ArrowException, ValueError, RecursionError):
         return False
@@ -436,8 +440,7 @@ def _table_and_facts(
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=fix)
     try:
-        # pyarrow takes a leading ~ for the home folder.
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found, count = opened.schema_arrow, opened.metadata.num_rows
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError("cannot read it as a truth file", source=source, fix=fix) from error
@@ -478,7 +481,8 @@ def _table_and_facts(
     if objects is not None and count > len(facts["frames"]) * objects:
         raise spoilt(f"it has {count} rows, more than objects in its frames")
     try:
-        table = pq.read_table(file.absolute())
+        with for_arrow(file) as data:
+            table = pq.read_table(data)
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
