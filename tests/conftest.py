@@ -37,8 +37,9 @@ ENGINES = {
     "panda3d": lambda: find_spec("panda3d") is not None and find_spec("gltf") is not None,
     **{name: (NODE_MODULES / name).is_dir for name in ("three", "babylonjs", "playcanvas")},
 }
-# Those, and toolchains of recorders whose packages are large, or that few distributions have.
-NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", *ENGINES})
+# Those, shells that people have, and toolchains of recorders whose packages are large, or that few
+# distributions have.
+NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", "zsh", "fish", *ENGINES})
 EXCUSED = pytest.StashKey[bool]()
 
 # Where rustup installs, whatever the shell.
