@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ import pytest
 from PIL import Image
 
 from tests.labels.alone import scene_of
+from tests.support import exact_brute
+from visref.camera import Camera
 from visref.cli.main import main
 from visref.conformance.glb import glb_of
 from visref.exact import ExactScene
@@ -40,18 +43,19 @@ def box(centre: tuple[float, float, float], size: float) -> tuple[np.ndarray, np
     )
 
 
+WALL = np.array([[-3, -1, -6], [3, -1, -6], [3, 2, -6], [-3, 2, -6]], float)
+OBJECTS = [
+    ("wall", WALL, np.array([[0, 1, 2], [0, 2, 3]])),
+    ("cart", *box((0.0, 0.0, 0.0), 1.0)),
+    ("crate", *box((0.5, 0.0, -8.0), 1.0)),
+    ("crate", *box((1.5, -0.5, -5.0), 0.75)),
+]
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scene")
-    wall = np.array([[-3, -1, -6], [3, -1, -6], [3, 2, -6], [-3, 2, -6]], float)
-    scene = Scene.from_objects(
-        [
-            ("wall", wall, np.array([[0, 1, 2], [0, 2, 3]])),
-            ("cart", *box((0.0, 0.0, 0.0), 1.0)),
-            ("crate", *box((0.5, 0.0, -8.0), 1.0)),
-            ("crate", *box((1.5, -0.5, -5.0), 0.75)),
-        ]
-    )
+    scene = Scene.from_objects(OBJECTS)
     (folder / "scene.glb").write_bytes(glb_of(scene, given=True))
     frames = []
     for number in range(FRAMES):
@@ -155,6 +159,41 @@ def test_labels_of_a_moving_scene_agree_with_each_object_drawn_by_itself(inputs,
                 assert row["visibility_fraction"] + sum(shares) == pytest.approx(1.0)
                 hidden += not visible.any()
     assert hidden, "something is hidden wholly, and labelled"
+
+
+def test_labels_of_a_moving_scene_agree_with_poses_by_hand_and_rays_by_the_book(inputs, made):
+    """Of visref itself there is only what a sample is: the camera's numbers."""
+    rows = pq.read_table(made / "labels.parquet").to_pylist()
+    said = {(row["frame"], row["view"], row["object"]): row for row in rows}
+    names = ["wall", "cart", "crate", "crate#2"]
+    hidden = 0
+    for number, frame in enumerate(json.loads(Path(inputs[2]).read_text())["frames"]):
+        pose = np.array(frame["views"]["left"]["world_from_camera"])
+        camera = Camera(pose, 48, 36, near=0.1, far=50.0, yfov=0.9)
+        nearest = [(np.inf, -1)] * camera.samples
+        masks = {}
+        for each, (_, points, faces) in enumerate(OBJECTS):
+            if names[each] in frame.get("absent", ()):
+                assert (number, "left", each) not in said
+                continue
+            world = np.array(frame["world_from_object"].get(names[each], np.eye(4)))
+            moved = points @ world[:3, :3].T + world[:3, 3]
+            hits = exact_brute.hits(Scene.from_objects([("alone", moved, faces)]), camera)
+            masks[each] = [min((t for t, _ in one), default=None) for one in hits]
+            for sample, depth in enumerate(masks[each]):
+                if depth is not None and depth < nearest[sample][0]:
+                    nearest[sample] = (depth, each)
+        for each, depths in masks.items():
+            own = [sample for sample, depth in enumerate(depths) if depth is not None]
+            by = Counter(nearest[sample][1] for sample in own)
+            row = said[number, "left", each]
+            assert row["silhouette_samples"] == len(own)
+            assert row["visible_samples"] == by.pop(each, 0)
+            assert {one["object"]: one["samples"] for one in row["occluders"]} == dict(by)
+            least = min((float(depths[sample]) for sample in own), default=None)
+            assert row["depth"] == pytest.approx(least, rel=2.0**-30)
+            hidden += bool(own) and row["visible_samples"] == 0
+    assert hidden
 
 
 def edges_of(mask):
