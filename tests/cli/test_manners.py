@@ -141,6 +141,18 @@ def test_other_answers_for_programs(arguments, tmp_path, capsys):
     assert Path(one["picture"]).is_file()
 
 
+@pytest.mark.parametrize("command", ["scenes", "cullers", "completion bash"])
+def test_a_listing_that_a_full_disk_takes_has_failed(command):
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        asked = [VISREF, *command.split()]
+        done = subprocess.run(asked, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert "standard output: [Errno 28] No space left on device" in done.stderr
+    with subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()  # As `head` does, when it has seen enough.
+        assert process.wait() == 0
+
+
 def test_the_demo_says_its_page_and_verdicts_to_programs(tmp_path, capsys, monkeypatch):
     from visref.cli import demo
 
