@@ -222,10 +222,10 @@ class Parser(argparse.ArgumentParser):
         if message:
             (OUT if file is sys.stdout else ERRORS).lines(message)
 
-    def _get_value(self, action: argparse.Action, text: str) -> Any:
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         """An argument's value; what it should have been is told in words, not as Python has it."""
         try:
-            return super()._get_value(action, text)
+            return super()._get_value(action, arg_string)
         except argparse.ArgumentError as error:
             name = getattr(action.type, "__name__", "")
             kind = _KINDS.get(name, name.replace("_", " "))
