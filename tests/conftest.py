@@ -39,8 +39,9 @@ ENGINES = {
     "openscenegraph": Path("/usr/include/osgUtil/SceneView").exists,
     "openarena-081-maps": Path("/usr/share/games/openarena/baseoa/pak1-maps.pk3").exists,
 }
-# Those, and toolchains of recorders whose packages are large, or that few distributions have.
-NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", *ENGINES})
+# Those, shells that people have, and toolchains of recorders whose packages are large, or that few
+# distributions have.
+NOT_ON_CI = frozenset({"rustc", "mcs", "mono", "godot4", "godot3-server", "zsh", "fish", *ENGINES})
 EXCUSED = pytest.StashKey[bool]()
 
 # Where rustup installs, whatever the shell.

@@ -16,6 +16,7 @@ from visref.beside import PREFIX
 from visref.errors import InputError
 from visref.files import (
     FolderKind,
+    make_folder,
     refuse_inputs,
     remove_folder,
     replacing_file,
@@ -35,6 +36,27 @@ def test_file_appears_whole_or_not_at_all(tmp_path):
         beside.write_text("whole")
     assert target.read_text() == "whole"
     assert [p.name for p in target.parent.iterdir()] == ["out.bin"]
+
+
+@pytest.mark.parametrize("place", ["file/out", "file/deep/out"])
+def test_where_a_file_is_in_the_way_it_is_named(place, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for writing in (
+        replacing_file(tmp_path / place),
+        replacing_folder(tmp_path / place, kind=KIND),
+    ):
+        with pytest.raises(
+            InputError, match=r"file/.*out: cannot write here: .*/file is no folder"
+        ):
+            writing.__enter__()
+    with pytest.raises(InputError, match="file is no folder"):
+        make_folder(tmp_path / place)
+    with pytest.raises(InputError, match="file is no folder"):
+        make_folder(tmp_path / "file")
+    make_folder(tmp_path / "a" / "b")
+    make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_failed_run_leaves_the_last_good_one(tmp_path):

@@ -96,6 +96,10 @@ def test_kept_files_are_read_again_and_not_made_again(tmp_path):
         ("squares:count", "is not option=value"),
         ("several", r"a set of 2 scenes \(one, …\), not one"),
         ("several:frames=2", "no option 'frames'"),
+        ("squaers", "no generated scene of that name; did you mean 'squares'"),
+        ("circles:count=2", "no generated scene of that name"),
+        ("xyzzy", "`visref scenes` lists them"),
+        ("squares.glb", "there is no such file; check the name"),
     ],
 )
 def test_a_wrong_option_is_one_clear_line(spec, problem):

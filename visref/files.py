@@ -58,6 +58,28 @@ def _refusing(target: Path, only: Sequence[int] = ()) -> Iterator[None]:
         raise _refuse(target, error.strerror or "no access", "name another place") from error
 
 
+def for_arrow(file: Path, mode: str = "rb") -> Any:
+    """A file that Arrow reads or writes (`wb`), opened, to be closed. Its own way to take a path
+    breaks down on a name that is not UTF-8, and takes a leading ~ for the home folder."""
+    import pyarrow as pa
+
+    return pa.OSFile(os.fsencode(file.absolute()), mode)
+
+
+def make_folder(folder: Path, *, asked: Path | None = None) -> None:
+    """Make a folder and those that it stands in, where they are not there. Raises InputError, of
+    the path that was `asked` for, where one of them is a file, or cannot be made."""
+    target = folder if asked is None else asked
+    with _refusing(target):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError):
+            up = (one for one in (folder, *folder.parents) if one.exists())
+            raise _refuse(
+                target, f"{next(up, folder)} is no folder", "name another place"
+            ) from None
+
+
 def _place(path: Path | str) -> Path:
     """Where a path leads: a link stays, and what it names is replaced; "." gets a name."""
     target = Path(os.path.realpath(path))
@@ -103,7 +125,7 @@ def _file_to_replace(path: Path | str, begins: bytes) -> Path:
             with target.open("rb") as old:
                 if old.read(len(begins)) not in (b"", begins):
                     raise _refuse(target, "what stands there is of another kind", "name a new file")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent, asked=target)
         beside.sweep(target.parent)
     return target
 
@@ -138,7 +160,7 @@ def replacing_folder(path: Path | str, *, kind: FolderKind) -> Iterator[Path]:
         target = _place(path)
         if target.exists() and not target.is_dir():
             raise _refuse(target, "it is no folder", "name a folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent, asked=target)
         beside.sweep(target.parent)
         beside.sweep(target)
         stays = _stays(target)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -25,9 +26,10 @@ from visref.numerals import whole_number
 from visref.options import OptionValue
 from visref.recordings.recording import read_recording
 from visref.recordings.visible_sets import VisibleSets
-from visref.registry import DEFAULT_ENGINE
+from visref.registry import DEFAULT_ENGINE, SCENES, available
 from visref.scene import Scene
 from visref.timeline import Timeline
+from visref.wording import did_you_mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +189,7 @@ def open_scene(
     """
     generator = _generator(spec)
     if generator is None:
+        _check_name(spec)
         loaded = load_scene(
             spec, cull_backfaces=cull_backfaces, lenient=lenient, max_memory=max_memory
         )
@@ -224,6 +227,17 @@ def generated_with(spec: str) -> dict[str, OptionValue]:
 
 def _generator(spec: str) -> Generator | None:
     return None if Path(spec).exists() else find_generator(spec)
+
+
+def _check_name(spec: str) -> None:
+    """Raises InputError for what looks like a generator's name, and is the name of nothing."""
+    name = spec.partition(":")[0]
+    if re.fullmatch(r"[\w-]+", name) and not Path(spec).exists():
+        raise InputError(
+            "there is no such file, and no generated scene of that name",
+            source=spec,
+            fix=did_you_mean(name, available(SCENES), "`visref scenes` lists them"),
+        )
 
 
 def _kept(generator: Generator, folder: Path) -> tuple[Path, Path]:

@@ -8,7 +8,6 @@ import os
 import pty
 import re
 import resource
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,8 +23,8 @@ from visref.doing import doing, watched_by
 from visref.registry import CULLERS, SCENES, available
 
 VISREF = Path(sys.executable).parent / "visref"
-# Help and a table are all that these do, or they write files that tell it all.
-WITHOUT_JSON = {"demo", "convert", "tables", "warm", "completion"}
+# Its output is code for a shell.
+WITHOUT_JSON = {"completion"}
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
 
@@ -43,6 +42,24 @@ def test_the_version_is_said_alone(capsys):
         main(["--version"])
     assert stop.value.code == 0
     assert capsys.readouterr().out == f"visref {visref.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["tables", "--out", "x", "--shift", "nan"], "argument --shift: not a number: 'nan'"),
+        (["warm", "--jobs", "1_0"], "argument --jobs: not a whole number: '1_0'"),
+        (
+            ["run", "x", "--out", "y", "--culler", "z", "--time-limit", "soon"],
+            "argument --time-limit: not a number: 'soon'",
+        ),
+    ],
+)
+def test_a_number_that_is_none_is_told_in_words(arguments, told, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith(told)
 
 
 def test_quiet_leaves_the_verdict_and_the_status(arguments, capsys):
@@ -122,6 +139,32 @@ def test_other_answers_for_programs(arguments, tmp_path, capsys):
     (one,) = json.loads(capsys.readouterr().out)
     assert one["holds"] is True
     assert Path(one["picture"]).is_file()
+
+
+@pytest.mark.parametrize("command", ["scenes", "cullers", "completion bash"])
+def test_a_listing_that_a_full_disk_takes_has_failed(command):
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        asked = [VISREF, *command.split()]
+        done = subprocess.run(asked, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert "standard output: [Errno 28] No space left on device" in done.stderr
+    with subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()  # As `head` does, when it has seen enough.
+        assert process.wait() == 0
+
+
+def test_the_demo_says_its_page_and_verdicts_to_programs(tmp_path, capsys, monkeypatch):
+    from visref.cli import demo
+
+    drawing = "tests.support.toy_culler:ToyCuller"
+    monkeypatch.setattr(demo, "SCENE", "city:scale=0.01,frames=1")
+    monkeypatch.setattr(demo, "SIZE", (32, 24))
+    monkeypatch.setattr(demo, "CULLERS", (drawing,))
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert Path(said["page"]).is_file()
+    verdict = json.loads((Path(said["run"]) / "verdict.json").read_text())
+    assert said["cullers"] == {drawing: verdict["cullers"][drawing]["status"]}
 
 
 def test_every_command_is_quiet_or_verbose_and_says_json_where_a_program_may_read():
@@ -266,14 +309,24 @@ def test_completion_offers_what_there_is(line, offered, tmp_path):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_each_shell_gets_code_that_it_reads(shell, capsys, tmp_path):
+def test_each_shell_gets_code_for_visref(shell, capsys):
     assert main(["completion", shell]) == 0
     code = capsys.readouterr().out
     assert "_ARGCOMPLETE" in code
     assert re.search(r"\bvisref\b", code)
-    if shutil.which(shell):
-        (tmp_path / "code").write_text(code)
-        subprocess.run([shell, "-n", tmp_path / "code"], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize(
+    "shell", [pytest.param(one, marks=pytest.mark.needs(one)) for one in ("bash", "zsh", "fish")]
+)
+def test_each_shell_itself_parses_its_code(shell, capsys, tmp_path):
+    assert main(["completion", shell]) == 0
+    (tmp_path / "code").write_text(capsys.readouterr().out)
+    subprocess.run([shell, "-n", tmp_path / "code"], check=True, capture_output=True)
+    # And says so of code that is none.
+    (tmp_path / "code").write_text(")\n")
+    broken = subprocess.run([shell, "-n", tmp_path / "code"], check=False, capture_output=True)
+    assert broken.returncode != 0
 
 
 def test_manners_are_those_of_the_command_that_runs(arguments):

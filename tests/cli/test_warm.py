@@ -93,6 +93,7 @@ def test_a_second_time_there_is_nothing_to_do(warmed):
     ("words", "message"),
     [
         (["--jobs", "0"], "error: --jobs is 0; give 1 or more"),
+        (["--part", "exact", "--json"], "error: --json and --part; leave one out"),
         (["--part", "exakt"], "error: no part is named 'exakt'; did you mean 'exact'?"),
     ],
 )
@@ -131,6 +132,11 @@ def test_a_part_that_this_machine_cannot_do_is_told_and_the_others_are_done(
     told = capsys.readouterr()
     assert told.err == "no GL is left out: no OpenGL\n"
     assert "done: 0 s\n" in told.out
+    assert main(["warm", "--jobs", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["parts"] == [
+        {"part": "no GL", "new": True, "left_out_because": "no OpenGL"},
+        {"part": "done", "new": True, "left_out_because": None},
+    ]
     ends["broken"] = "sys.exit(70)"
     monkeypatch.setattr(warm, "PARTS", dict.fromkeys(ends))
     assert main(["warm", "--jobs", "2"]) == 70

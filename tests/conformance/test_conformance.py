@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from unittest import SkipTest
 
 import numpy as np
@@ -199,6 +200,28 @@ def test_expected_failure_needs_a_known_check_and_a_reason():
         conformance.case("nonsense")
     with pytest.raises(InputError, match="has no scene of its own"):
         conformance.case("answers_repeat")
+
+
+def test_checks_of_somebody_s_own_are_told_as_those_of_the_catalogue():
+    (known,) = named("glass")
+    own = replace(known, name="my_window", claim="what stands behind my window is drawn")
+    # Once, as a generator gives them.
+    with pytest.raises(AssertionError) as raised:
+        assert_conforms(DrawsNothing, checks=iter([own]))
+    text = str(raised.value)
+    assert "FAILED my_window: what stands behind my window is drawn" in text
+    assert "MISSED_OBJECT" in text
+    assert "conformance.case" not in text
+    assert_conforms(DrawsNothing, checks=[own], expected_failures={"my_window": "draws nothing"})
+    with pytest.raises(AssertionError, match="UNEXPECTED PASS my_window"):
+        assert_conforms(DrawsAll, checks=[own], expected_failures={"my_window": "no reason"})
+    with pytest.raises(InputError, match="did you mean 'my_window'"):
+        check_culler(DrawsAll, checks=[own], expected_failures={"my_windw": "typo"})
+    # One that has taken a name of the catalogue is told as its own.
+    with pytest.raises(AssertionError) as raised:
+        assert_conforms(DrawsNothing, checks=[replace(own, name="glass")])
+    assert "FAILED glass: what stands behind my window is drawn" in str(raised.value)
+    assert "conformance.case" not in str(raised.value)
 
 
 def test_culler_that_promises_less_is_measured_and_not_convicted():

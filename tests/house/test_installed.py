@@ -17,8 +17,7 @@ from tests.house.test_wheel import build
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parent.parent.parent
-# What `pip install visref` may take, in 10^6 bytes: it was 557, of which llvmlite is 180, pyarrow
-# 178, NumPy 75 and Embree 46.
+# What `pip install visref` may take, in 10^6 bytes: it was 569 (docs/start.md says of what).
 MOST_MB = 590
 
 

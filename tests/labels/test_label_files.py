@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,15 @@ import pytest
 from PIL import Image
 
 from tests.labels.alone import scene_of
+from tests.support import exact_brute
+from visref.camera import Camera
 from visref.cli.main import main
 from visref.conformance.glb import glb_of
 from visref.exact import ExactScene
 from visref.inputs import open_inputs
 from visref.labels.bop import intrinsics
 from visref.labels.images import MOST_IN_16_BITS, ImageFolder
-from visref.labels.models import RIGID, Model, diameter, pose_between
+from visref.labels.models import RIGID, Model, diameter, normals, pose_between
 from visref.labels.table import SCHEMA
 from visref.scene import Scene
 from visref.visibility import objects_seen
@@ -39,18 +43,19 @@ def box(centre: tuple[float, float, float], size: float) -> tuple[np.ndarray, np
     )
 
 
+WALL = np.array([[-3, -1, -6], [3, -1, -6], [3, 2, -6], [-3, 2, -6]], float)
+OBJECTS = [
+    ("wall", WALL, np.array([[0, 1, 2], [0, 2, 3]])),
+    ("cart", *box((0.0, 0.0, 0.0), 1.0)),
+    ("crate", *box((0.5, 0.0, -8.0), 1.0)),
+    ("crate", *box((1.5, -0.5, -5.0), 0.75)),
+]
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scene")
-    wall = np.array([[-3, -1, -6], [3, -1, -6], [3, 2, -6], [-3, 2, -6]], float)
-    scene = Scene.from_objects(
-        [
-            ("wall", wall, np.array([[0, 1, 2], [0, 2, 3]])),
-            ("cart", *box((0.0, 0.0, 0.0), 1.0)),
-            ("crate", *box((0.5, 0.0, -8.0), 1.0)),
-            ("crate", *box((1.5, -0.5, -5.0), 0.75)),
-        ]
-    )
+    scene = Scene.from_objects(OBJECTS)
     (folder / "scene.glb").write_bytes(glb_of(scene, given=True))
     frames = []
     for number in range(FRAMES):
@@ -154,6 +159,41 @@ def test_labels_of_a_moving_scene_agree_with_each_object_drawn_by_itself(inputs,
                 assert row["visibility_fraction"] + sum(shares) == pytest.approx(1.0)
                 hidden += not visible.any()
     assert hidden, "something is hidden wholly, and labelled"
+
+
+def test_labels_of_a_moving_scene_agree_with_poses_by_hand_and_rays_by_the_book(inputs, made):
+    """Of visref itself there is only what a sample is: the camera's numbers."""
+    rows = pq.read_table(made / "labels.parquet").to_pylist()
+    said = {(row["frame"], row["view"], row["object"]): row for row in rows}
+    names = ["wall", "cart", "crate", "crate#2"]
+    hidden = 0
+    for number, frame in enumerate(json.loads(Path(inputs[2]).read_text())["frames"]):
+        pose = np.array(frame["views"]["left"]["world_from_camera"])
+        camera = Camera(pose, 48, 36, near=0.1, far=50.0, yfov=0.9)
+        nearest = [(np.inf, -1)] * camera.samples
+        masks = {}
+        for each, (_, points, faces) in enumerate(OBJECTS):
+            if names[each] in frame.get("absent", ()):
+                assert (number, "left", each) not in said
+                continue
+            world = np.array(frame["world_from_object"].get(names[each], np.eye(4)))
+            moved = points @ world[:3, :3].T + world[:3, 3]
+            hits = exact_brute.hits(Scene.from_objects([("alone", moved, faces)]), camera)
+            masks[each] = [min((t for t, _ in one), default=None) for one in hits]
+            for sample, depth in enumerate(masks[each]):
+                if depth is not None and depth < nearest[sample][0]:
+                    nearest[sample] = (depth, each)
+        for each, depths in masks.items():
+            own = [sample for sample, depth in enumerate(depths) if depth is not None]
+            by = Counter(nearest[sample][1] for sample in own)
+            row = said[number, "left", each]
+            assert row["silhouette_samples"] == len(own)
+            assert row["visible_samples"] == by.pop(each, 0)
+            assert {one["object"]: one["samples"] for one in row["occluders"]} == dict(by)
+            least = min((float(depths[sample]) for sample in own), default=None)
+            assert row["depth"] == pytest.approx(least, rel=2.0**-30)
+            hidden += bool(own) and row["visible_samples"] == 0
+    assert hidden
 
 
 def edges_of(mask):
@@ -336,7 +376,7 @@ def test_coco_is_read_by_its_own_tools(inputs, made):
 
 
 def models_of(folder):
-    """Points and triangles by obj_id, from PLY files."""
+    """Points, normals and triangles by obj_id, from PLY files."""
     found = {}
     for file in sorted((folder / "models").glob("*.ply")):
         head, _, body = file.read_text().partition("end_header\n")
@@ -344,7 +384,8 @@ def models_of(folder):
         rows = body.splitlines()
         vertices = np.array([row.split() for row in rows[:points]], float)
         faces = np.array([row.split() for row in rows[points:]], int)[:, 1:]
-        found[int(file.stem[4:])] = vertices, faces
+        assert re.findall(r"property double (\w+)", head) == ["x", "y", "z", "nx", "ny", "nz"]
+        found[int(file.stem[4:])] = vertices[:, :3], vertices[:, 3:], faces
     return found
 
 
@@ -370,7 +411,7 @@ def test_bop_poses_put_the_models_where_the_images_show_them(inputs, made):
         assert len(poses) == len(shown)
         for number, (pose, info_of) in enumerate(zip(poses, shown, strict=True)):
             each = pose["obj_id"] - 1
-            points, _ = models[pose["obj_id"]]
+            points, _, _ = models[pose["obj_id"]]
             rotation = np.array(pose["cam_R_m2c"]).reshape(3, 3)
             assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
             assert np.linalg.det(rotation) > 0
@@ -411,6 +452,21 @@ def check_info(said, mask, visible, depth):
     else:
         x0, y0, width, height = said["bbox_obj"]
         assert x0 < 0 or y0 < 0 or x0 + width >= mask.shape[1] or y0 + height >= mask.shape[0]
+
+
+def test_bop_models_have_normals_weighted_by_angles(made):
+    models = models_of(made / "bop")
+    # Those of a wall face the camera; those of a box are its corners' diagonals, however its faces
+    # are cut into triangles.
+    points, facing, _ = models[1]
+    assert np.allclose(facing, [0.0, 0.0, 1.0])
+    points, facing, _ = models[3]
+    assert len(points) == 8
+    assert np.allclose(np.abs(facing), 1 / np.sqrt(3), atol=1e-6)
+    outwards = np.sign((facing * points).sum(axis=1))
+    assert np.all(outwards == outwards[0])
+    lonely = normals(np.eye(3), np.array([[0, 0, 1]], np.int32))
+    assert np.array_equal(lonely, [[0.0, 0.0, 1.0]] * 3)
 
 
 def test_what_bends_or_is_scaled_has_no_pose():

@@ -96,6 +96,14 @@ def test_the_command_converts_both_ways_and_says_what_it_lacks(tmp_path, capsys)
     assert "line 3 is not whole; what is whole was taken" in capsys.readouterr().out
     joined = ["--path", str(path), "--visible", str(visible)]
     assert main(["convert", *joined, "--recording-out", str(tmp_path / "r.jsonl")]) == 0
+    capsys.readouterr()
+    assert main(["convert", *apart_, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["path"], told["visible"], told["frames"]) == (str(path), str(visible), 1)
+    assert told["cut_off"].startswith("line 3")
+    again = str(tmp_path / "r.jsonl")
+    assert main(["convert", *joined, "--recording-out", again, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"recording": again, "frames": 1}
     assert main(["convert", *joined]) == 2
     assert main(["convert", *joined, "--recording-out", str(path)]) == 2
     errors = capsys.readouterr().err

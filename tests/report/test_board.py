@@ -104,6 +104,14 @@ def test_the_command_writes_it_and_refuses_what_it_reads(runs, tmp_path, capsys)
     assert board.read_text() == board_markdown([read_run(run) for run in runs])
     assert cli.main(["report", str(runs[0]), "--board", str(runs[0] / "verdict.json")]) == 2
     assert "verdict.json" in capsys.readouterr().err
+    assert cli.main(["report", str(runs[0]), "--board", str(runs[0] / "board.md")]) == 2
+    assert "a board in a run's folder" in capsys.readouterr().err
+    (tmp_path / "notes.md").write_text("# Mine\n")
+    assert cli.main(["report", str(runs[0]), "--board", str(tmp_path / "notes.md")]) == 2
+    assert "of another kind" in capsys.readouterr().err
+    assert (tmp_path / "notes.md").read_text() == "# Mine\n"
+    # Over an earlier one.
+    assert cli.main(["report", *map(str, runs), "--board", str(board)]) == 1
 
 
 def test_nothing_and_two_of_one_name_are_refused(runs, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 
 import pytest
@@ -11,6 +12,7 @@ from tests.support import chromium, tables_runs
 from tests.support.tables_runs import ALL, NOTHING, SIZE, STOPPED, TOWN, Steps, paper
 from visref.cli import main as cli
 from visref.cli import tables as tables_command
+from visref.cli.tables import rows_of
 from visref.judging.status import Exit
 from visref.papers.contents import Experiment, JudgedRun
 from visref.tables import run_all, runs, write_tables
@@ -55,6 +57,22 @@ def test_every_form_has_the_same_numbers(measured):
     }
     held = graded["fewer queries than the paper"]
     assert [held[name] for name in ("ours", "low", "high", "published")] == ["7", "7", "7", "14"]
+
+
+def test_rows_for_programs_are_those_of_the_csv(measured):
+    page, _ = write_tables(measured)
+    text = texts(page.parent)[".csv"]
+    rows = rows_of(text)
+    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+    queries = next(row for row in rows if row["quantity"] == "queries a frame")
+    assert (queries["published"], queries["ours"], queries["ratio"]) == (14.0, 7.0, 0.5)
+    assert queries["grade"] is None
+    assert [row["quantity"] for row in rows] == [
+        row["quantity"] for row in csv.DictReader(text.splitlines())
+    ]
+    # An interval that is as wide as can be, and words in place of a number.
+    (row,) = rows_of("ours,low,high,published,note\n2,-inf,inf,up to 3,1\n")
+    assert list(row.values()) == [2.0, None, None, "up to 3", "1"]
 
 
 def test_walks_stand_with_their_verdicts_and_rates(measured):

@@ -76,6 +76,27 @@ def test_moved_samples_lie_between_the_usual_ones():
     assert sampled(7, None, 1, 0.5) == list(range(7))
 
 
+def test_wrong_settings_and_places_are_told_before_anything_is_measured(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "summary.md").write_text("mine")
+    for out, options, told in (
+        ("new", {"threads": 0}, "--threads is 0"),
+        ("new", {"workers": 0}, "--workers is 0"),
+        ("new", {"shift": float("nan")}, "--shift is nan"),
+        ("file", {}, "file is no folder"),
+        ("file/x", {}, "file is no folder"),
+        ("folder", {}, "it holds what is no tables"),
+    ):
+        with pytest.raises(InputError, match=told):
+            run_all([paper()], tmp_path / out, Steps(), frames=1, **options)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["file", "folder"]
+    assert [one.name for one in (tmp_path / "folder").iterdir()] == ["summary.md"]
+    # One that was ended before anything was measured.
+    (tmp_path / "early" / "scenes").mkdir(parents=True)
+    run_all([], tmp_path / "early", Steps())
+
+
 def test_another_seed_is_of_every_scene_that_names_none():
     walks = (
         JudgedRun("a", "city", ()),

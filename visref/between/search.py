@@ -33,6 +33,7 @@ from visref.camera_path import CameraPath
 from visref.engines.rays import RayEngine
 from visref.exact import ExactScene
 from visref.exact.outside import certainly_outside, degenerate, image_limits, pixel_at
+from visref.files import for_arrow
 from visref.recordings.truth_file import path_digest
 from visref.scene import Alpha, Float64, Int32, Scene
 from visref.visibility import BACKGROUND, ObjectVisibility
@@ -284,4 +285,5 @@ def write_geometric(
     }
     table = pa.concat_tables(parts)
     table = table.replace_schema_metadata({_KEY: json.dumps(facts, sort_keys=True)})
-    pq.write_table(table, file, compression="zstd")
+    with for_arrow(file, "wb") as out:
+        pq.write_table(table, out, compression="zstd")

@@ -10,9 +10,10 @@ from visref.batch import Ended, Run, read_batch, run_jobs, write_results
 from visref.batch.results import HEADINGS
 from visref.batch.running import BATCH_FOLDER, PAGE, RECORD
 from visref.cli.arguments import add_dask_arguments
+from visref.cli.manners import MANNERS
 from visref.cli.terminal import ERRORS, OUT
 from visref.errors import InputError
-from visref.files import refuse_inputs
+from visref.files import make_folder, refuse_inputs
 from visref.numerals import whole_number
 from visref.report.words import GLYPHS
 from visref.run_folder.inside import json_inside
@@ -52,14 +53,14 @@ def run(given: argparse.Namespace) -> int:
             raise InputError(problem, fix="give 1 or more")
     _check_out(given.out, given.file)
     out = given.out.resolve()
-    say = ERRORS.line if given.json else OUT.remark
     done = 0
 
     def on_ended(ended: Ended) -> None:
         nonlocal done
         done += 1
         said = ended.error or _SAID.get(ended.status, f"status {ended.status}")
-        say(f"[{done}/{len(jobs)}] {ended.job.name}: {said}")
+        if not MANNERS.quiet:
+            (ERRORS if given.json else OUT).line(f"[{done}/{len(jobs)}] {ended.job.name}: {said}")
 
     with ExitStack() as closing:
         more = _more(given, closing)
@@ -110,9 +111,7 @@ def _more(given: argparse.Namespace, closing: ExitStack) -> tuple[str, ...]:
 def _check_out(out: Path, file: Path) -> None:
     """Make the batch's folder, or go on in one. Raises InputError where it is another's."""
     refuse_inputs(out, [file])
-    if out.exists() and not out.is_dir():
-        raise InputError("cannot write here: it is a file", source=str(out), fix="name a folder")
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     if not any(out.iterdir()):
         return
     if (out / RECORD).exists():

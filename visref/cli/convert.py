@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from visref.cli.arguments import add_memory_argument, memory_of
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT
 from visref.errors import InputError
 from visref.judging.status import Exit
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("--recording-out", "where the recording of both goes (.jsonl)"),
     ):
         parser.add_argument(name, type=Path, metavar="FILE", help=what)
+    add_json(parser, "print what was written, for programs")
     add_memory_argument(parser)
 
 
@@ -32,11 +34,16 @@ def run(given: argparse.Namespace) -> Exit:
     limit = memory_of(given)
     if all(apart) and not any(joined):
         count, cut_off = pair_of_recording(*apart, max_memory=limit)
+        if given.json:
+            files = {"path": str(given.path_out), "visible": str(given.visible_out)}
+            OUT.json({**files, "frames": count, "cut_off": cut_off or None})
         OUT.remark(f"{given.path_out}, {given.visible_out}: {counted(count, 'frame')}")
         if cut_off:
             OUT.remark(f"{given.recording}: {cut_off}; what is whole was taken")
     elif all(joined) and not any(apart):
         count = recording_of_pair(*joined, max_memory=limit)
+        if given.json:
+            OUT.json({"recording": str(given.recording_out), "frames": count})
         OUT.remark(f"{given.recording_out}: {counted(count, 'frame')}")
     else:
         raise InputError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from visref.cli.judged import print_outcome
+from visref.cli.manners import add_json
 from visref.cli.terminal import OUT, frame_bar
 from visref.doing import doing
 from visref.inputs import open_inputs
@@ -22,6 +23,7 @@ CULLERS = ("none", "frustum", "occlusion-query", "visref_culling.broken:HastyQue
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR")
+    add_json(parser, "print what was written and each culler's status, for programs")
 
 
 def run(given: argparse.Namespace) -> Exit:
@@ -33,6 +35,10 @@ def run(given: argparse.Namespace) -> Exit:
         outcome = judge_to_folder(inputs, cullers, folder, image_check=True, listeners=[bar])
     with doing("writing the page"):
         page = write_report([folder], given.out)
+    if given.json:
+        statuses = {record.spec: record.status for record in outcome.cullers}
+        OUT.json({"page": str(page), "run": str(folder), "cullers": statuses})
+        return Exit.NO_VIOLATION
     print_outcome(outcome)
     OUT.remark()
     OUT.remark("The last culler is broken on purpose, so that you see what a violation looks like.")

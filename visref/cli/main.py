@@ -48,6 +48,9 @@ COMMANDS = {
 # These write reports for CI servers (`visref.cli.reports`), of whatever ends them.
 TELLING = ("run", "check", "merge")
 
+# All that these do is print: where a full disk takes it, they have failed.
+PRINTING = ("objects", "cullers", "scenes", "doctor", "completion")
+
 
 def main(
     arguments: Sequence[str] | None = None, *, ready: Callable[[], object] = lambda: None
@@ -92,7 +95,9 @@ def _run(given: argparse.Namespace) -> int:
 def _ran(given: argparse.Namespace) -> int:
     try:
         if given.asked not in TELLING:
-            return int(given.command(given))
+            status = int(given.command(given))
+            lost = given.asked in PRINTING and not OUT.whole
+            return int(Exit.BAD_INPUT) if lost and status == Exit.NO_VIOLATION else status
         from visref.cli.reports import check_reports, write_reports
 
         check_reports(given)

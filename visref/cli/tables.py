@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
+import math
 from pathlib import Path
+from typing import Any
 
+from visref.cli.manners import add_json
 from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.judging.status import Exit
 from visref.numerals import decimal_number, whole_number
@@ -61,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="continues with what is there",
     )
+    add_json(parser, "print every row of every table with its grade, for programs")
     kept = "what was measured is kept, and the same command continues from there"
     parser.set_defaults(interrupted=kept)
 
@@ -84,7 +90,42 @@ def run(given: argparse.Namespace) -> Exit:
     page, status = write_tables(measured)
     for label, why in measured.failures.items():
         ERRORS.line(f"not measured: {label}: {why}")
+    if given.json:
+        OUT.json(
+            {
+                "page": str(page),
+                "exit_status": int(status),
+                "not_measured": measured.failures,
+                "rows": rows_of((given.out / "tables.csv").read_text(encoding="utf-8")),
+            }
+        )
+        return status
     OUT.lines((given.out / "claims.md").read_text(encoding="utf-8"))
     OUT.line()
     OUT.line(f"The tables: {page}")
     return status
+
+
+# The columns that are numbers, where there is one; what is published may be words.
+_NUMBERS = ("published", "ours", "low", "high", "ratio")
+
+
+def rows_of(text: str) -> list[dict[str, Any]]:
+    """The rows of tables.csv: numbers as such, None for what is empty, or for an interval's end
+    that is nowhere."""
+    return [
+        {name: _value(name, cell) for name, cell in row.items()}
+        for row in csv.DictReader(io.StringIO(text))
+    ]
+
+
+def _value(name: str, cell: str) -> str | float | None:
+    if not cell:
+        return None
+    if name in _NUMBERS:
+        try:
+            number = float(cell)
+        except ValueError:
+            return cell
+        return number if math.isfinite(number) else None
+    return cell

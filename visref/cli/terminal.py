@@ -203,6 +203,10 @@ OUT = Printer("stdout")
 ERRORS = Printer("stderr")
 
 
+# What Python's names of types mean to people.
+_KINDS = {"int": "whole number", "float": "number", "decimal_number": "number"}
+
+
 class WrongArguments(SystemExit):
     """Argparse's own way out, with the line that was said."""
 
@@ -217,6 +221,16 @@ class Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         if message:
             (OUT if file is sys.stdout else ERRORS).lines(message)
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """An argument's value; what it should have been is told in words, not as Python has it."""
+        try:
+            return super()._get_value(action, arg_string)
+        except argparse.ArgumentError as error:
+            name = getattr(action.type, "__name__", "")
+            kind = _KINDS.get(name, name.replace("_", " "))
+            error.message = error.message.replace(f"invalid {name} value", f"not a {kind}", 1)
+            raise
 
     def error(self, message: str) -> NoReturn:
         """The usage, and one line: a word that nobody asked for may hold line ends."""

@@ -8,13 +8,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from visref.cli.breakdown import BROKE_DOWN
+from visref.cli.manners import add_json
 from visref.cli.terminal import ERRORS, OUT, Steps, progress
 from visref.errors import InputError
 from visref.judging.status import Exit
@@ -32,16 +33,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--jobs", type=whole_number, metavar="N", help="parts at a time (default: all cores)"
     )
     parser.add_argument("--part", metavar="NAME", help="compile one part alone, in this process")
+    add_json(parser, "print where they are kept and how each part ended, for programs")
 
 
 def run(given: argparse.Namespace) -> int:
     if given.part is not None:
+        if given.json:
+            raise InputError("--json and --part", fix="leave one out: a part prints what it runs")
         return _one(given.part)
     jobs = available_threads() if given.jobs is None else given.jobs
     if jobs < 1:
         raise InputError(f"--jobs is {jobs}", fix="give 1 or more")
     waiting = [name for name in PARTS if not holds(name)]
     if not waiting:
+        _print_json(given, {})
         OUT.remark(f"all is compiled already: {place()}")
         return Exit.NO_VIOLATION
     can_keep()
@@ -50,9 +55,20 @@ def run(given: argparse.Namespace) -> int:
         f"a time, into {place()}: some minutes where all is new"
     )
     started = time.monotonic()
-    broken = _all(waiting, jobs)
+    ended, broken = _all(waiting, jobs)
+    _print_json(given, ended)
     OUT.remark(f"{time.monotonic() - started:.0f} s")
     return BROKE_DOWN if broken else Exit.NO_VIOLATION
+
+
+def _print_json(given: argparse.Namespace, ended: Mapping[str, str | None]) -> None:
+    """With --json: each part, and why it was left out, None where it was not."""
+    if not given.json:
+        return
+    parts = [
+        {"part": name, "new": name in ended, "left_out_because": ended.get(name)} for name in PARTS
+    ]
+    OUT.json({"folder": str(place()), "parts": parts})
 
 
 def _one(name: str) -> int:
@@ -83,10 +99,12 @@ class _Running:
         return next((line for line in reversed(lines) if line.strip()), said)
 
 
-def _all(waiting: Sequence[str], jobs: int) -> bool:
-    """Do the parts, so many at a time, each in a process; returns whether one broke down. One that
-    this machine cannot do, for lack of OpenGL say, is told and left out."""
+def _all(waiting: Sequence[str], jobs: int) -> tuple[dict[str, str | None], bool]:
+    """Do the parts, so many at a time, each in a process. One that this machine cannot do, for lack
+    of OpenGL say, is told and left out. Returns why each was left out, None where it was not, and
+    whether one broke down."""
     queue, running, broken = list(waiting), list[_Running](), False
+    result: dict[str, str | None] = {}
     with ExitStack() as closing, progress() as shown:
         steps = Steps(shown)
         steps.begin(len(waiting))
@@ -103,11 +121,13 @@ def _all(waiting: Sequence[str], jobs: int) -> bool:
             steps.advance(1)
             status = ended.process.returncode
             if status == Exit.NO_VIOLATION:
+                result[ended.name] = None
                 OUT.remark(f"{ended.name}: {time.monotonic() - ended.started:.0f} s")
                 continue
-            ERRORS.line(f"{ended.name} is left out: {ended.last_line()}")
+            result[ended.name] = ended.last_line()
+            ERRORS.line(f"{ended.name} is left out: {result[ended.name]}")
             broken = broken or status not in (Exit.BAD_INPUT, Exit.NOTHING_JUDGED)
-    return broken
+    return result, broken
 
 
 def _start(name: str, closing: ExitStack) -> _Running:

@@ -6,8 +6,9 @@ metre, as glTF has it. `scene_gt_info.json` follows the toolkit's `calc_gt_info`
 counts beyond the image's edges too (`px_count_all`, `bbox_obj`), a box's width is its last column
 less its first, and all four numbers are -1 where nothing shows. Departures: the toolkit's canvas
 is three times the image, ours is as large as it takes, and its test of visibility allows 15 mm,
-ours nothing. An object that bends, or is scaled in a frame, has no pose there, and is left out of
-it.
+ours nothing. Its renderers have pixel centres at halves, `cam_K` here at whole numbers, as its
+arithmetic and OpenCV's have. An object that bends, or is scaled in a frame, has no pose there, and
+is left out of it.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
-from visref.files import refuse_inputs, replacing_file
+from visref.files import for_arrow, refuse_inputs, replacing_file
 from visref.labels.frame import FrameLabels
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import TRUTH_BEGINS, path_digest
@@ -158,7 +158,10 @@ def _seal(file: Path, parts: Any, facts: dict[str, Any]) -> None:
         digest.add(part)
     sealed = {**facts, "digest": digest.value()}
     schema = SCHEMA.with_metadata({_KEY: json.dumps(sealed, sort_keys=True)})
-    with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+    with (
+        for_arrow(file, "wb") as out,
+        pq.ParquetWriter(out, schema, compression="zstd") as writer,
+    ):
         for part in parts():
             writer.write_table(part.combine_chunks(), row_group_size=max(1, len(part)))
 
@@ -203,7 +206,7 @@ def _pieces(values: pa.Array) -> Iterator[bytes]:
 def is_labels(file: Path) -> bool:
     """Whether a file says that it holds labels."""
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found = json.loads((opened.schema_arrow.metadata or {}).get(_KEY, b"{}"))
     except (OSError, pa.ArrowException, ValueError, RecursionError):
         return False
@@ -241,7 +244,7 @@ def merge_labels(files: Sequence[Path], out: Path) -> int:
 
 def _groups(file: Path) -> Iterator[pa.Table]:
     """The rows of a label file, a frame's view after another."""
-    with pq.ParquetFile(file.absolute()) as opened:
+    with for_arrow(file) as data, pq.ParquetFile(data) as opened:
         for group in range(opened.num_row_groups):
             yield opened.read_row_group(group).replace_schema_metadata(None)
 
@@ -250,7 +253,7 @@ def _facts(file: Path) -> dict[str, Any]:
     """What a label file says of itself. Raises InputError where it is none, or was changed."""
     source, fix = str(file), "write one with `visref truth --labels`"
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found = opened.schema_arrow
         facts = json.loads((found.metadata or {}).get(_KEY, b"{}"))
     except (OSError, pa.ArrowException, ValueError, RecursionError) as error:

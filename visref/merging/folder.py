@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
-from visref.files import refuse_inputs, replacing_folder
+from visref.files import for_arrow, refuse_inputs, replacing_folder
 from visref.judging.outcome import CullerRecord, RunOutcome, verdict_json
 from visref.merging.belonging import in_order
 from visref.merging.joining import Cell, Joined, join
@@ -176,7 +176,8 @@ class _Merging:
                 table.filter(pc.invert(pc.is_in(table["culler"], pa.array(gone, pa.string()))))
             )
         table = pa.concat_tables(tables).combine_chunks()
-        pq.write_table(table, self._folder / TIMINGS, compression="zstd")
+        with for_arrow(self._folder / TIMINGS, "wb") as out:
+            pq.write_table(table, out, compression="zstd")
 
     def _write_truth(self) -> None:
         first = self._parts[0]

@@ -27,6 +27,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
+from visref.files import for_arrow
 from visref.findings import Finding
 from visref.recordings.spool import Spool
 from visref.scene import Scene
@@ -185,7 +186,10 @@ def seal(file: Path, parts: Sequence[Columns], facts: dict[str, Any]) -> None:
     facts = {**facts, "digest": digest_of(parts, facts)}
     schema = SCHEMA.with_metadata({KEY: json.dumps(facts, sort_keys=True)})
     table = schema.empty_table()
-    with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+    with (
+        for_arrow(file, "wb") as out,
+        pq.ParquetWriter(out, schema, compression="zstd") as writer,
+    ):
 
         def write(rows: int) -> pa.Table:
             # How a table is put together shows in a file's bytes.

@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 
 from visref.camera_path import CameraPath
 from visref.errors import InputError
+from visref.files import for_arrow
 from visref.findings import Code, Finding
 from visref.recordings.spool import Spool
 from visref.recordings.truth_file import (
@@ -261,7 +262,7 @@ class TruthRows:
 def can_be_merged(file: Path) -> bool:
     """Whether a truth file says that it is of version 2, which alone `read_rows` takes."""
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found = json.loads((opened.schema_arrow.metadata or {}).get(KEY, b"{}"))
     except (OSError, pa.ArrowException, ValueError, RecursionError):
         return False
@@ -311,13 +312,12 @@ class _Group:
         return self.read([name]).column(0)
 
     def read(self, names: Collection[str] | None = None) -> pa.Table:
-        # pyarrow takes a leading ~ for the home folder.
-        with pq.ParquetFile(self.file.absolute()) as opened:
+        with for_arrow(self.file) as data, pq.ParquetFile(data) as opened:
             return opened.read_row_group(self.number, columns=names)
 
 
 def _groups(file: Path) -> list[_Group]:
-    with pq.ParquetFile(file.absolute()) as opened:
+    with for_arrow(file) as data, pq.ParquetFile(data) as opened:
         return [_Group(file, number) for number in range(opened.num_row_groups)]
 
 
@@ -368,7 +368,7 @@ def _facts(file: Path, source: str) -> tuple[dict[str, Any], int]:
     if not file.is_file():
         raise InputError("there is no such truth file", source=source, fix=_FIX)
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found, count = opened.schema_arrow, opened.metadata.num_rows
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise _unreadable(source) from error

@@ -56,13 +56,24 @@ class Entry:
     time: float | None
 
 
+# How a board begins: what is none is never replaced.
+_BEGINS = b"# The board\n"
+
+
 def write_board(runs: Sequence[RunFolder], out: Path) -> None:
     """Write the board as Markdown. Raises InputError where no run is given, two are of one name, or
-    `out` cannot be written to or is one of the runs' files."""
+    `out` cannot be written to, is in a run's folder, or is a file that is no board."""
     if not runs:
         raise InputError("no run folder was given", fix="name one that `visref run` wrote")
     refuse_inputs(out, [file for run in runs for file in run.folder.rglob("*")])
-    with replacing_file(out) as beside:
+    for run in runs:
+        if out.resolve().is_relative_to(run.folder.resolve()):
+            raise InputError(
+                "a board in a run's folder is none of its files",
+                source=str(out),
+                fix="name another place",
+            )
+    with replacing_file(out, begins=_BEGINS) as beside:
         beside.write_text(board_markdown(runs), encoding="utf-8")
 
 

@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from visref.errors import InputError
+from visref.files import for_arrow
 from visref.run_folder.inside import file_inside, quoted
 from visref.run_folder.layout import SINCE_VERSION_2
 
@@ -43,7 +44,7 @@ def table_inside(
         return InputError(problem, source=str(file), fix=fix)
 
     try:
-        with pq.ParquetFile(file.absolute()) as opened:
+        with for_arrow(file) as data, pq.ParquetFile(data) as opened:
             found, rows = opened.schema_arrow, opened.metadata.num_rows
         if rows > most:
             raise spoilt(f"it has {rows} rows, where at most {most} can be")
@@ -61,7 +62,8 @@ def table_inside(
             if plain != schema.field(column).type:
                 raise spoilt(f"its column '{column}' holds {kind}, not {schema.field(column).type}")
         read = [column for column in repeated if column in names]
-        table = pq.read_table(file.absolute(), columns=names, read_dictionary=read)
+        with for_arrow(file) as data:
+            table = pq.read_table(data, columns=names, read_dictionary=read)
         # Texts that are not UTF-8 among them.
         table.validate(full=True)
         rows = len(table)

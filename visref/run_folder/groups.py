@@ -7,6 +7,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.files import for_arrow
+
 # Rows that are held before they are written: some 10 MB. A culler of small units over a long path
 # has tens of millions.
 GROUP_ROWS = 1 << 17
@@ -35,10 +37,12 @@ class RowGroups:
             self._write(self._rows)
         assert self._writer is not None
         self._writer.close()
+        self._out.close()
 
     def _write(self, rows: int) -> None:
         if self._writer is None:
-            self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd")
+            self._out = for_arrow(self._file, "wb")
+            self._writer = pq.ParquetWriter(self._out, self._schema, compression="zstd")
         # How a table is put together shows in a file's bytes.
         table = pa.concat_tables([self._schema.empty_table(), *self._pending]).combine_chunks()
         self._writer.write_table(table.slice(0, rows).combine_chunks(), row_group_size=self._group)

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from visref.files import for_arrow
 from visref.judging.asking import Job
 from visref.judging.causes import CausesFound
 from visref.judging.judge import FrameVerdict
@@ -151,7 +152,7 @@ def name_causes(file: Path, causes: Mapping[str, CausesFound]) -> None:
         return
     named = file.with_name(file.name + ".named")
     groups = RowGroups(named, OBJECTS_SCHEMA)
-    with pq.ParquetFile(file) as read:
+    with for_arrow(file) as data, pq.ParquetFile(data) as read:
         for number in range(read.num_row_groups):
             groups.add(_with_causes(read.read_row_group(number), causes))
     groups.close()

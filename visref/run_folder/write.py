@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from visref.camera_path import CameraPath
+from visref.files import for_arrow
 from visref.judging.asking import Job
 from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.policy import Policy
@@ -326,7 +327,8 @@ def _timing(culler: str, frame: int, view: str, phase: str, ms: float) -> dict[s
 
 def write_rows(file: Path, rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
     """Write a table whose rows are at hand."""
-    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), file, compression="zstd")
+    with for_arrow(file, "wb") as out:
+        pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), out, compression="zstd")
 
 
 def write_json(path: Path, value: object) -> None:

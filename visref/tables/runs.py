@@ -24,7 +24,7 @@ from visref.camera import Camera
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine, make_engine
 from visref.errors import InputError, NothingToJudge
-from visref.files import FolderKind, remove_folder, replacing_folder
+from visref.files import FolderKind, make_folder, remove_folder, replacing_folder
 from visref.findings import Code
 from visref.inputs import generated_with, open_scene
 from visref.judging.asking import Job
@@ -180,8 +180,9 @@ def run_all(
 
     `progress` must not have threads of its own before it is told to begin: workers are copies of
     this process. A thing that fails is told in `failures`, and its old results are no longer there;
-    the others go on. Raises InputError for a number of frames or workers that is none, or another
-    shift; RuntimeError where a worker breaks down.
+    the others go on. Raises InputError for a number of frames, workers or threads that is none,
+    another shift, or an `out` that is a file, or a folder of something else; RuntimeError where a
+    worker breaks down.
     """
     if frames is not None and frames < 1:
         raise InputError(f"--frames is {frames}", fix="give 1 or more")
@@ -189,8 +190,10 @@ def run_all(
         raise InputError(f"--shift is {shift}", fix="give -0.5 to 0.5")
     if seed < 0:
         raise InputError(f"--seed is {seed}", fix="give 0 or more")
-    if workers < 1:
-        raise InputError(f"--workers is {workers}", fix="give 1 or more")
+    for name, count in (("workers", workers), ("threads", threads)):
+        if count is not None and count < 1:
+            raise InputError(f"--{name} is {count}", fix="give 1 or more")
+    _check_out(out)
     done = PaperRuns(tuple(papers), out, frames, shift, seed)
     todo = tasks(done.papers, large=large, seed=seed)
     measuring = Measuring(out, frames, shift, workers, threads)
@@ -209,6 +212,19 @@ def run_all(
         progress.begin(sum(steps(task, frames) for task in todo))
     done.failures.update(measuring.measure(todo, progress))
     return done
+
+
+def _check_out(out: Path) -> None:
+    """Make the folder, or go on in one. Raises InputError where it is another's."""
+    make_folder(out)
+    there = {one.name for one in out.iterdir()}
+    # Without records it was ended early, if it is one.
+    if "records" not in there and there - {"scenes"}:
+        raise InputError(
+            "cannot write here: it holds what is no tables",
+            source=str(out),
+            fix="name a new folder",
+        )
 
 
 def _kind(task: Task) -> FolderKind:
