@@ -13,7 +13,6 @@ is left out of it.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from visref.errors import InputError
 from visref.files import FolderKind
 from visref.labels.frame import FrameLabels
 from visref.labels.models import Model, pose_between
+from visref.labels.plain import write_json
 from visref.labels.rle import by_object, mask_of
 from visref.labels.tally import UNDECIDED, visible_runs
 from visref.scene import Float64, Scene
@@ -156,14 +156,14 @@ class BopFolder:
                 ("scene_gt", files.truth),
                 ("scene_gt_info", files.info),
             ):
-                _write_json(files.folder / f"{name}.json", value)
+                write_json(files.folder / f"{name}.json", value, indent=1)
         models = self._folder / "models"
         models.mkdir()
         info = {}
         for object_id, model in sorted(self._models.items()):
             model.write(models / f"obj_{object_id + 1:06d}.ply")
             info[str(object_id + 1)] = model.info()
-        _write_json(models / "models_info.json", info)
+        write_json(models / "models_info.json", info, indent=1)
         names = self._timeline.still.names
         said = {
             "format": FORMAT,
@@ -171,7 +171,7 @@ class BopFolder:
             "scenes": {f"{number:06d}": view for number, view in enumerate(self._views)},
             "objects": {str(one + 1): names[one] for one in sorted(self._models)},
         }
-        _write_json(self._folder / MARKER, said)
+        write_json(self._folder / MARKER, said, indent=1)
 
 
 def intrinsics(camera: Camera) -> Float64:
@@ -207,7 +207,3 @@ def _box(box: np.ndarray[Any, Any]) -> list[int]:
     """The toolkit's box: first column and row, and how far the last ones are from those."""
     x0, y0, x1, y1 = box.tolist()
     return [x0, y0, x1 - 1 - x0, y1 - 1 - y0]
-
-
-def _write_json(file: Path, value: Any) -> None:
-    file.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

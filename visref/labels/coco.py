@@ -8,7 +8,6 @@ objects are called in the scene's file, before repeated names are told apart.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from visref.labels.frame import FrameLabels
 from visref.labels.images import image_name
+from visref.labels.plain import write_json
 from visref.labels.rle import by_object, segmentation
 from visref.labels.tally import visible_runs
 from visref.scene import Scene
@@ -74,7 +74,7 @@ class CocoFile:
             "annotations": self._annotations,
             "categories": categories,
         }
-        file.write_text(json.dumps(value, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_json(file, value)
 
 
 def _corner_and_size(box: np.ndarray[Any, Any]) -> list[int]:

@@ -9,7 +9,6 @@ image as COCO's run lengths.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from PIL import Image
 
 from visref.files import FolderKind
 from visref.labels.frame import FrameLabels
+from visref.labels.plain import write_json
 from visref.labels.rle import by_object, segmentation
 from visref.labels.tally import TIED, UNDECIDED
 from visref.run_folder.layout import slug
@@ -83,7 +83,7 @@ class ImageFolder:
             }
             for object_id, runs in by_object(labels.alone.runs)
         ]
-        _write_json(self._folder / files["amodal"], {"objects": masks})
+        write_json(self._folder / files["amodal"], {"objects": masks})
         size = {"width": camera.width, "height": camera.height}
         self._images.append({"frame": frame, "view": camera.view, **size, **files})
 
@@ -96,7 +96,7 @@ class ImageFolder:
             "objects": list(self._scene.names),
             "images": self._images,
         }
-        _write_json(self._folder / MARKER, index)
+        write_json(self._folder / MARKER, index)
 
 
 def owner_ids(labels: FrameLabels, scene: Scene, truth: FrameTruth) -> Int32:
@@ -106,7 +106,3 @@ def owner_ids(labels: FrameLabels, scene: Scene, truth: FrameTruth) -> Int32:
     tied = np.flatnonzero(at <= TIED)
     at[tied] = scene.object_of_triangle[truth.buffer.triangle.reshape(-1)[tied]]
     return at
-
-
-def _write_json(file: Path, value: Any) -> None:
-    file.write_text(json.dumps(value, ensure_ascii=False) + "\n", encoding="utf-8")
