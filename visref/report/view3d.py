@@ -34,9 +34,10 @@ from visref.run_folder.read import RunFolder
 from visref.scene import Scene
 from visref.wording import legible
 
-# What the scene is simplified to, and how much of what was missed or superfluous stays whole.
+# What the scene is simplified to; and what was missed or superfluous stays whole as far as a
+# browser turns it without stopping.
 TRIANGLES = 60_000
-WHOLE_TRIANGLES = 60_000
+WHOLE_TRIANGLES = 2_000_000
 # Of the page, with three.js and as base64; more is written beside it.
 MAX_BYTES = 3_000_000
 
