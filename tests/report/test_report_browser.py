@@ -123,7 +123,7 @@ def pressed(page, key):
 
 def wait(page, condition):
     """Until it holds; a page that never gets there is a failed test."""
-    for _ in range(400):
+    for _ in range(1500):
         if page.run(condition):
             return
         time.sleep(0.02)

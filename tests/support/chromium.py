@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import time
 from collections.abc import Iterator
 from io import RawIOBase
 from pathlib import Path
@@ -92,14 +93,24 @@ class Page:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
-    def click(self, selector: str) -> None:
-        """A real click in the middle of the first element that matches."""
-        where = self.run(
+    def _middle(self, selector: str) -> list[float]:
+        return self.run(
             f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
             "e.scrollIntoView({block: 'center', behavior: 'instant'});"
-            "const r = e.getBoundingClientRect();"
+            "const r = e.getClientRects()[0];"
             "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
         )
+
+    def click(self, selector: str) -> None:
+        """A real click in the middle of the first element that matches, once it stays where it
+        is; of one that is broken over several lines, in the middle of the first."""
+        where = None
+        for _ in range(100):
+            before, where = where, self._middle(selector)
+            if where == before:
+                break
+            time.sleep(0.05)
+        assert where is not None
         for kind in ("mousePressed", "mouseReleased"):
             self.call(
                 "Input.dispatchMouseEvent",

@@ -80,16 +80,23 @@ def why_lines(causes: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def cause_of(run: RunFolder, culler: str, misses: ObjectMisses | None) -> str:
-    """Why one object was missed, the commonest cause first; empty where none is known."""
+def cause_of(
+    run: RunFolder, culler: str, misses: ObjectMisses | None, *, doubts: bool = False
+) -> str:
+    """Why one object was missed, the commonest cause first; empty where none is known. `doubts`:
+    with what may be the cause as well, and the score."""
     if misses is None or not misses.causes:
         return ""
-    texts = {cause["cause"]: cause["text"] for cause in run.verdict.cullers[culler].causes}
+    causes = {cause["cause"]: cause for cause in run.verdict.cullers[culler].causes}
     confirmed = misses.kinds[ObjectKind.CONFIRMED.value]
     said = []
     for code, number in sorted(misses.causes.items(), key=lambda item: (-item[1], item[0])):
         part = f" ({count(number)} of {count(confirmed)})" if number < confirmed else ""
-        said.append(f"{texts.get(code, code)}{part}")
+        cause = causes.get(code, {"text": code})
+        others = cause.get("alternatives", []) if doubts else []
+        text = ", or: ".join([cause["text"], *(one["text"] for one in others)])
+        score = f" (score {cause['score']:.2f} of 1)" if doubts and "score" in cause else ""
+        said.append(f"{text}{part}{score}")
     return "; ".join(said)
 
 

@@ -67,9 +67,8 @@ class ObjectList:
             codes = sorted(its.causes.items(), key=lambda item: (-item[1], item[0])) if its else []
             cause = texts.get(codes[0][0], codes[0][0]) if codes else ""
             witness = witnesses.get((worst.frame, worst.view, worst.object))
-            self._add_lost(
-                number, lost, cause, cause_of(run, culler, its), witness, shown.get(worst.object)
-            )
+            why = cause_of(run, culler, its, doubts=True)
+            self._add_lost(number, lost, cause, why, witness, shown.get(worst.object))
         for unit in row.hidden:
             self._add_hidden(number, row, unit)
 

@@ -110,6 +110,10 @@ for (const root of document.querySelectorAll(".browser")) {
       const one = list.length ? nearest(list, wanted, "") : null;
       return one && { frame: Number(one.dataset.frame), view: one.dataset.view };
     },
+    // The scene in a frame and view, which hangs on no culler.
+    scene: (frame, view) => articles.find((one) =>
+      Number(one.dataset.frame) === frame && one.dataset.view === view)
+      ?.querySelector("figure.picture:not(.own) img"),
     // The pictures of a frame, view and culler, where the page has them.
     pictures: (name, frame, view) => {
       const id = named(name)?.dataset.culler;

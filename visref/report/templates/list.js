@@ -146,7 +146,8 @@ for (const root of document.querySelectorAll(".list")) {
       say("lost", `${page.number.format(its("samples"))} samples over ${page.number.format(its("frames"))} frame${its("frames") === 1 ? "" : "s"}`
         + (partly ? `, in ${page.number.format(partly)} of ${page.number.format(its("misses"))} cases partly` : ""));
       say("worst in", `${where}: ${page.number.format(its("pixels"))} of ${page.number.format(its("owned"))} samples that it owns there`);
-      say("cause", data.whys[its("why")] || "none is known");
+      const why = data.whys[its("why")];
+      say(why ? "behaves as if" : "cause", why || "none is known");
       say("age", its("age") < 0 ? "in view by right" : its("age") === 0 ? "0: it came into view in that frame" : `in view for ${its("age")} frame${its("age") === 1 ? "" : "s"}`);
       say("witness", `pixel (${its("x")}, ${its("y")}), depth ${its("depth")}, object ${its("object")}, triangle ${its("triangle")}`
         + (its("margin") < 0 ? "" : `; it holds for at least ${its("margin")} px around`));
@@ -163,7 +164,10 @@ for (const root of document.querySelectorAll(".list")) {
       .find((one) => one.dataset.cullerName === culler.name)?.querySelector("img");
     const places = [wanted, its("pictured") < 0 ? null : data.pictures[its("pictured")].slice(0, 2)];
     const at = places.find((one) => imageOf(one));
+    // Where no picture has what this culler drew, the scene as it ought to be seen.
+    const scene = browser?.scene(frame, view);
     if (at) pictures.append(whole(imageOf(at), ...at, its, at[0] === frame && at[1] === view, row, at === wanted));
+    else if (scene && !hidden) pictures.append(whole(scene, frame, view, its, true, row, false, true));
     else pictures.append(without(culler.name, frame, Boolean(crop), hidden));
     const head = page.make("h3", { tabindex: "-1" }, name(row));
     const link = page.make("a", { href: page.link(placeOf(row)), class: "permalink" }, "Link to this");
@@ -179,15 +183,15 @@ for (const root of document.querySelectorAll(".list")) {
     if (near) {
       const off = Math.abs(near.frame - frame);
       const where = off ? `, ${page.number.format(off)} frame${off === 1 ? "" : "s"} ${near.frame < frame ? "before" : "after"}` : "";
-      said.append(" The nearest that has one: ", page.make("a", {
+      said.append(" Of the frames that have pictures, in which it need not be lost, the nearest is ", page.make("a", {
         href: page.link({ run: run === "run0" ? undefined : run, culler, frame: near.frame, view: near.view }),
       }, `frame ${near.frame}${near.view ? `, view ${near.view}` : ""}${where}`), ".");
     }
     return said;
   };
   // The frame's picture, with a mark at the sample.
-  const whole = (image, frame, view, its, worst, row, asked) => {
-    const picture = page.make("img", { src: image.currentSrc || image.dataset.src || image.src, alt: `Frame ${frame}${view ? `, view ${view}` : ""}: who was drawn${worst ? `, with a ring where ${name(row)} was lost` : ""}` });
+  const whole = (image, frame, view, its, worst, row, asked, ought = false) => {
+    const picture = page.make("img", { src: image.currentSrc || image.dataset.src || image.src, alt: `Frame ${frame}${view ? `, view ${view}` : ""}: ${ought ? "the scene as it ought to be seen" : "who was drawn"}${worst ? `, with a ring where ${name(row)} was lost` : ""}` });
     const stack = page.make("div", { class: "stack whole" }, picture);
     const size = data.sizes[`${frame} ${view}`] ?? data.sizes[""];
     if (worst && its("x") >= 0 && size) {
@@ -197,7 +201,8 @@ for (const root of document.querySelectorAll(".list")) {
       stack.append(mark);
     }
     const go = page.make("a", { href: page.link({ run: run === "run0" ? undefined : run, culler: data.cullers[its("culler")].name, frame, view }) }, `All pictures of frame ${frame}${view ? `, view ${view}` : ""}`);
-    const note = worst ? "" : asked ? ` Its worst frame is ${its("frame")}.`
+    const note = ought ? " This is what ought to be seen, with the sample ringed; what was drawn has no picture on the page."
+      : worst ? "" : asked ? ` Its worst frame is ${its("frame")}.`
       : " Its worst frame has no picture on the page; it is lost in this one too.";
     return page.make("figure", { class: "framed" }, stack, page.make("figcaption", {}, go, note));
   };
