@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,13 +79,11 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         }
         if not level_of or not record.ignored or now is None:
             return None
-        units = at.sights.units
-        first = np.minimum(units.offsets[:-1], max(len(units.triangles) - 1, 0))
-        objects = scene.object_of_triangle[units.triangles[first]]
+        ignored = replace(at, ids=np.array(list(record.ignored), np.int32)).objects()
         named: dict[int, dict[int, set[int]]] = {}
-        for unit, frame in record.ignored.items():
-            if int(objects[unit]) in level_of and frame <= at.frame:
-                number, place = level_of[int(objects[unit])]
+        for obj, frame in zip(ignored.tolist(), record.ignored.values(), strict=True):
+            if obj in level_of and frame <= at.frame:
+                number, place = level_of[obj]
                 named.setdefault(number, {}).setdefault(frame, set()).add(place)
         wrong = {number for number, at_once in named.items() if len(at_once[min(at_once)]) == 1}
         groups = [level_of.get(int(obj), (-1, 0))[0] for obj in at.objects()]

@@ -10,9 +10,8 @@ from tests.causes.reported import places
 from tests.causes.reported.sound import InView, Sound, rectangles, reported
 
 
-@reported("TorchAPI/Concealment #22", "box of when it was hidden", places.plaza)
-class PlaceWhereItWasConcealed(Sound):
-    """What is not drawn is not brought up to date, and is tested where it was last seen."""
+class WhereLastDrawn:
+    """Before a culler: it knows the boxes of what it drew last, and of the others older ones."""
 
     known = None
 
@@ -26,24 +25,16 @@ class PlaceWhereItWasConcealed(Sound):
     def kept(self, camera):
         self.drawn = super().kept(camera)
         return self.drawn
+
+
+@reported("TorchAPI/Concealment #22", "box of when it was hidden", places.plaza)
+class PlaceWhereItWasConcealed(WhereLastDrawn, Sound):
+    """What is not drawn is not brought up to date, and is tested where it was last seen."""
 
 
 @reported("tr7zw/EntityCulling #204", "box of when it was hidden", places.moving_groves)
-class TeleportedUnseen(InView):
+class TeleportedUnseen(WhereLastDrawn, InView):
     """What moves outside the view is looked for where it left it."""
-
-    known = None
-
-    def boxes(self):
-        now = np.array(self.scene.object_bounds)
-        if self.known is None:
-            self.known, self.drawn = now, np.ones(len(now), np.bool_)
-        self.known[self.drawn] = now[self.drawn]
-        return self.known
-
-    def kept(self, camera):
-        self.drawn = super().kept(camera)
-        return self.drawn
 
 
 @reported(
