@@ -38,7 +38,7 @@ def main(words: list[str] | None = None) -> int:
     if given.page:
         PAGE.write_text(page(sorted(HISTORY.glob("*.json"))), encoding="utf-8")
         return 0
-    partly = bool(given.only or given.quick or given.scene or given.before)
+    partly = bool(given.only or given.quick or given.scene)
     file = given.json or FOLDER.parent / "bench-out" / "benchmarks.json"
     file.parent.mkdir(parents=True, exist_ok=True)
     chosen = " or ".join(given.only or [f"not {LONG}"])

@@ -6,7 +6,9 @@ import json
 import os
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import mkdtemp
 
 import pyarrow.parquet as pq
 import pytest
@@ -17,13 +19,32 @@ from benchmarks.scenes import Sizes, write_blocks, write_wall
 GENERATED = "city:scale=0.3"
 
 
+@dataclass(frozen=True)
+class Program:
+    """A `visref`, and whether it knows `--workers` and `visref warm`."""
+
+    file: Path
+    takes_workers: bool
+    warms: bool
+
+    @classmethod
+    def at(cls, file: Path) -> Program:
+        return cls(
+            file, "--workers" in command(file, "run", "--help"), "warm" in command(file, "--help")
+        )
+
+    @property
+    def one_worker(self) -> list[object]:
+        return ["--workers", 1] if self.takes_workers else []
+
+
 @pytest.fixture(scope="session")
-def programs(request: pytest.FixtureRequest) -> dict[str, Path]:
+def programs(request: pytest.FixtureRequest) -> dict[str, Program]:
     """`visref` as it is here, and where `--before` names one as it was there."""
-    result = {"": Path(sys.executable).with_name("visref")}
+    result = {"": Program.at(Path(sys.executable).with_name("visref"))}
     before = request.config.getoption("--before")
     if before is not None:
-        result["before: "] = before
+        result["before: "] = Program.at(before)
     return result
 
 
@@ -37,14 +58,17 @@ def scene(
         return (GENERATED if sizes.check_frames > 10 else "city:scale=0.01"), []
     path = tmp_path_factory.mktemp("path") / "orbit.path.json"
     size = "x".join(map(str, sizes.image))
-    command(programs[""], "path", "orbit", given, "--frames", 120, "--size", size, "--out", path)
+    command(
+        programs[""].file, "path", "orbit", given, "--frames", 120, "--size", size, "--out", path
+    )
     return given, ["--path", path]
 
 
-def seen(program: Path, words: list[object], folder: Path) -> tuple[Path, Path]:
+def seen(program: Program, words: list[object], folder: Path) -> tuple[Path, Path]:
     """A truth file, and the recorded visible sets of a perfect culler."""
-    truth, drawn = folder / "truth.parquet", folder / "drawn.jsonl"
-    command(program, "truth", *words, "--out", truth)
+    place = Path(mkdtemp(dir=folder))
+    truth, drawn = place / "truth.parquet", place / "drawn.jsonl"
+    command(program.file, "truth", *words, "--out", truth)
     table = pq.read_table(truth, columns=["frame", "object"])
     visible: dict[int, list[int]] = {}
     for frame, number in zip(*(column.to_pylist() for column in table.columns), strict=True):
@@ -55,11 +79,11 @@ def seen(program: Path, words: list[object], folder: Path) -> tuple[Path, Path]:
 
 
 def checking(
-    program: Path, words: list[object], drawn: Path, folder: Path, *more: object, status: int = 0
+    program: Program, words: list[object], drawn: Path, folder: Path, *more: object, status: int = 0
 ) -> Job:
     out = folder / "run"
     return lambda: command(
-        program, "check", *words, "--visible", drawn, *more, "--out", out, status=status
+        program.file, "check", *words, "--visible", drawn, *more, "--out", out, status=status
     )
 
 
@@ -76,10 +100,13 @@ def test_run_by_workers(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -
     jobs: dict[str, Job | Skipped] = {}
     words = [scene[0], *scene[1], "--frames", f"0:{sizes.run_frames}", *cullers, "--pictures", 0]
     for title, program in programs.items():
-        for workers, what in ((1, "1 worker"), (2, "2 workers")):
-            jobs[f"{title}{what}"] = lambda p=program, w=workers: command(
-                p, "run", *words, "--workers", w, "--out", tmp_path / "run"
-            )
+        run = (program.file, "run", *words, "--out", tmp_path / "run")
+        jobs[f"{title}1 worker"] = lambda r=run, p=program: command(*r, *p.one_worker)
+        jobs[f"{title}2 workers"] = (
+            (lambda r=run: command(*r, "--workers", 2))
+            if program.takes_workers
+            else Skipped("it knows no workers")
+        )
     name = f"three cullers, {sizes.run_frames} frames of {_called(scene[0])}"
     turns.run("run", name, jobs, rounds=2, warm=False, clock="wall")
 
@@ -87,9 +114,9 @@ def test_run_by_workers(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -
 def test_clean_check(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> None:
     frames = min(sizes.check_frames, 60 if not scene[1] else 120)
     words = [scene[0], *scene[1]]
-    truth, drawn = seen(programs[""], [*words, "--frames", f"0:{frames}"], tmp_path)
     jobs: dict[str, Job | Skipped] = {}
     for title, program in programs.items():
+        truth, drawn = seen(program, [*words, "--frames", f"0:{frames}"], tmp_path)
         for what, end, more in (
             (f"{frames} frames", frames, ()),
             (f"{frames} frames, truth given", frames, ("--truth", truth)),
@@ -108,12 +135,12 @@ def test_clean_check(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> N
 def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
     scene, path = write_blocks(tmp_path, sizes.judged_triangles)
     words: list[object] = [scene, "--path", path]
-    truth, drawn = seen(programs[""], words, tmp_path)
     many = 24
     jobs: dict[str, Job | Skipped] = {}
     for title, program in programs.items():
+        truth, drawn = seen(program, words, tmp_path)
         for end in (many, 1):
-            some = [*words, "--frames", f"0:{end}", "--workers", 1, "--pictures", 0]
+            some = [*words, "--frames", f"0:{end}", *program.one_worker, "--pictures", 0]
             count = "1 frame" if end == 1 else f"{end} frames"
             jobs[f"{title}{count}"] = checking(program, some, drawn, tmp_path)
             jobs[f"{title}{count}, truth given"] = checking(
@@ -129,7 +156,7 @@ def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) 
 
 def test_many_misses(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
     scene, path = write_wall(tmp_path, sizes.misses)
-    words: list[object] = [scene, "--path", path, "--workers", 1, "--pictures", 0]
+    words: list[object] = [scene, "--path", path, "--pictures", 0]
     nothing = tmp_path / "nothing.jsonl"
     lines = [json.dumps({"frame": frame, "visible": []}) for frame in range(8)]
     nothing.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -137,7 +164,11 @@ def test_many_misses(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
     for title, program in programs.items():
         for end in (3, 1):
             jobs[f"{title}{end} {'frames' if end > 1 else 'frame'}"] = checking(
-                program, [*words, "--frames", f"0:{end}"], nothing, tmp_path, status=1
+                program,
+                [*words, "--frames", f"0:{end}", *program.one_worker],
+                nothing,
+                tmp_path,
+                status=1,
             )
     name = f"{sizes.misses:,} objects missed in each frame"
     spent = turns.run("misses", name, jobs, rounds=1, warm=False)
@@ -152,7 +183,7 @@ def test_start(programs, tmp_path, turns: Turns) -> None:
     _, drawn = seen(programs[""], words, tmp_path)
     jobs: dict[str, Job | Skipped] = {}
     for title, program in programs.items():
-        jobs[f"{title}visref --help"] = lambda p=program: command(p, "--help")
+        jobs[f"{title}visref --help"] = lambda p=program: command(p.file, "--help")
         jobs[f"{title}tiny check"] = checking(program, words, drawn, tmp_path)
     turns.run("start", "what is compiled is kept", jobs, rounds=5)
 
@@ -167,7 +198,7 @@ def test_start_in_a_fresh_place(programs, tmp_path, turns: Turns, quick: bool) -
     jobs: dict[str, Job | Skipped] = {}
     for number, (title, program) in enumerate(programs.items()):
         out = tmp_path / "run"
-        check = (program, "check", *words, "--visible", drawn, "--out", out)
+        check = (program.file, "check", *words, "--visible", drawn, "--out", out)
         empty, warmed = (
             {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / f"{kind}{number}")}
             for kind in ("empty", "warmed")
@@ -175,8 +206,13 @@ def test_start_in_a_fresh_place(programs, tmp_path, turns: Turns, quick: bool) -
         jobs[f"{title}tiny check, nothing compiled"] = lambda c=check, e=empty: command(
             *c, environment=e
         )
-        jobs[f"{title}visref warm"] = lambda p=program, e=warmed: command(p, "warm", environment=e)
-        jobs[f"{title}tiny check after it"] = lambda c=check, e=warmed: command(*c, environment=e)
+        if program.warms:
+            jobs[f"{title}visref warm"] = lambda p=program, e=warmed: command(
+                p.file, "warm", environment=e
+            )
+            jobs[f"{title}tiny check after it"] = lambda c=check, e=warmed: command(
+                *c, environment=e
+            )
     turns.run("start", "a fresh place", jobs, rounds=1, warm=False)
 
 
