@@ -12,23 +12,33 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.causes.boxes import Boxes, every, some
+from visref.causes.evidence import Answer
 from visref.causes.fitted import ODDS, odds
 from visref.causes.in_view import kept_by_depth
 from visref.causes.sights import At, Hypothesis, Told
 from visref.picking import evenly_picked
-from visref.scene import Float64, Int64
-
-if TYPE_CHECKING:
-    from visref.causes.weighed import Looked
+from visref.scene import Float64, Int32, Int64
 
 Bool = NDArray[np.bool_]
+
+
+class Looked(Protocol):
+    """Some of an answer's units, as `visref.causes.weighed.Looked` has them."""
+
+    answer: Answer
+    views: tuple[At, ...]
+    ids: Int32
+    lost: Bool
+    good: Bool
+    idle: Bool
+
 
 # From the middle of a box's side, in halves of it: all of it, its halves, its middle half, its
 # middle, its ends, and as much beside it.
@@ -127,11 +137,11 @@ def _pivots(at: At) -> Float64:
         return middles
     objects = at.objects()
     points = worlds[np.maximum(objects, 0), :3, 3] - at.scene.origin
-    return np.where((objects >= 0)[:, None], points, middles)
+    return np.asarray(np.where((objects >= 0)[:, None], points, middles))
 
 
 def _boxes(at: At) -> Float64:
-    return np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    return np.asarray(np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0))
 
 
 def kept_by(at: At, kinds: Int64, *, hidden: bool) -> Bool:
