@@ -132,7 +132,7 @@ def reaches(camera: Camera, centres: Float64, halves: Float64, radii: Float64) -
 def _pivots(at: At) -> Float64:
     """(k, 3) the objects' origins, where none is known the middles of their boxes."""
     worlds = at.sights.moments.timeline.worlds(at.frame)
-    middles = _boxes(at).mean(axis=1)
+    middles: Float64 = _boxes(at).mean(axis=1)
     if worlds is None:
         return middles
     objects = at.objects()
