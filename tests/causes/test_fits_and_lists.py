@@ -223,6 +223,15 @@ def test_list_is_full_where_every_answer_with_a_miss_has_the_same_round_length()
     assert dropped(asked, answers, "list-full") == [*range(64, 70)]
 
 
+def test_list_is_full_at_any_length_where_several_answers_that_differ_have_it():
+    drawn = [[*range(5), 5 + k] for k in range(4)]
+    asked, answers = listed(drawn, 12, missed=[[11]] * 4)
+    assert dropped(asked, answers, "list-full") == [*range(6, 12)]
+    for others in (drawn[:3], [drawn[0]] * 4, [*drawn[:3], drawn[3][:-1]]):
+        asked, answers = listed(others, 12, missed=[[11]] * len(others))
+        assert dropped(asked, answers, "list-full") is None
+
+
 @pytest.mark.parametrize(
     ("lengths", "why"),
     [((63, 63), "63 is no round number"), ((64, 66), "a longer one"), ((40, 40), "too short")],
