@@ -165,7 +165,7 @@ def _rows(info: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _over_all(found: list[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Median, least and greatest speed of each peer over the scenes."""
+    """Median, least and greatest speed over the scenes, of each peer that has all of them."""
     speeds: dict[str, list[float]] = {}
     reasons = {}
     for info in found:
@@ -176,6 +176,8 @@ def _over_all(found: list[Mapping[str, Any]]) -> list[dict[str, str]]:
                 speeds.setdefault(what, []).append(job["speed"])
     rows = []
     for what in dict.fromkeys([*speeds, *reasons]):
+        if what in speeds and len(speeds[what]) < len(found):
+            continue
         if what in speeds:
             some = speeds[what]
             figures = {"median": median(some), "least": min(some), "greatest": max(some)}
