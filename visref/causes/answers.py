@@ -103,6 +103,12 @@ def _before_cut(at: At) -> Sight | None:
     return at.before(1)
 
 
+def _until_cut(at: At) -> Sight | None:
+    """The last frame before the cut that began what this one is in."""
+    moments = at.sights.moments
+    return at.then(moments.before(moments.since_cut(at.frame), 1))
+
+
 def _other_view(at: At) -> Sight | None:
     others = at.other_views()
     return others[0] if len(others) == 1 else None
@@ -259,6 +265,7 @@ ANSWERED: dict[str, dict[str, Tell]] = {
     "across-a-cut": {
         **answered(_before_cut),
         **{f"since, {how}": tell for how, tell in answered(_since_cut).items()},
+        **{f"from before, {how}": tell for how, tell in answered(_until_cut).items()},
     },
     "ids-shifted": {
         **neighbour(1),

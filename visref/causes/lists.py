@@ -16,6 +16,8 @@ Bool = NDArray[np.bool_]
 
 # A unit is called never drawn if it was left out in so many answers.
 OFTEN = 4
+# So many answers are looked at for whether they differ.
+MANY = 24
 # An answer of nothing says something where so many units show.
 MUCH = 8
 
@@ -38,6 +40,7 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
         most = max(most, size)
     sizes = [int(np.count_nonzero(one.drawn(count))) for one in answers.lossy]
     fewest = min(sizes, default=0)
+    differ = len({one.drawn(count).tobytes() for one in answers.lossy[:MANY]}) >= OFTEN
     missed: Counter[int] = Counter()
     for answer in answers.lossy:
         missed.update(answer.missed.tolist())
@@ -46,8 +49,9 @@ def LISTS(answers: Answers, record: CullerRecord) -> dict[str, dict[str, Tell]]:
     all_empty = len(every) >= OFTEN and not drawn.any()
 
     def full(at: At) -> Told:
-        # Every answer that lost something is as long as the longest, and that is a round number.
-        if fewest < most or not _round(most):
+        # Every answer that lost something is as long as the longest, and that is a round number,
+        # or several that are not the same are as long.
+        if fewest < most or not (_round(most) or (len(sizes) >= OFTEN and differ)):
             return None
         return _drawn_now(at)
 

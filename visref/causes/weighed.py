@@ -13,6 +13,7 @@ from visref.causes.boxes import some
 from visref.causes.evidence import Answer
 from visref.causes.fitted import FITS, Fit, odds, threshold
 from visref.causes.in_view import kept_by_depth
+from visref.causes.inner import fitted_volumes
 from visref.causes.sights import At, Hypothesis
 from visref.causes.weighing import Told, features, likelihoods, worth
 from visref.judging.causes import CODES
@@ -103,8 +104,16 @@ class Weighed:
         # An answer at a time, as its pictures are kept for a while only.
         by_answer = [[one.kept(each) for each in hypotheses] for one in self._every]
         of_each = zip(*by_answer, strict=True) if by_answer else ()
-        tried = map(self._tried, hypotheses, of_each)
+        tried = [*map(self._tried, hypotheses, of_each), *map(self._tried_now, self._volumes())]
         self.tried = [one for one in tried if one is not None]
+
+    def _volumes(self) -> list[Hypothesis]:
+        if not self.told.lost.any():
+            return []
+        return fitted_volumes(self._every, self._every[0].views[0].sights.units.count)
+
+    def _tried_now(self, hypothesis: Hypothesis) -> Tried | None:
+        return self._tried(hypothesis, [one.kept(hypothesis) for one in self._every])
 
     def _tried(self, hypothesis: Hypothesis, kept: Sequence[Bool | None]) -> Tried | None:
         """`kept`: what it keeps of each answer. None where it says nothing of what was lost."""
@@ -127,7 +136,7 @@ class Weighed:
             limit = threshold(np.concatenate(values), lost, good, fit.below)
             if limit is not None:
                 hypothesis = _fitted(fit, limit)
-                tried = self._tried(hypothesis, [one.kept(hypothesis) for one in self._every])
+                tried = self._tried_now(hypothesis)
                 found += [] if tried is None else [tried]
         return found
 
