@@ -66,7 +66,7 @@ def once_each():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("report", (*REPORTS, *LATER), ids=lambda report: report.name)
+@pytest.mark.parametrize("report", [*REPORTS, *LATER], ids=lambda report: report.name)
 def test_mistake_shows(report):
     place = report.place()
     lost, drawn = told(place, report.culler(place))

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from tests.causes.reported import places
-from tests.causes.reported.sound import InView, corners, depths, later, rectangles, sphere_in_view
+from tests.causes.reported.sound import (
+    InView,
+    corners,
+    depths,
+    later,
+    outside,
+    rectangles,
+    sphere_in_view,
+)
 
 
 @later("GlenDC/StarEngine #6", "box or sphere too small", partial(places.strewn, "scaled"))
@@ -19,26 +28,6 @@ class MovedNotTurnedNorScaled(InView):
         return homes + worlds[:, None, :3, 3]
 
 
-@later(
-    "jMonkeyEngine/jmonkeyengine #345",
-    "box or sphere too small",
-    partial(places.strewn, "mirrored"),
-)
-class ExtentsKeepTheirSign(InView):
-    """Half the sides are multiplied with a negative scale before they are turned."""
-
-    def boxes(self):
-        homes, worlds = self.place.rigs
-        axes = worlds[:, :3, :3]
-        size = np.linalg.norm(axes, axis=1)
-        turn = np.abs(axes / size[:, None])
-        size[:, 0] *= np.sign(np.linalg.det(axes))
-        half = np.einsum("kij,kj->ki", turn, size * np.ptp(homes, axis=1) / 2)
-        centre = np.einsum("kij,kj->ki", axes, homes.mean(axis=1)) + worlds[:, :3, 3]
-        half = np.abs(half)
-        return np.stack([centre - half, centre + half], axis=1)
-
-
 @later("fallahn/xygine #111", "box turned inside out", partial(places.strewn, "mirrored"))
 class NegativeWidthIsNone(InView):
     """A box of negative width counts as empty, and what has it is never drawn."""
@@ -46,17 +35,6 @@ class NegativeWidthIsNone(InView):
     def there(self):
         pieces = np.array([name.startswith("piece") for name in self.scene.names])
         return super().there() & ~(pieces & (np.arange(len(pieces)) % 3 == 0))
-
-
-@later("YSCEDC/YSCE #93", "origin in the view", places.strewn)
-class OriginBehindTheEye(InView):
-    """What has its origin behind the eye is left out, however long it is."""
-
-    def in_view(self, camera, some, boxes):
-        origin = self.place.rigs[1][some, None, :3, 3]
-        ahead = depths(camera, origin)[:, 0] > camera.near
-        ahead |= np.array([not self.scene.names[i].startswith("piece") for i in some])
-        return super().in_view(camera, some, boxes) & ahead
 
 
 @later("ch-bas/threejs-sims-house-builder #104", "box or sphere too small", places.groves)
@@ -127,7 +105,43 @@ class TooFarBelow(InView):
 class EyeAboveTheGrid(InView):
     """Nothing is found once the camera is above the highest section."""
 
-    TOP = 9.5
+    TOP = 7.0
 
     def kept(self, camera):
         return super().kept(camera) & (camera.eye[1] < self.TOP)
+
+
+@later("thunder-engine/thunder #238", "box or sphere too small", places.strewn)
+class BoxNotPlaced(InView):
+    """Every third thing is tested by the box that its mesh has at home, wherever it stands."""
+
+    def boxes(self):
+        boxes = np.array(self.scene.object_bounds)
+        boxes[2::3] = self.place.rigs[0][2::3]
+        return boxes
+
+
+@later("GlenDC/StarEngine #82", "one corner in the view", places.hall)
+class CornersOffTheScreen(InView):
+    """What has all corners off the screen is left out, though it crosses the screen."""
+
+    def in_view(self, camera, some, boxes):
+        return (~outside(camera, corners(boxes)).any(axis=0)).any(axis=1)
+
+
+@later("McManning/Coherence #25", "near too large", places.village_from_above)
+class MapCameraMovedForward(InView):
+    """The orthographic camera that culls moves forward with the zoom, past what is near."""
+
+    def lens(self, camera):
+        return replace(camera, near=58.0)
+
+
+@later("stijnherfst/HiveWE #15", "origin in the view", partial(places.strewn, "scaled"))
+class DoodadsByTheirPoint(InView):
+    """Doodads are drawn if the point that they are put at is in the view."""
+
+    def in_view(self, camera, some, boxes):
+        point = sphere_in_view(camera, self.place.rigs[1][some, :3, 3], np.zeros(len(some)))
+        doodads = np.array([self.scene.names[i].startswith("piece") for i in some])
+        return super().in_view(camera, some, boxes) & (point | ~doodads)
