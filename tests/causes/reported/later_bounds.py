@@ -17,7 +17,6 @@ from tests.causes.reported.sound import (
     rectangles,
     sphere_in_view,
 )
-from tests.causes.reported.sound import places as projected
 
 
 @later("GlenDC/StarEngine #6", "box or sphere too small", partial(places.strewn, "scaled"))
@@ -146,14 +145,3 @@ class DoodadsByTheirPoint(InView):
         point = sphere_in_view(camera, self.place.rigs[1][some, :3, 3], np.zeros(len(some)))
         doodads = np.array([self.scene.names[i].startswith("piece") for i in some])
         return super().in_view(camera, some, boxes) & (point | ~doodads)
-
-
-@later("cogentcore/core #326", "corners behind the eye", places.village)
-class ProjectedWithoutANearPlane(InView):
-    """A box's rectangle is that of all its corners, those behind the eye mirrored among them."""
-
-    def in_view(self, camera, some, boxes):
-        pixels, _ = projected(camera, corners(boxes))
-        low, high = pixels.min(axis=1), pixels.max(axis=1)
-        size = np.array([camera.width, camera.height])
-        return super().in_view(camera, some, boxes) & ((high >= -1) & (low <= size)).all(axis=1)
