@@ -84,7 +84,7 @@ def row():
     objects = []
     for i in range(36):
         low = np.array([rng.uniform(-16.0, 13.0), i % 6 - 3.0, -9.0 - 0.2 * (i // 6)])
-        objects.append((f"o{i}", box(low, low + (rng.uniform(1.5, 4.0), 0.7, 0.1))))
+        objects.append((f"o{i}", box(low, low + np.array([rng.uniform(1.5, 4.0), 0.7, 0.1]))))
     steps = 7.0 * np.sin(np.arange(20) * 0.7)
     return case(
         objects, [camera((x, 0.0, 0.0), (x, 0.0, -5.0), width=60, height=40) for x in steps]
