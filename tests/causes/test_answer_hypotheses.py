@@ -102,6 +102,11 @@ def repeated_since_a_cut():
     return replace(three_after_a_cut(), drawn={(7, ""): seen, (LAST, ""): seen})
 
 
+def repeated_since_before_a_cut():
+    seen = ["post5", "post6"]
+    return replace(three_after_a_cut(), drawn={(6, ""): seen, (LAST, ""): seen})
+
+
 def _late_lines(how, name, age):
     cause, _, variant = name.partition(": ")
     variants = "; ".join(f"{variant}, {one}" if variant else one for one in how)
@@ -117,7 +122,7 @@ LATE = [
         # No answers are known.
         "one-frame-late: repeated -> says nothing",
         "first-answer-kept: repeated -> says nothing",
-        "across-a-cut: what shows; since, what shows -> says nothing",
+        "across-a-cut: what shows; since, what shows; from before, what shows -> says nothing",
         "other-view: what shows; before, what shows; view -> says nothing",
         "first-view-only: what shows; view -> says nothing",
         seen=False,
@@ -147,6 +152,12 @@ LATE = [
         three_after_a_cut,
         "across-a-cut: what shows; boxes -> says nothing",
         f"across-a-cut: since, what shows; since, boxes -> {all_but(6, 7)}",
+        f"across-a-cut: from before, what shows; from before, boxes -> {all_but(5, 6)}",
+        seen=False,
+    ),
+    *claims(
+        repeated_since_before_a_cut,
+        f"across-a-cut: from before, repeated -> {all_but(5, 6)}",
         seen=False,
     ),
 ]
