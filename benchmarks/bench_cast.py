@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.measuring import Job, Skipped, Turns
+from benchmarks.page import DIFFERING
 from benchmarks.peers import peers_of
 from benchmarks.scenes import NINE, Sizes, one_of_nine
 from visref.camera import Camera
 from visref.engines.embree import EmbreeEngine
 from visref.engines.exact import ExactEngine
+from visref.scene import Alpha
 from visref.visibility import objects_seen
 
 
@@ -34,6 +37,14 @@ def test_cast(name: str, sizes: Sizes, turns: Turns, quick: bool) -> None:
         )
         for title, engine in engines.items()
     }
+    masked = scene.alpha == Alpha.MASK
+    if masked.any():
+        # What masks cost: the same triangles without.
+        solid = replace(scene, alpha=np.where(masked, Alpha.OPAQUE, scene.alpha), masks=None)
+        engines["Embree, masks solid"] = EmbreeEngine(solid)
+        jobs["visref Embree, masks solid"] = over(
+            views, lambda view: objects_seen(engines["Embree, masks solid"].frame(view), solid)
+        )
     ours = [objects_seen(engines["Embree"].frame(view), scene).samples for view in views]
     differing = {}
     for title, peer in peers_of(scene).items():
@@ -45,8 +56,6 @@ def test_cast(name: str, sizes: Sizes, turns: Turns, quick: bool) -> None:
         differing[title] = 1e6 * off / sum(view.samples for view in views)
         jobs[title] = over(views, peer.counts)
     turns.run("cast", f"{name}, {scene.triangle_count:,} triangles", jobs, rounds=2)
-    turns.say(
-        **{f"{title}: samples per million that differ": off for title, off in differing.items()}
-    )
+    turns.say(**{f"{title}: {DIFFERING}": off for title, off in differing.items()})
     for engine in engines.values():
         engine.close()

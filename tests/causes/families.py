@@ -135,6 +135,8 @@ FAMILIES: dict[str, frozenset[str]] = {
     "box of when it was hidden": _told("rest-pose"),
     "outside at first, never drawn": _told("never-drawn"),
     "another level of detail": _told("absent-lod"),
+    "cut off by height": _told(""),
+    "eye outside the grid": _told("nothing-drawn"),
     "no level drawn": _told(""),
     "parent by its child": _told(""),
     "first of the group for those seen": _told(""),

@@ -102,7 +102,7 @@ def repeated_since_a_cut():
     return replace(three_after_a_cut(), drawn={(7, ""): seen, (LAST, ""): seen})
 
 
-def repeated_from_before_a_cut():
+def repeated_since_before_a_cut():
     seen = ["post5", "post6"]
     return replace(three_after_a_cut(), drawn={(6, ""): seen, (LAST, ""): seen})
 
@@ -156,7 +156,7 @@ LATE = [
         seen=False,
     ),
     *claims(
-        repeated_from_before_a_cut,
+        repeated_since_before_a_cut,
         f"across-a-cut: from before, repeated -> {all_but(5, 6)}",
         seen=False,
     ),

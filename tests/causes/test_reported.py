@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.causes.drawn import KEPT_BACK
-from tests.causes.reported import LOT, REPORTS, places, reported
+from tests.causes.reported import LATER, LOT, REPORTS, later, places, reported
 from tests.causes.reported.sound import Sound
 from visref.engines import make_engine
 from visref.timeline import Timeline
@@ -59,14 +59,14 @@ def told(place, culler):
 def once_each():
     """A report per place."""
     seen = {}
-    for report in REPORTS:
+    for report in (*REPORTS, *LATER):
         # Of one with arguments, `partial` shows them.
         seen.setdefault(str(report.place), report)
     return list(seen.values())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("report", REPORTS, ids=lambda report: report.name)
+@pytest.mark.parametrize("report", [*REPORTS, *LATER], ids=lambda report: report.name)
 def test_mistake_shows(report):
     place = report.place()
     lost, drawn = told(place, report.culler(place))
@@ -97,7 +97,7 @@ def test_culler_without_a_mistake_leaves_the_hidden_out():
 
 
 def test_each_names_who_reported_it():
-    for report in REPORTS:
+    for report in (*REPORTS, *LATER):
         assert re.match(r"[\w.-]+/[\w.-]+ #\d+", report.source), report
     assert len({report.source for report in REPORTS}) > 0.9 * len(REPORTS)
 
@@ -106,6 +106,13 @@ def test_each_is_a_mistake_of_its_own():
     faults = list(reported())
     assert len({fault.mistake for fault in faults}) == len(faults) == len(REPORTS)
     assert all(fault.about for fault in faults)
+
+
+def test_all_of_the_later_lot_is_kept_back():
+    faults = list(later())
+    assert len({fault.mistake for fault in faults}) == len(faults) == len(LATER)
+    assert {fault.source for fault in faults} == {"later"}
+    assert {fault.name for fault in faults} <= KEPT_BACK
 
 
 def test_lot_is_drawn_and_the_others_are_spare():

@@ -118,7 +118,7 @@ def sides_of(camera: Camera) -> Float64:
     local /= np.linalg.norm(local[:, :3], axis=1, keepdims=True)
     axes = camera.world_from_camera[:3, :3] * np.array([1.0, 1.0, -1.0])
     normals = local[:, :3] @ axes.T
-    return np.column_stack([normals, local[:, 3] - normals @ camera.eye])
+    return np.asarray(np.column_stack([normals, local[:, 3] - normals @ camera.eye]))
 
 
 def reaches(camera: Camera, centres: Float64, halves: Float64, radii: Float64) -> Bool:
@@ -134,7 +134,7 @@ def _pivots(at: At) -> Float64:
     worlds = at.sights.moments.timeline.worlds(at.frame)
     middles: Float64 = _boxes(at).mean(axis=1)
     if worlds is None:
-        return middles
+        return np.asarray(middles)
     objects = at.objects()
     points = worlds[np.maximum(objects, 0), :3, 3] - at.scene.origin
     return np.asarray(np.where((objects >= 0)[:, None], points, middles))

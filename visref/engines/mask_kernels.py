@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,23 @@ from visref.engines.ray_kernels import (
     dot,
     facet_of,
     minus,
+    plane,
 )
-from visref.engines.splat_kernels import Hits, edge, meets, window_of
+from visref.engines.splat_kernels import Hits, at_sample, edge, meets, window_of
+from visref.masks.by_edges import facing, reach_of, state_by_edges
 from visref.masks.hits import UNIT, state_at
-from visref.masks.lookup import BETWEEN, HOLE, SOLID
+from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE
 from visref.masks.store import MaskArrays, Masks
+
+
+class Open(NamedTuple):
+    """Samples that masks leave open, ascending, how many triangles may be seen there, and the least
+    depth of these: (k,) each; and the triangles, front to back at each sample, (h,)."""
+
+    sample: NDArray[np.int64]
+    many: NDArray[np.int64]
+    triangle: NDArray[np.int32]
+    least: NDArray[np.float64]
 
 
 @njit()
@@ -115,6 +127,81 @@ def shown(
     )
 
 
+def settle(
+    hits: Hits,
+    state: NDArray[np.uint8],
+    window: tuple[int, int, int, int],
+    mesh: Triangles,
+    grid: SampleGrid,
+    triangle: NDArray[np.int32],
+) -> Open:
+    """Let the nearest SOLID of a window's hits (`shown`) own its sample, where it lies before the
+    owner in `triangle`, (samples,) int32, changed in place; and say what BETWEEN leaves open."""
+    order, starts = front_to_back(hits, window, len(grid.column_a))
+    most = np.count_nonzero(state == BETWEEN)
+    room = Open(
+        np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int32), np.empty(most)
+    )
+    samples, count = _settle(hits, state, order, starts, window, mesh, grid, triangle, room)
+    return Open(
+        room.sample[:samples], room.many[:samples], room.triangle[:count], room.least[:samples]
+    )
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def _settle(
+    hits: Hits,
+    state: NDArray[Any],
+    order: NDArray[Any],
+    starts: NDArray[Any],
+    window: tuple[int, int, int, int],
+    mesh: Triangles,
+    grid: SampleGrid,
+    triangle: NDArray[Any],
+    left: Open,
+) -> tuple[int, int]:
+    """`settle`, into `left`: how many samples, and how many hits, are left open."""
+    x0, x1, y0, _ = window
+    width = len(grid.column_a)
+    last, facet = -1, facet_of(mesh, grid, 0)
+    samples, count = 0, 0
+    for place in range(len(starts) - 1):
+        begin, end = starts[place], starts[place + 1]
+        if begin == end:
+            continue
+        x, y = x0 + place % (x1 - x0), y0 + place // (x1 - x0)
+        s = y * width + x
+        nearest, behind = -1, np.inf
+        for at in range(begin, end):
+            k = order[at]
+            if state[k] == SOLID:
+                if nearest < 0:
+                    nearest = k
+                # In whatever order they were met, nothing beyond this was left out too soon.
+                behind = min(behind, hits.depth[k] + hits.bound[k])
+        if nearest >= 0:
+            owner, depth = triangle[s], np.inf
+            if owner >= 0:
+                if owner != last:
+                    last, facet = owner, facet_of(mesh, grid, owner)
+                numerator, denominator = plane(facet, grid, grid.column_a[x], grid.row_b[y])
+                depth = numerator / denominator
+            if hits.depth[nearest] < depth:
+                triangle[s] = hits.triangle[nearest]
+        before, least = count, np.inf
+        for at in range(begin, end):
+            k = order[at]
+            if state[k] == BETWEEN and hits.depth[k] - hits.bound[k] <= behind:
+                left.triangle[count] = hits.triangle[k]
+                least = min(least, hits.depth[k] - hits.bound[k])
+                count += 1
+        if count > before:
+            left.sample[samples], left.many[samples] = s, count - before
+            left.least[samples] = least
+            samples += 1
+    return samples, count
+
+
 @njit(inline="always")
 def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
     """A view depth, less what rounding may have added; in `p` too, which is relative to the eye,
@@ -149,7 +236,9 @@ def _shown(
     eye = (m[0, 0], m[0, 1], m[0, 2])
     width = len(grid.column_a)
     perspective = grid.perspective
+    reach = reach_of(grid, window)
     count = 0
+    last, behind_of = -1, facet_of(mesh, grid, 0)
     for index in range(begin, len(which)):
         t = which[index]
         v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
@@ -162,6 +251,7 @@ def _shown(
         edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
         facet = facet_of(mesh, grid, t)
         row = row_of_triangle[t]
+        face = facing(masks, row, edges, (p0, p1, p2), reach)
         nearest = min(
             _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
         )
@@ -173,20 +263,26 @@ def _shown(
                 if nearest > least:
                     continue
                 a = grid.column_a[x]
-                if not meets(edges, facet, mesh, grid, t, a, b):
+                sides = at_sample(edges, a, b)
+                if not meets(sides, facet, mesh, grid, t, a, b):
                     continue
                 z, error = depth_interval(facet, grid, a, b)
                 if least != least:
                     least = np.inf
                     if owner[s] >= 0:
-                        behind, slack = depth_interval(facet_of(mesh, grid, owner[s]), grid, a, b)
+                        # Neighbouring samples mostly share their owner.
+                        if owner[s] != last:
+                            last, behind_of = owner[s], facet_of(mesh, grid, owner[s])
+                        behind, slack = depth_interval(behind_of, grid, a, b)
                         least = behind + slack
                     limit[s] = least
                 if z - error > least or not counts(grid, z, a, b):
                     continue
                 found = BETWEEN
                 if row >= 0:
-                    found = state_at(masks, row, axes, a, b, perspective, v0, v1, v2)
+                    found = state_by_edges(masks, face, sides)
+                    if found == UNSURE:
+                        found = state_at(masks, row, axes, a, b, perspective, v0, v1, v2)
                 if found == HOLE:
                     continue
                 if found == SOLID:

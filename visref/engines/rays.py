@@ -55,7 +55,6 @@ from visref.engines.known_samples import (
 )
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
-from visref.masks.lookup import BETWEEN, SOLID
 from visref.masks.store import Masks
 from visref.placing import origin_of, somewhere
 from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
@@ -269,7 +268,7 @@ class RayEngine(TruthEngine):
         depths = OwnerDepths(self._mesh, grid)
         if self._cast(grid, triangle):
             self._settle(grid, triangle)
-        doubt = self._mask(camera, grid, triangle, depths)
+        doubt = self._mask(camera, grid, triangle)
         blend, veiled = self._blend(grid, triangle, doubt)
         buffer = VisibilityBuffer(triangle.reshape(camera.height, camera.width), depths)
         return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend, veiled=veiled)
@@ -401,9 +400,7 @@ class RayEngine(TruthEngine):
 
         self._in_bands(window, work)
 
-    def _mask(
-        self, camera: Camera, grid: SampleGrid, triangle: Int32, depths: OwnerDepths
-    ) -> tuple[Doubt, Float64]:
+    def _mask(self, camera: Camera, grid: SampleGrid, triangle: Int32) -> tuple[Doubt, Float64]:
         """Let masked triangles own the samples where they are solid, in place, and return the
         samples that they leave open, with the least depth of what may be seen at each."""
         if not len(self._masked):
@@ -418,24 +415,11 @@ class RayEngine(TruthEngine):
             found, state = mask_kernels.shown(
                 front_to_back, self._mesh, grid, part, triangle, masks, axes, limit
             )
-            order, _ = mask_kernels.front_to_back(found, part, camera.width)
-            return (*(column[order] for column in found), state[order])
+            return mask_kernels.settle(found, state, part, self._mesh, grid, triangle)
 
-        sample, which, z, error, state = _joined(self._in_bands(_whole(grid), work))
-        # By sample, front to back: so each band is, and the bands go down the image.
-        solid = np.flatnonzero(state == SOLID)
-        at, first = np.unique(sample[solid], return_index=True)
-        behind = np.full(len(triangle), np.inf)
-        if len(at):
-            # In whatever order they were met, nothing beyond this was left out too soon.
-            behind[at] = np.minimum.reduceat((z + error)[solid], first)
-        nearest = solid[first]
-        nearer = z[nearest] < depths(triangle[at], at)
-        triangle[at[nearer]] = which[nearest[nearer]]
-        open_ = np.flatnonzero((state == BETWEEN) & (z - error <= behind[sample]))
-        doubt = Doubt.of(sample[open_], which[open_])
-        least = np.minimum.reduceat((z - error)[open_], doubt.offsets[:-1]) if len(doubt) else z[:0]
-        return doubt, least
+        sample, count, which, least = _joined(self._in_bands(_whole(grid), work))
+        offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
+        return Doubt(sample, offsets, which), least
 
     def _by_depth(self, which: Int32, grid: SampleGrid) -> Int64:
         """Triangles in the order of their nearest corners' depths, about."""

@@ -84,12 +84,20 @@ def _rectangle(grid, corners):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def meets(edges, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
-    """Whether a ray meets the closed triangle, from a side that counts."""
+def at_sample(edges, a, b):  # type: ignore[no-untyped-def]
+    """The values of a triangle's three edge functions."""
     e0, e1, e2 = edges
     s0 = e0[0] + (a * e0[1] + b * e0[2])
     s1 = e1[0] + (a * e1[1] + b * e1[2])
     s2 = e2[0] + (a * e2[1] + b * e2[2])
+    return s0, s1, s2
+
+
+@njit(inline="always")
+def meets(sides, facet, mesh, grid, t, a, b):  # type: ignore[no-untyped-def]
+    """Whether a ray meets the closed triangle, from a side that counts, given the values of its
+    edge functions there."""
+    s0, s1, s2 = sides
     if min(s0, s1, s2) < 0.0 and max(s0, s1, s2) > 0.0:
         return False
     denominator = plane(facet, grid, a, b)[1]
@@ -133,7 +141,9 @@ def splat(
             for x in range(x0, x1):
                 s = y * width + x
                 a = grid.column_a[x]
-                if not mark[s] or not meets(edges, facet, mesh, grid, t, a, b):
+                if not mark[s]:
+                    continue
+                if not meets(at_sample(edges, a, b), facet, mesh, grid, t, a, b):
                     continue
                 z = depth_interval(facet, grid, a, b)[0]
                 if z < depth[s] and counts(grid, z, a, b):
@@ -211,7 +221,7 @@ def _layers(
             b = grid.row_b[y]
             for x in range(x0, x1):
                 a = grid.column_a[x]
-                if not meets(edges, facet, mesh, grid, t, a, b):
+                if not meets(at_sample(edges, a, b), facet, mesh, grid, t, a, b):
                     continue
                 z, error = depth_interval(facet, grid, a, b)
                 if not counts(grid, z, a, b):

@@ -43,9 +43,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks
+from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks, words_of_row
 
 HOLE, SOLID, BETWEEN = 0, 1, 2
+# In place of these: what a short way leaves to the long one.
+UNSURE = -1
 
 # How many entries of the pyramid a lookup visits, at most, at its two levels. Measured on a
 # 256 x 256 texture of leaves, pixels of 6 texels: in between are 54 % of random places with 16
@@ -75,10 +77,19 @@ def texel_intervals(
     slack = BOX_ROUNDING * ((abs(centre) + spread) * size + 1.0)
     low = np.floor((centre - spread) * size - reach - slack)
     high = np.floor((centre + spread) * size + reach + slack)
+    return wrapped(low, high, size, wrap)
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def wrapped(low: float, high: float, size: int, wrap: int) -> Any:
+    """The texels of `texel_intervals` that stand at the places from `low` to `high`, whole numbers
+    (or what is no number) of the row of texels that goes on forever."""
     if wrap == CLAMP:
         first = np.int64(min(max(low, 0.0), size - 1.0))
         last = np.int64(min(max(high, 0.0), size - 1.0))
         return first, last, np.int64(0), np.int64(-1)
+    if low >= 0.0 and high < size:
+        return np.int64(low), np.int64(high), np.int64(0), np.int64(-1)
     period = 2 * size if wrap == MIRROR else size
     if not (low > -FAR_TEXEL and high < FAR_TEXEL and high - low + 1.0 < period):
         return np.int64(0), np.int64(size - 1), np.int64(0), np.int64(-1)
@@ -128,6 +139,37 @@ def _blocks(spans, k):  # type: ignore[no-untyped-def]
     if b1 >= b0:
         count += (b1 >> k) - (b0 >> k) + 1
     return count
+
+
+_words_of_row = njit(inline="always")(words_of_row)
+
+
+@njit(inline="always")
+def state_of_bits(m, material, columns, rows):  # type: ignore[no-untyped-def]
+    """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by
+    `MaskArrays.bits`; `UNSURE` where they are too many, or not one rectangle."""
+    start = m.bits_of_material[material]
+    x0, x1, _, x_last = columns
+    y0, y1, _, y_last = rows
+    across = x1 - x0 + 1
+    few = across <= 64 and across * (y1 - y0 + 1) <= FINEST_ENTRIES
+    if start < 0 or x_last >= 0 or y_last >= 0 or not few:
+        return UNSURE
+    stride = _words_of_row(m.textures[m.materials[material].texture].width)
+    mask = ~np.uint64(0) >> np.uint64(64 - across)
+    shift = np.uint64(x0 & 63)
+    rest = np.uint64(64) - shift
+    every, any_ = mask, np.uint64(0)
+    for y in range(y0, y1 + 1):
+        at = start + y * stride + (x0 >> 6)
+        bits = m.bits[at] >> shift
+        if shift:
+            bits |= m.bits[at + 1] << rest
+        every &= bits
+        any_ |= bits & mask
+    if every == mask:
+        return SOLID
+    return BETWEEN if any_ else HOLE
 
 
 @njit(makes_arrays=False)
@@ -207,11 +249,13 @@ def mask_state(
         return _decide(0.0, 1.0, factor, low, high, cutoff)
     scale = np.float64(m.textures[texture].scale)
     columns, rows = touched(m, material, u, v, du, dv, eu, ev)
-    finest = level_for(columns, rows, FINEST_ENTRIES)
     first = level_for(columns, rows, FIRST_ENTRIES)
     least, greatest = extremes(m, texture, columns, rows, first)
     state = _decide(least / scale, greatest / scale, factor, low, high, cutoff)
-    if state != BETWEEN or finest == first:
+    if state != BETWEEN or first == 0:
+        return state
+    finest = level_for(columns, rows, FINEST_ENTRIES)
+    if finest == first:
         return state
     least, greatest = extremes(m, texture, columns, rows, finest)
     return _decide(least / scale, greatest / scale, factor, low, high, cutoff)

@@ -56,6 +56,10 @@ class MaskArrays(NamedTuple):
     whether it is nearest, whether it is unknown, factor, cutoff. `textures`: (n,) TEXTURE:
     size and scale, its first level's index, how many it has. `levels`: (l,) LEVEL: where its
     least and greatest alphas start in `alpha`, and its width. `alpha`: uint16, all pyramids.
+
+    From these follow `bits`: uint64, a bit per texel and material, row by row, the first texel's
+    the lowest: whether it is solid under a vertex alpha of one. A row takes `words_of_row`.
+    `bits_of_material`: (k,) int64, where a material's begin, -1 where it has no texture.
     """
 
     triangles: NDArray[Any]
@@ -63,6 +67,16 @@ class MaskArrays(NamedTuple):
     textures: NDArray[Any]
     levels: NDArray[Any]
     alpha: NDArray[np.uint16]
+    bits: NDArray[np.uint64]
+    bits_of_material: NDArray[np.int64]
+
+
+DECIDING = ("triangles", "materials", "textures", "levels", "alpha")
+
+
+def words_of_row(width: int) -> int:
+    """Of `MaskArrays.bits`: one more than are needed, so that the next is always there."""
+    return (width + 63) // 64 + 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +129,7 @@ class Masks(Shared):
         _check_range("texture", table["texture"], -1, len(images))
         return cls(
             row=row,
-            arrays=MaskArrays(triangles, table, *_pack(images)),
+            arrays=MaskArrays(triangles, table, *_pack(images), *_solid(table, images)),
             reasons=tuple(dict.fromkeys(m.unknown for m in materials if m.unknown)),
         )
 
@@ -139,7 +153,8 @@ class Masks(Shared):
     def digest(self) -> bytes:
         """SHA-256 of everything that decides a lookup, 32 bytes."""
         total = hashlib.sha256()
-        for name, array in (("row", self.row), *self.arrays._asdict().items()):
+        deciding = ((name, getattr(self.arrays, name)) for name in DECIDING)
+        for name, array in (("row", self.row), *deciding):
             little = array.astype(array.dtype.newbyteorder("<"), copy=False)
             total.update(f"{name} {little.dtype.descr} {little.shape}\n".encode())
             total.update(np.ascontiguousarray(little).data)
@@ -163,9 +178,7 @@ def _pack(
         alpha = image.alpha
         if alpha.ndim != 2 or not alpha.size:
             raise ValueError("masks: an image is (height, width), neither zero")
-        if np.all(alpha == alpha[0, 0]):
-            # One texel says the same wherever it is looked up.
-            alpha = alpha[:1, :1]
+        alpha = _one_texel(alpha)
         least = greatest = alpha.astype(np.uint16)
         first = len(levels)
         levels.append((end, end, least.shape[1]))
@@ -182,6 +195,39 @@ def _pack(
         np.array(levels, LEVEL),
         np.concatenate(parts) if parts else np.zeros(0, np.uint16),
     )
+
+
+def _solid(
+    table: NDArray[Any], images: Sequence[AlphaImage]
+) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """`bits` and `bits_of_material` of MaskArrays."""
+    starts = np.full(len(table), -1, np.int64)
+    parts: list[NDArray[np.uint64]] = []
+    known: dict[tuple[int, bytes], int] = {}
+    end = 0
+    for index, of in enumerate(table):
+        if of["texture"] < 0:
+            continue
+        image = images[of["texture"]]
+        alphas = np.arange(image.scale + 1)
+        # In the order of operations in which a lookup does it.
+        solid = alphas / np.float64(image.scale) * of["factor"] * 1.0 >= of["cutoff"]
+        key = int(of["texture"]), solid.tobytes()
+        if key not in known:
+            flags = solid[_one_texel(image.alpha)]
+            words = np.zeros((len(flags), words_of_row(flags.shape[1])), "<u8")
+            packed = np.packbits(flags, axis=1, bitorder="little")
+            words.view(np.uint8)[:, : packed.shape[1]] = packed
+            known[key] = end
+            parts.append(words.astype(np.uint64).reshape(-1))
+            end += words.size
+        starts[index] = known[key]
+    return np.concatenate(parts) if parts else np.zeros(0, np.uint64), starts
+
+
+def _one_texel(alpha: NDArray[Any]) -> NDArray[Any]:
+    """An image of one alpha says the same wherever it is looked up."""
+    return alpha[:1, :1] if np.all(alpha == alpha[0, 0]) else alpha
 
 
 def _halve(values: NDArray[np.uint16], extreme: np.ufunc) -> NDArray[np.uint16]:

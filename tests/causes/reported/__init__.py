@@ -13,12 +13,30 @@ from functools import partial
 import numpy as np
 
 from tests.causes.fault import Fault, Input
-from tests.causes.reported import bounds, hiding, lists, view
-from tests.causes.reported.sound import REPORTS, Report
+from tests.causes.reported import bounds, hiding, later_bounds, lists, view
+from tests.causes.reported.sound import LATER, REPORTS, Report
 
-__all__ = ["REPORTS", "bounds", "hiding", "lists", "reported", "view"]
+__all__ = [
+    "LATER",
+    "REPORTS",
+    "bounds",
+    "hiding",
+    "later",
+    "later_bounds",
+    "lists",
+    "reported",
+    "view",
+]
 
 LOT, SEED = 50, 17
+
+
+def later() -> Iterator[Fault]:
+    """Those of the later lot, none of which is spare."""
+    for report in LATER:
+        name = f"later/{report.name}"
+        about = " ".join((report.culler.__doc__ or "").split())
+        yield Fault(name, report.family, name, about, partial(_input, report))
 
 
 def reported() -> Iterator[Fault]:

@@ -195,3 +195,16 @@ def reported(source: str, family: str, place: Callable[[], Place]):
         return culler
 
     return register
+
+
+LATER: list[Report] = []
+
+
+def later(source: str, family: str, place: Callable[[], Place]):
+    """As `reported`, for the lot that was written later."""
+
+    def register(culler: type[Sound]) -> type[Sound]:
+        LATER.append(Report(culler, source, family, place))
+        return culler
+
+    return register

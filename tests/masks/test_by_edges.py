@@ -1,0 +1,151 @@
+"""The short way to a mask's state, by edge functions and bits, against the long way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.masks.test_hits import random_case
+from visref.compiled import njit
+from visref.engines.ray_kernels import SampleGrid, minus
+from visref.engines.splat_kernels import at_sample, edge
+from visref.masks.by_edges import facing, reach_of, state_by_edges
+from visref.masks.hits import state_at
+from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE, state_of_bits
+from visref.masks.materials import MaskMaterial, Sampler, Wrap
+from visref.masks.store import Masks
+from visref.masks.textures import AlphaImage
+
+
+@njit()
+def by_edges(m, row, grid, v0, v1, v2):
+    eye = (grid.axes[0, 0], grid.axes[0, 1], grid.axes[0, 2])
+    p0, p1, p2 = minus(v0, eye), minus(v1, eye), minus(v2, eye)
+    edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
+    face = facing(m, row, edges, (p0, p1, p2), reach_of(grid, (0, 1, 0, 1)))
+    return state_by_edges(m, face, at_sample(edges, grid.column_a[0], grid.row_b[0]))
+
+
+@njit()
+def by_bits(m, material, columns, rows):
+    return state_of_bits(m, material, columns, rows)
+
+
+def blobs(rng: np.random.Generator, height: int, width: int) -> AlphaImage:
+    """Patches of solid and hole, some of them as large as boxes are."""
+    coarse = rng.random((-(-height // 6), -(-width // 6))) < 0.5
+    alpha = np.kron(coarse, np.ones((6, 6)))[:height, :width] * 255
+    return AlphaImage(alpha.astype(np.uint8), 255)
+
+
+def masks_of(
+    image: AlphaImage, uv: np.ndarray, wrap: Wrap = Wrap.REPEAT, alpha: float = 1.0
+) -> Masks:
+    material = MaskMaterial(0, Sampler(wrap, wrap), cutoff=0.5)
+    return Masks.build([0], [0], uv[None], np.full((1, 3), alpha), [material], [image])
+
+
+def told(
+    rng: np.random.Generator, perspective: bool, origin: float, tilt: float, factor: float = 1.0
+) -> tuple[int, int]:
+    """What both ways say of a random triangle at a random sample; the long way is told that pixels
+    are larger by `factor`, a power of two."""
+    axes, a, b, corners = random_case(rng, origin, perspective, tilt)
+    image = blobs(rng, int(rng.integers(1, 90)), int(rng.integers(1, 150)))
+    uv = rng.uniform(-1, 2, (3, 2)) * 10.0 ** rng.uniform(-2, 0)
+    masks = masks_of(image, uv, list(Wrap)[rng.integers(3)])
+    one, other = np.array([a]), np.array([b])
+    grid = SampleGrid(np.concatenate([axes, np.zeros((3, 3))]), perspective, 0.0, 1.0, one, other)
+    points = [tuple(map(float, corner)) for corner in corners]
+    short = by_edges(masks.arrays, 0, grid, *points)
+    axes[2:] *= factor
+    a, b = a / factor, b / factor
+    return int(short), int(state_at(masks.arrays, 0, axes, a, b, perspective, *points))
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+@pytest.mark.parametrize("origin", [1.0, 1000.0])
+@pytest.mark.parametrize("tilt", [1.2, 0.05, 0.001])
+def test_what_the_short_way_says_the_long_way_says(
+    perspective: bool, origin: float, tilt: float
+) -> None:
+    rng = np.random.default_rng(int(tilt * 1e4) + int(origin) + perspective)
+    both = np.array([told(rng, perspective, origin, tilt) for _ in range(1000)])
+    short, long = both.T
+    said = short != UNSURE
+    assert (short[said] == long[said]).all()
+    # It has something to say, of each kind: else nothing was compared.
+    assert said.mean() > (0.4 if tilt > 0.1 else 0.02)
+    if tilt > 0.1:
+        assert {SOLID, HOLE, BETWEEN} == set(short[said].tolist())
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_comparison_sees_footprints_of_another_size(factor: float) -> None:
+    rng = np.random.default_rng(3)
+    both = np.array([told(rng, True, 1.0, 1.2, factor) for _ in range(1000)])
+    short, long = both[both[:, 0] != UNSURE].T
+    assert (short != long).any()
+
+
+def test_bits_are_the_texels_over_any_rectangle_of_a_row_of_words() -> None:
+    rng = np.random.default_rng(8)
+    image = blobs(rng, 23, 151)
+    masks = masks_of(image, np.zeros((3, 2)))
+    solid = image.alpha >= 127.5
+    seen = set()
+    for _ in range(4000):
+        y0, x0 = int(rng.integers(23)), int(rng.integers(151))
+        y1, x1 = min(y0 + int(rng.integers(7)), 22), min(x0 + int(rng.integers(36)), 150)
+        part = solid[y0 : y1 + 1, x0 : x1 + 1]
+        if part.size > 256:
+            continue
+        right = SOLID if part.all() else BETWEEN if part.any() else HOLE
+        assert by_bits(masks.arrays, 0, (x0, x1, 0, -1), (y0, y1, 0, -1)) == right
+        seen.add(right)
+    assert seen == {SOLID, HOLE, BETWEEN}
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows"),
+    [
+        ((0, 64, 0, -1), (0, 0, 0, -1)),  # More than a word.
+        ((0, 19, 0, -1), (0, 19, 0, -1)),  # More than the finest level has entries.
+        ((149, 150, 0, 1), (0, 0, 0, -1)),  # Over the edge of what repeats.
+        ((0, 0, 0, -1), (22, 22, 0, 0)),
+    ],
+)
+def test_other_boxes_are_left_to_the_long_way(
+    columns: tuple[int, ...], rows: tuple[int, ...]
+) -> None:
+    masks = masks_of(blobs(np.random.default_rng(1), 23, 151), np.zeros((3, 2)))
+    assert by_bits(masks.arrays, 0, columns, rows) == UNSURE
+
+
+def test_another_vertex_alpha_is_left_to_the_long_way() -> None:
+    # The bits are for a vertex alpha of one.
+    corners = ((-1.0, -1.0, -2.0), (3.0, -1.0, -2.0), (-1.0, 3.0, -2.0))
+    axes = np.array([[0.0, 0, 0], [0, 0, -1], [0.001, 0, 0], [0, 0.001, 0]])
+    middle = np.array([0.5])
+    grid = SampleGrid(np.concatenate([axes, np.zeros((3, 3))]), True, 0.0, 9.0, middle, middle)
+    image = AlphaImage(np.full((8, 8), 200, np.uint8), 255)
+    uv = np.array([[0.2, 0.2], [0.6, 0.2], [0.2, 0.6]])
+    told = [
+        by_edges(masks_of(image, uv, alpha=alpha).arrays, 0, grid, *corners) for alpha in (1.0, 0.5)
+    ]
+    assert told == [SOLID, UNSURE]
+
+
+def test_factor_and_cutoff_decide_the_bits() -> None:
+    image = AlphaImage(np.array([[127, 128, 255]], np.uint8), 255)
+    materials = [
+        MaskMaterial(0, cutoff=0.5),
+        MaskMaterial(0, factor=0.5, cutoff=0.5),
+        MaskMaterial(0, cutoff=128 / 255),
+        MaskMaterial(-1),
+    ]
+    masks = Masks.build([0], [0], np.zeros((1, 3, 2)), np.ones((1, 3)), materials, [image])
+    starts = masks.arrays.bits_of_material
+    assert starts[3] == -1
+    assert starts[0] == starts[2]
+    assert [int(masks.arrays.bits[at]) for at in starts[:3]] == [0b110, 0b100, 0b110]
