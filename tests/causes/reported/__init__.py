@@ -34,9 +34,7 @@ LOT, SEED = 50, 17
 def later() -> Iterator[Fault]:
     """Those of the later lot, none of which is spare."""
     for report in LATER:
-        name = f"later/{report.name}"
-        about = " ".join((report.culler.__doc__ or "").split())
-        yield Fault(name, report.family, name, about, partial(_input, report))
+        yield _fault("later", report)
 
 
 def reported() -> Iterator[Fault]:
@@ -44,9 +42,13 @@ def reported() -> Iterator[Fault]:
     order = np.random.Generator(np.random.PCG64(SEED)).permutation(len(names))
     lot = {names[at] for at in order[:LOT]}
     for report in REPORTS:
-        name = f"{'reported' if report.name in lot else 'spare'}/{report.name}"
-        about = " ".join((report.culler.__doc__ or "").split())
-        yield Fault(name, report.family, name, about, partial(_input, report))
+        yield _fault("reported" if report.name in lot else "spare", report)
+
+
+def _fault(lot: str, report: Report) -> Fault:
+    name = f"{lot}/{report.name}"
+    about = " ".join((report.culler.__doc__ or "").split())
+    return Fault(name, report.family, name, about, partial(_input, report))
 
 
 def _input(report: Report) -> Input:

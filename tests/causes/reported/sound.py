@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -185,26 +186,20 @@ class Report:
 
 
 REPORTS: list[Report] = []
-
-
-def reported(source: str, family: str, place: Callable[[], Place]):
-    """Register a culler: who reported what it does, its family, and where it is tried."""
-
-    def register(culler: type[Sound]) -> type[Sound]:
-        REPORTS.append(Report(culler, source, family, place))
-        return culler
-
-    return register
-
-
+# The lot that was written later.
 LATER: list[Report] = []
 
 
-def later(source: str, family: str, place: Callable[[], Place]):
-    """As `reported`, for the lot that was written later."""
+def _registering(
+    reports: list[Report], source: str, family: str, place: Callable[[], Place]
+) -> Callable[[type[Sound]], type[Sound]]:
+    """Register a culler: who reported what it does, its family, and where it is tried."""
 
     def register(culler: type[Sound]) -> type[Sound]:
-        LATER.append(Report(culler, source, family, place))
+        reports.append(Report(culler, source, family, place))
         return culler
 
     return register
+
+
+reported, later = partial(_registering, REPORTS), partial(_registering, LATER)
