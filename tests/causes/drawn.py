@@ -29,6 +29,7 @@ LATER = frozenset(
         "reported",
         "spare",
         "later",
+        "recent",
     }
 )
 

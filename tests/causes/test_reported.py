@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from tests.causes.drawn import KEPT_BACK
-from tests.causes.reported import LATER, LOT, REPORTS, later, places, reported
+from tests.causes.reported import LATER, LOT, RECENT, REPORTS, later, places, recent, reported
 from tests.causes.reported.sound import Sound
 from visref.engines import make_engine
 from visref.timeline import Timeline
 
 # Of a fault: object-frames lost at least, and at most, so that none stands for the lot.
 LEAST, MOST = 10, 600
+EVERY = (*REPORTS, *LATER, *RECENT)
 
 
 @cache
@@ -59,14 +60,14 @@ def told(place, culler):
 def once_each():
     """A report per place."""
     seen = {}
-    for report in (*REPORTS, *LATER):
+    for report in EVERY:
         # Of one with arguments, `partial` shows them.
         seen.setdefault(str(report.place), report)
     return list(seen.values())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("report", [*REPORTS, *LATER], ids=lambda report: report.name)
+@pytest.mark.parametrize("report", EVERY, ids=lambda report: report.name)
 def test_mistake_shows(report):
     place = report.place()
     lost, drawn = told(place, report.culler(place))
@@ -97,7 +98,7 @@ def test_culler_without_a_mistake_leaves_the_hidden_out():
 
 
 def test_each_names_who_reported_it():
-    for report in (*REPORTS, *LATER):
+    for report in EVERY:
         assert re.match(r"[\w.-]+/[\w.-]+ #\d+", report.source), report
     assert len({report.source for report in REPORTS}) > 0.9 * len(REPORTS)
 
@@ -108,10 +109,13 @@ def test_each_is_a_mistake_of_its_own():
     assert all(fault.about for fault in faults)
 
 
-def test_all_of_the_later_lot_is_kept_back():
-    faults = list(later())
-    assert len({fault.mistake for fault in faults}) == len(faults) == len(LATER)
-    assert {fault.source for fault in faults} == {"later"}
+@pytest.mark.parametrize(
+    ("lot", "reports", "made"), [("later", LATER, later), ("recent", RECENT, recent)]
+)
+def test_all_of_a_later_lot_is_kept_back(lot, reports, made):
+    faults = list(made())
+    assert len({fault.mistake for fault in faults}) == len(faults) == len(reports)
+    assert {fault.source for fault in faults} == {lot}
     assert {fault.name for fault in faults} <= KEPT_BACK
 
 

@@ -13,17 +13,29 @@ from functools import partial
 import numpy as np
 
 from tests.causes.fault import Fault, Input
-from tests.causes.reported import bounds, hiding, later_bounds, lists, view
-from tests.causes.reported.sound import LATER, REPORTS, Report
+from tests.causes.reported import (
+    bounds,
+    hiding,
+    later_bounds,
+    lists,
+    recent_depth,
+    recent_time,
+    view,
+)
+from tests.causes.reported.sound import LATER, RECENT, REPORTS, Report
 
 __all__ = [
     "LATER",
+    "RECENT",
     "REPORTS",
     "bounds",
     "hiding",
     "later",
     "later_bounds",
     "lists",
+    "recent",
+    "recent_depth",
+    "recent_time",
     "reported",
     "view",
 ]
@@ -35,6 +47,12 @@ def later() -> Iterator[Fault]:
     """Those of the later lot, none of which is spare."""
     for report in LATER:
         yield _fault("later", report)
+
+
+def recent() -> Iterator[Fault]:
+    """Those of the lot after that, of depth, time, lists, levels, views and materials."""
+    for report in RECENT:
+        yield _fault("recent", report)
 
 
 def reported() -> Iterator[Fault]:

@@ -186,8 +186,9 @@ class Report:
 
 
 REPORTS: list[Report] = []
-# The lot that was written later.
+# Lots that were written later, each without a look at what was learned from those before.
 LATER: list[Report] = []
+RECENT: list[Report] = []
 
 
 def _registering(
@@ -203,3 +204,4 @@ def _registering(
 
 
 reported, later = partial(_registering, REPORTS), partial(_registering, LATER)
+recent = partial(_registering, RECENT)

@@ -1,0 +1,1 @@
+"""A recent lot: reports of what is asked of depth, and of what hides."""

@@ -1,0 +1,1 @@
+"""A recent lot: reports of late answers, lists, levels, views and what moves."""
