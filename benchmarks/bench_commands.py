@@ -112,24 +112,32 @@ def test_run_by_workers(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -
 
 
 def test_clean_check(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> None:
+    """As users run it, with the pictures of the first frames, and without any."""
     frames = min(sizes.check_frames, 60 if not scene[1] else 120)
     words = [scene[0], *scene[1]]
     jobs: dict[str, Job | Skipped] = {}
+    kinds = (("", ()), (", no pictures", ("--pictures", 0)))
     for title, program in programs.items():
         truth, drawn = seen(program, [*words, "--frames", f"0:{frames}"], tmp_path)
-        for what, end, more in (
-            (f"{frames} frames", frames, ()),
-            (f"{frames} frames, truth given", frames, ("--truth", truth)),
-            ("1 frame", 1, ()),
-        ):
-            some = [*words, "--frames", f"0:{end}"]
-            jobs[f"{title}{what}"] = checking(
-                program, some, drawn, tmp_path, *more, "--pictures", 0
-            )
+        for kind, more in kinds:
+            for what, end in ((f"{frames} frames", frames), ("1 frame", 1)):
+                some = [*words, "--frames", f"0:{end}", *more]
+                jobs[f"{title}{what}{kind}"] = checking(program, some, drawn, tmp_path)
+        some = [*words, "--frames", f"0:{frames}", "--truth", truth, "--pictures", 0]
+        jobs[f"{title}{frames} frames, no pictures, truth given"] = checking(
+            program, some, drawn, tmp_path
+        )
     spent = turns.run("check", f"a clean culler of {_called(scene[0])}", jobs, rounds=2, warm=False)
     for title in programs:
-        ms = per_frame(spent, f"{title}{frames} frames", f"{title}1 frame", frames)
-        turns.say(**{f"{title}ms per frame beyond start-up": ms})
+        for kind, _ in kinds:
+            many, one = f"{title}{frames} frames{kind}", f"{title}1 frame{kind}"
+            turns.say(
+                **{
+                    f"{title}ms per frame beyond start-up{kind}": per_frame(
+                        spent, many, one, frames
+                    )
+                }
+            )
 
 
 def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:
