@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from tests.causes.small import Stage, at, plain, sheet, wide
+from visref.camera_path import Frame
 from visref.causes.evidence import Answer, Answers
 from visref.causes.fitted import FITS, ODDS, odds, threshold, widths
 from visref.causes.lists import LISTS
 from visref.causes.sights import At, Moments, Sights
 from visref.conformance.building import box, case, panel, pixel_panel
+from visref.conformance.moving import posed
 from visref.culler import Promise
 from visref.engines.exact import ExactEngine
 from visref.judging.outcome import CullerRecord
@@ -101,6 +103,61 @@ def test_size_is_the_greater_side_of_the_rectangle():
     assert sizes["shown"] == pytest.approx(5.4, abs=1e-5)
     assert sizes["gap"] == pytest.approx(6.7, abs=1e-5)
     assert values(lengthwise, "too-few-samples", "size")["floor"] == np.inf
+
+
+def test_sizes_of_what_lies_in_the_image_and_of_what_stands_in_space():
+    # 'shown' from 1.8 to 7.2 and 2.8 to 6.2: samples 1 to 8 and 2 to 7 with what is rounded outward.
+    assert values(covered, "too-few-samples", "size in the image")["shown"] == 7.0
+    assert values(covered, "too-few-samples", "area")["shown"] == pytest.approx(5.4 * 3.4, 1e-5)
+    assert values(covered, "too-few-samples", "height")["shown"] == pytest.approx(3.4, abs=1e-5)
+    radius = values(besides, "too-few-samples", "radius")
+    assert radius["ahead"] == pytest.approx(np.sqrt(3.0))
+    by_distance = values(besides, "too-few-samples", "radius by distance")
+    assert by_distance["ahead"] == pytest.approx(np.sqrt(3.0) / 5.0)
+    by_depth = values(besides, "too-few-samples", "radius by depth")
+    assert by_depth["aside"] == pytest.approx(np.sqrt(1 + 1 + 2.5**2) / 6.5)
+    assert by_depth["about"] == np.inf
+
+
+def test_distances_to_the_middle():
+    assert values(besides, "far-nearer", "by the middle's depth")["aside"] == 6.5
+    assert values(besides, "far-nearer", "by the middle's distance")["ahead"] == 5.0
+    ground = values(besides, "far-nearer", "along the ground")
+    # (4, 5, 13) without its height.
+    assert ground["corner"] == pytest.approx(np.hypot(4.0, 13.0))
+    assert values(besides, "near-larger", "by the middle's depth")["corner"] == 13.0
+
+
+def test_how_large_the_view_has_to_be_that_a_box_is_in_it():
+    """The view reaches as far aside as ahead. What crosses the axis is in any."""
+    both, across, up = (
+        values(besides, "other-lens", how) for how in ("across and up", "across", "up")
+    )
+    assert both["ahead"] == 0.0
+    # From (3, ., 4) to (5, ., 9) the farthest inward is 3 at depth 9; it crosses the axis upwards.
+    assert across["aside"] == pytest.approx(3.0 / 9.0)
+    assert up["aside"] == 0.0
+    assert both["corner"] == pytest.approx(4.0 / 14.0)
+    assert across["corner"] == pytest.approx(3.0 / 14.0)
+    assert both["about"] == 0.0
+
+
+def test_margin_is_how_far_behind_its_front_something_shows():
+    """At depth 20, with nothing behind but the background."""
+    margins = values(covered, "own-depth", "by a margin")
+    assert margins["shown"] == np.inf
+    assert margins["wall"] == np.inf
+
+
+def coming():
+    view = plain()
+    objects = [(n, sheet(view, (x, x + 4), (3, 9), 9.0)) for n, x in (("new", 2), ("old", 10))]
+    gone = [("new",), (), ()]
+    return Stage(posed(objects, [Frame((view,), absent=one) for one in gone]), 2)
+
+
+def test_for_how_long_it_has_been_there():
+    assert values(coming, "appeared-unknown", "at first") == {"new": 1.0, "old": np.inf}
 
 
 def test_gap_is_the_side_of_the_greatest_square_up_to_8():

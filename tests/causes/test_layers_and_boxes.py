@@ -12,7 +12,7 @@ import pytest
 from tests.support.culling_scenes import random_camera, random_scene
 from visref.causes.boxes import Boxes, within
 from visref.causes.evidence import Membership
-from visref.causes.hidden import _spread
+from visref.causes.shapes import _spread
 from visref.causes.layers import Layers, ask, draw
 from visref.causes.texels import blocks
 from visref.conformance.building import camera

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.causes.hidden import by_box
 from visref.causes.in_view import kept_by_depth
-from visref.causes.rectangles import asked
+from visref.causes.rectangles import asked, by_box
 from visref.causes.sights import At, Sight, Tell, Told
 from visref.scene import Int32
 
@@ -31,6 +30,12 @@ def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
             return None
         return kept_by_depth(at, there.boxes(at.ids), there) | _gone(there, at)
 
+    def view(at: At) -> Told:
+        there = sight(at)
+        if there is None or there is at.now:
+            return None
+        return there.boxes(at.ids).in_view
+
     def repeated(at: At) -> Told:
         """The culler's own answer of then, where it is that of now too, as far as it was right
         then."""
@@ -46,7 +51,7 @@ def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
             return None
         return then[at.ids] | there.seen[at.ids]
 
-    return {"repeated": repeated, "what shows": shown, "boxes": boxes}
+    return {"repeated": repeated, "what shows": shown, "boxes": boxes, "in the view": view}
 
 
 def _gone(sight: Sight, at: At) -> Bool:
@@ -65,14 +70,19 @@ def in_view_before(at: At) -> Told:
     return at.now.boxes(at.ids, before.camera).in_view | ~at.boxes.there
 
 
-def old_depth(at: At) -> Told:
-    before = at.before(1)
-    if before is None or (before.camera.width, before.camera.height) != (
-        at.camera.width,
-        at.camera.height,
-    ):
-        return None
-    return by_box(at, before.layers())
+def depth_of(sight: Callable[[At], Sight | None]) -> Tell:
+    """This frame's boxes against the depth of another."""
+
+    def tell(at: At) -> Told:
+        before = sight(at)
+        if before is None or (before.camera.width, before.camera.height) != (
+            at.camera.width,
+            at.camera.height,
+        ):
+            return None
+        return by_box(at, before.layers())
+
+    return tell
 
 
 def old_and_new_depth(at: At) -> Told:
@@ -245,11 +255,19 @@ ANOTHER_VIEW: dict[str, dict[str, Tell]] = {
 # The answer of another moment or view, or to another question.
 ANSWERED: dict[str, dict[str, Tell]] = {
     "one-frame-late": late(1),
-    "old-depth": {"then": old_depth, "not cleared": old_and_new_depth},
+    "old-depth": {
+        "then": depth_of(lambda at: at.before(1)),
+        "not cleared": old_and_new_depth,
+        "two frames before": depth_of(lambda at: at.before(2)),
+        "three frames before": depth_of(lambda at: at.before(3)),
+        "first": depth_of(_first),
+        "before the cut": depth_of(_until_cut),
+    },
     "first-view-only": answered(_first_view),
     "other-view": {
         **answered(_other_view),
         **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
+        **{f"next, {how}": tell for how, tell in answered(_next_view(1)).items()},
     },
     "first-answer-kept": {
         **answered(_first),

@@ -18,6 +18,8 @@ Bool = NDArray[np.bool_]
 
 # A fit is believed only if a random order would give it in less than one of so many cases.
 ODDS = 2000
+# Over so many frames it is followed for how long something has been there.
+LOOK_BACK = 64
 # As a logarithm, the most odds that are told.
 MOST_LOG = 690.0
 
@@ -65,6 +67,103 @@ def on_screen(at: At) -> Float64:
     return np.where(at.boxes.crossing, np.inf, side)
 
 
+def clipped_size(at: At) -> Float64:
+    """The same, of what lies within the image."""
+    sides = at.boxes.rectangles.astype(np.float64)
+    side = np.maximum(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])
+    return np.where(at.boxes.crossing, np.inf, side)
+
+
+def area(at: At) -> Float64:
+    spans = at.boxes.spans
+    found = (spans[:, 2] - spans[:, 0]) * (spans[:, 3] - spans[:, 1])
+    return np.where(at.boxes.crossing, np.inf, found)
+
+
+def height(at: At) -> Float64:
+    spans = at.boxes.spans
+    return np.where(at.boxes.crossing, np.inf, spans[:, 3] - spans[:, 1])
+
+
+def _half_diagonal(at: At) -> Float64:
+    boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    return np.asarray(np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1) / 2.0)
+
+
+def apparent(at: At) -> Float64:
+    """The radius by the distance of the middle."""
+    return _half_diagonal(at) / np.maximum(to_middle(at), 1e-9)
+
+
+def apparent_by_depth(at: At) -> Float64:
+    depth = at.boxes.centres[:, 2]
+    found = _half_diagonal(at) / np.maximum(depth, 1e-9)
+    return np.where(depth > 0.0, found, np.inf)
+
+
+def to_middle(at: At) -> Float64:
+    """The distance from the eye to the box's middle."""
+    return np.asarray(np.linalg.norm(at.boxes.centres, axis=1))
+
+
+def along_the_ground(at: At) -> Float64:
+    """The same, heights left out."""
+    boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    found = boxes.mean(axis=1) - at.camera.eye
+    return np.asarray(np.hypot(found[:, 0], found[:, 2]))
+
+
+def middle_depth(at: At) -> Float64:
+    return np.asarray(at.boxes.centres[:, 2])
+
+
+def aside(axes: tuple[int, ...]) -> Callable[[At], Float64]:
+    """By how much of its width and height the view would have to be as large that the box is
+    just in it."""
+
+    def value(at: At) -> Float64:
+        camera, local = at.camera, at.boxes.seen_from
+        step = float(np.linalg.norm(camera.right_step))
+        found = np.zeros(len(at.ids))
+        shift = (2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step)
+        sides = (step * camera.width, step * camera.height)
+        depth = local[..., 2] if camera.is_perspective else np.ones(local.shape[:-1])
+        for axis in axes:
+            place = local[..., axis] - shift[axis] * depth
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = np.where(depth > 0.0, np.abs(place) / (depth * sides[axis]), 0.0)
+            # Where the box lies across the axis, or crosses the eye's plane, it is in any view.
+            across = (place.min(axis=1) <= 0.0) & (place.max(axis=1) >= 0.0)
+            least = np.where(across | (depth <= 0.0).any(axis=1), 0.0, ratio.min(axis=1))
+            found = np.maximum(found, least)
+        return found
+
+    return value
+
+
+def since_it_came(at: At) -> Float64:
+    """For how many frames it has been there, infinite where it was never absent."""
+    moments = at.sights.moments
+    objects = np.maximum(at.objects(), 0)
+    there, count = np.ones(len(objects), np.bool_), np.zeros(len(objects))
+    frame: int | None = at.frame
+    for _ in range(LOOK_BACK):
+        frame = None if frame is None else moments.before(frame, 1)
+        if frame is None or not there.any():
+            break
+        there &= ~moments.timeline.absent(frame)[objects]
+        count += there
+    return np.where(there, np.inf, count)
+
+
+def margin(at: At) -> Float64:
+    """How far behind the box's nearest depth something else lies in its rectangle, by that."""
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, whole=True).farthest
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = found / at.boxes.nearest
+    return np.where(at.boxes.crossing | ~np.isfinite(ratio), np.inf, ratio)
+
+
 def gap(at: At) -> Float64:
     """The side of the greatest square of pixels in which nothing else shows, told up to 8."""
     return widths(at.now, at.sights.units.count)[at.ids]
@@ -96,6 +195,22 @@ FITS = (
     Fit("too-few-samples", "owned", samples),
     Fit("too-few-samples", "passing", passing),
     Fit("too-few-samples", "size", on_screen),
+    Fit("too-few-samples", "size in the image", clipped_size),
+    Fit("too-few-samples", "area", area),
+    Fit("too-few-samples", "height", height),
+    Fit("too-few-samples", "radius by distance", apparent),
+    Fit("too-few-samples", "radius by depth", apparent_by_depth),
+    Fit("too-few-samples", "radius", _half_diagonal),
+    Fit("near-larger", "by the middle's depth", middle_depth),
+    Fit("near-larger", "by the middle's distance", to_middle),
+    Fit("far-nearer", "by the middle's depth", middle_depth, below=False),
+    Fit("far-nearer", "by the middle's distance", to_middle, below=False),
+    Fit("far-nearer", "along the ground", along_the_ground, below=False),
+    Fit("other-lens", "across and up", aside((0, 1)), below=False),
+    Fit("other-lens", "across", aside((0,)), below=False),
+    Fit("other-lens", "up", aside((1,)), below=False),
+    Fit("appeared-unknown", "at first", since_it_came),
+    Fit("own-depth", "by a margin", margin),
     Fit("gap-too-narrow", "", gap),
 )
 

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.causes.boxes import Boxes, within
-from visref.causes.layers import Layers, draw
-from visref.causes.rectangles import asked
+from visref.causes.layers import Layers
+from visref.causes.points import POINTS
+from visref.causes.quantised import QUANTISED
+from visref.causes.rectangles import asked, by_box, by_sample, kept
+from visref.causes.shapes import TOO_LARGE, boxes_hide_boxes, eye_inside_asked
 from visref.causes.sights import CLIP_PLANE, OWN_TOO, At, Sight, Tell, Told
 from visref.causes.texels import (
     at_the_edge,
     coarse,
     coarse_inward,
     coarse_rounded,
-    finite_far,
     first_of_texel,
-    kept,
     last_of_texel,
     mean_of_texel,
     middle_of_texel,
@@ -33,29 +32,6 @@ from visref.causes.texels import (
 from visref.scene import Float64, Int32
 
 Bool = NDArray[np.bool_]
-
-# Of so many samples in all, at most, boxes are drawn one by one.
-MOST_SAMPLES = 20_000_000
-_FACES = np.array(
-    [
-        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-    ],
-    np.int32,
-)  # fmt: skip
-
-
-def by_box(at: At, layers: Layers) -> Bool:
-    """(k,) the right test against these depths."""
-    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers).passing > 0
-    return kept(at, found)
-
-
-def by_sample(at: At, layers: Layers) -> Bool:
-    """(k,) bool: some sample shows the unit's own triangles, among these depths."""
-    owners = np.zeros(at.sights.units.count + 1, np.bool_)
-    owners[layers.owner.reshape(-1)] = True
-    return owners[at.ids] | ~at.boxes.there
 
 
 def other_depth(depth: Callable[[At], Float64], *, outward: bool = True) -> Tell:
@@ -196,24 +172,44 @@ def smaller_image(by: int) -> Tell:
     """What shows in an image of a fraction of the size."""
 
     def tell(at: At) -> Told:
-        camera = at.camera
-        if min(camera.width, camera.height) < 2 * by:
+        small = _smaller(at.camera, by)
+        if small is None:
             return None
-        small = replace(
-            camera,
-            width=-(-camera.width // by),
-            height=-(-camera.height // by),
-            shift_x_px=camera.shift_x_px / by,
-            shift_y_px=camera.shift_y_px / by,
-        )
         layers = at.now.kept(("small", by), lambda: _drawn(at.now, small))
         return by_sample(at, layers) & at.boxes.in_view | ~at.boxes.there
 
     return tell
 
 
+def _smaller(camera: Camera, by: int) -> Camera | None:
+    if min(camera.width, camera.height) < 2 * by:
+        return None
+    return replace(
+        camera,
+        width=-(-camera.width // by),
+        height=-(-camera.height // by),
+        shift_x_px=camera.shift_x_px / by,
+        shift_y_px=camera.shift_y_px / by,
+    )
+
+
 def _drawn(sight: Sight, camera: Camera) -> Layers:
     return sight.layers(camera=camera, masks=True, glass=True)
+
+
+def smaller_depth(by: int) -> Tell:
+    """Boxes against the depth that is drawn at a fraction of the size."""
+
+    def tell(at: At) -> Told:
+        small = _smaller(at.camera, by)
+        if small is None:
+            return None
+        layers = at.now.kept(("small depth", by), lambda: at.now.layers(camera=small))
+        rectangles = at.now.boxes(at.ids, small).rectangles
+        found = asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0
+        return kept(at, found)
+
+    return tell
 
 
 def nearest_of_rectangle(at: At) -> Told:
@@ -229,103 +225,6 @@ def flipped(x: bool, y: bool) -> Tell:
         return by_box(at, layers)
 
     return tell
-
-
-def quantised(steps: int, how: Callable[[Any], Any], *, box: bool) -> Tell:
-    """Window depth in so many steps; `box`: the box's too."""
-
-    def tell(at: At) -> Told:
-        camera = at.camera
-        far = finite_far(at)
-        if not camera.is_perspective and not math.isfinite(camera.near):
-            return None
-
-        def read(image: Float64) -> Float64:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                if camera.is_perspective:
-                    span = 1.0 / camera.near - 1.0 / far
-                    window = (1.0 / camera.near - 1.0 / image) / span
-                    whole = np.clip(how(window * steps) / steps, 0.0, 1.0)
-                    back = 1.0 / (1.0 / camera.near - whole * span)
-                else:
-                    window = (image - camera.near) / (far - camera.near)
-                    whole = np.clip(how(window * steps) / steps, 0.0, 1.0)
-                    back = camera.near + whole * (far - camera.near)
-            return np.asarray(np.where(np.isinf(image), np.inf, back))
-
-        layers = at.now.kept(("bits", steps, how), lambda: at.now.layers().mapped(read))
-        depth = read(at.boxes.nearest) if box else at.boxes.nearest
-        return kept(at, asked(at, at.boxes.rectangles, depth, layers=layers).passing > 0)
-
-    return tell
-
-
-def dilated(at: At) -> Told:
-    """What hides spreads to the neighbours of its samples, beside and aslant."""
-    layers = at.now.kept("dilated", lambda: _spread(at.now.layers()))
-    return by_box(at, layers)
-
-
-def _spread(layers: Layers) -> Layers:
-    """Of each three by three samples the nearest depth, whose it is, and the nearest of others."""
-    height, width = layers.owner.shape
-    nearest: Float64 = np.pad(layers.nearest, 1, constant_values=np.inf)
-    second: Float64 = np.pad(layers.second, 1, constant_values=np.inf)
-    owner: Int32 = np.pad(layers.owner, 1, constant_values=-1)
-    found = Layers.empty(height, width)
-    for i in range(3):
-        for j in range(3):
-            here = slice(i, i + height), slice(j, j + width)
-            n, o, s = nearest[here], owner[here], second[here]
-            same, nearer = o == found.owner, n < found.nearest
-            others = np.where(nearer, np.minimum(found.nearest, s), np.minimum(found.second, n))
-            others = np.where(same, np.minimum(found.second, s), others)
-            found = Layers(np.minimum(found.nearest, n), np.where(nearer, o, found.owner), others)
-    return found
-
-
-def _faces(at: At, bounds: Float64, units: Int32) -> Layers:
-    """The faces of (k, 2, 3) boxes, which are those of (k,) units."""
-    camera = at.camera
-    corners = Boxes(camera, bounds).corners.reshape(-1, 3)
-    triangles = (_FACES[None] + 8 * np.arange(len(units))[:, None, None]).reshape(-1, 3)
-    layers = Layers.empty(camera.height, camera.width)
-    owner = np.repeat(units, 12)
-    draw(layers, corners, triangles.astype(np.int32), camera, np.arange(len(owner)), owner)
-    return layers
-
-
-def _all_boxes(at: At) -> Layers:
-    def make() -> Layers:
-        bounds = at.now.place.bounds
-        some = np.flatnonzero(np.isfinite(bounds).all(axis=(1, 2))).astype(np.int32)
-        return _faces(at, bounds[some], some)
-
-    return at.now.kept("boxes", make)
-
-
-def boxes_hide(at: At) -> Told:
-    return by_box(at, _all_boxes(at))
-
-
-def boxes_hide_boxes(at: At) -> Told:
-    """No face of its box is before those of all others."""
-    return by_sample(at, _all_boxes(at)) & at.boxes.in_view | at.boxes.crossing | ~at.boxes.there
-
-
-def eye_inside_asked(at: At) -> Told:
-    """Of a box that holds the eye the far faces alone are drawn, and asked about."""
-    crossing = np.flatnonzero(at.boxes.crossing & at.boxes.there)
-    if not len(crossing) or len(crossing) * at.camera.samples > MOST_SAMPLES:
-        return None
-    kept_ones = np.ones(len(at.ids), np.bool_)
-    others = at.now.layers()
-    for i in crossing.tolist():
-        unit = at.ids[i : i + 1]
-        faces = _faces(at, at.boxes.boxes[i : i + 1], unit).nearest
-        depth = np.where(others.owner == unit, others.second, others.nearest)
-        kept_ones[i] = bool((np.isfinite(faces) & (faces <= depth)).any())
-    return kept_ones
 
 
 def own_depth(at: At) -> Told:
@@ -437,6 +336,7 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
         "middle": some_of(_middle),
         "corners": some_of(_ends),
         "five": some_of(_five),
+        **POINTS,
     },
     "rectangle-too-small": {
         "a row less": rectangle(cut(0, 1)),
@@ -458,6 +358,7 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
             "last": coarse(n, last_of_texel, "last"),
             "mean": coarse(n, mean_of_texel, "mean"),
             "mean of window depth": coarse(n, window_mean_of_texel, "window mean"),
+            "drawn small": smaller_depth(n),
         }
         for n in (2, 4, 8, 16)
     },
@@ -471,13 +372,8 @@ _HIDDEN: dict[str, dict[str, Tell]] = {
         "x": flipped(True, False),
         "both": flipped(True, True),
     },
-    "quantised-depth": {
-        f"{bits} bits, {name}{', box too' * box}": quantised((1 << bits) - 1, how, box=box)
-        for bits in (8, 16)
-        for name, how in (("nearest", np.rint), ("down", np.floor))
-        for box in (False, True)
-    },
-    "occluders-too-large": {"dilated": dilated, "boxes": boxes_hide},
+    "quantised-depth": QUANTISED,
+    "occluders-too-large": TOO_LARGE,
     "depth-not-compared": {"": anything_covers},
     "empty-hides": {"": background_hides},
 }

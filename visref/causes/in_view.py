@@ -24,7 +24,7 @@ from visref.causes.lenses import (
     wide_as_pyramid,
 )
 from visref.causes.rectangles import asked
-from visref.causes.sights import At, Sight, Tell, Told
+from visref.causes.sights import At, Hypothesis, Sight, Tell, Told
 from visref.scene import Float64
 
 Bool = NDArray[np.bool_]
@@ -44,18 +44,32 @@ def corners_only_sides(at: At) -> Told:
     return (inside & ~some(every(planes[:, :, [NEAR, FAR]], 1), 1)) | ~at.boxes.there
 
 
+def corners_or_centre(at: At) -> Told:
+    corner = ~every(some(at.boxes.planes, 2), 1)
+    return corner | ~at.boxes.beyond(at.boxes.centres).any(axis=1) | ~at.boxes.there
+
+
 def centre_only(at: At) -> Told:
     return ~at.boxes.beyond(at.boxes.centres).any(axis=1) | ~at.boxes.there
 
 
-def pivot(at: At) -> Told:
+def origins(at: At) -> Float64:
+    """(k, 3) the objects' origins, where none is known the middles of their boxes."""
     worlds = at.sights.moments.timeline.worlds(at.frame)
+    boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    middles: Float64 = boxes.mean(axis=1)
     if worlds is None:
-        return None
+        return middles
     objects = at.objects()
     points = worlds[np.maximum(objects, 0), :3, 3] - at.scene.origin
-    known = (objects >= 0) & at.boxes.there
-    return ~at.boxes.beyond(at.boxes.local(points)).any(axis=1) | ~known
+    return np.asarray(np.where((objects >= 0)[:, None], points, middles))
+
+
+def pivot(at: At) -> Told:
+    if at.sights.moments.timeline.worlds(at.frame) is None:
+        return None
+    known = (at.objects() >= 0) & at.boxes.there
+    return ~at.boxes.beyond(at.boxes.local(origins(at))).any(axis=1) | ~known
 
 
 def any_corner_behind(at: At) -> Told:
@@ -231,6 +245,17 @@ def kept_by_depth(at: At, boxes: Boxes, sight: Sight | None = None) -> Bool:
     return boxes.in_view & (boxes.crossing | found)
 
 
+def and_hidden(hypothesis: Hypothesis) -> Hypothesis:
+    """The same, of a culler that leaves out as well, as it should, what is hidden."""
+
+    def tell(at: At) -> Told:
+        kept = hypothesis.tell(at)
+        return None if kept is None else kept & kept_by_depth(at, at.boxes)
+
+    variant = f"{hypothesis.variant}, and hidden"
+    return replace(hypothesis, variant=variant, tell=tell, depth=True)
+
+
 def found_too_small(at: At) -> Told:
     """As the boxes' audit found. Such a box need not lose its unit: it says something only of what
     was left out. Units that share triangles need not hold them, each by itself."""
@@ -315,6 +340,16 @@ def rounded(kind: type[np.floating], *, world: bool, hidden: bool = False) -> Te
     return tell
 
 
+def to_whole(grid: float, how: Callable[[Float64], Float64]) -> Tell:
+    """Boxes whose ends are rounded to multiples."""
+
+    def tell(at: At) -> Told:
+        boxes = how((at.boxes.boxes + at.scene.origin) / grid) * grid - at.scene.origin
+        return Boxes(at.camera, boxes).in_view | ~at.boxes.there
+
+    return tell
+
+
 def origin_forgotten(at: At) -> Told:
     """The camera in the world, boxes about the scene's origin."""
     if not at.scene.origin.any():
@@ -351,7 +386,11 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
         "y": lens(shift(1, -1)),
     },
     "roll-ignored": {"": lens(rolled)},
-    "corners-only": {"all planes": corners_only, "sides": corners_only_sides},
+    "corners-only": {
+        "all planes": corners_only,
+        "sides": corners_only_sides,
+        "or the centre": corners_or_centre,
+    },
     "centre-only": {"": centre_only},
     "pivot": {"": pivot},
     "corners-behind-eye": {
@@ -413,6 +452,11 @@ SELDOM: dict[str, dict[str, Tell]] = {
         "float16": rounded(np.float16, world=False),
         "float16 in the world": rounded(np.float16, world=True),
         "float16, hidden": rounded(np.float16, world=False, hidden=True),
+        **{
+            f"multiples of {grid:g}, {name}": to_whole(grid, how)
+            for grid in (0.5, 1.0, 2.0)
+            for name, how in (("nearest", np.rint), ("down", np.floor), ("towards 0", np.trunc))
+        },
     },
     "bounds-too-small": {
         "sphere of least side": sphere(lambda sides: np.asarray(sides.min(axis=1) / 2)),

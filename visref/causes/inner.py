@@ -21,7 +21,7 @@ from visref.camera import Camera
 from visref.causes.boxes import Boxes, every, some
 from visref.causes.evidence import Answer
 from visref.causes.fitted import ODDS, odds
-from visref.causes.in_view import kept_by_depth
+from visref.causes.in_view import kept_by_depth, origins
 from visref.causes.sights import At, Hypothesis, Told
 from visref.picking import evenly_picked
 from visref.scene import Float64, Int32, Int64
@@ -129,17 +129,6 @@ def reaches(camera: Camera, centres: Float64, halves: Float64, radii: Float64) -
     return every(signed + halves @ np.abs(sides[:, :3]).T + radii[..., None] >= 0.0, -1)
 
 
-def _pivots(at: At) -> Float64:
-    """(k, 3) the objects' origins, where none is known the middles of their boxes."""
-    worlds = at.sights.moments.timeline.worlds(at.frame)
-    middles: Float64 = _boxes(at).mean(axis=1)
-    if worlds is None:
-        return np.asarray(middles)
-    objects = at.objects()
-    points = worlds[np.maximum(objects, 0), :3, 3] - at.scene.origin
-    return np.asarray(np.where((objects >= 0)[:, None], points, middles))
-
-
 def _boxes(at: At) -> Float64:
     return np.asarray(np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0))
 
@@ -147,7 +136,7 @@ def _boxes(at: At) -> Float64:
 def kept_by(at: At, kinds: Int64, *, hidden: bool) -> Bool:
     """(k,) bool: the volume of each unit, of (k,) kinds, is in the view, and (`hidden`) not behind
     what else is there."""
-    found = VOLUMES.of(_boxes(at), _pivots(at), kinds[:, None])
+    found = VOLUMES.of(_boxes(at), origins(at), kinds[:, None])
     centres, halves, radii = (one[:, 0] for one in found)
     kept = reaches(at.camera, centres, halves, radii)
     if hidden:
@@ -206,7 +195,7 @@ def _pairs(one: Looked, block: int, ever: Bool) -> Pairs:
     telling = np.flatnonzero(told & inside & (~whole | ever[one.ids]))
     volumes = np.zeros((len(telling), len(EVERY)), np.bool_)
     for at in one.views:
-        boxes, pivots = _boxes(at)[telling], _pivots(at)[telling]
+        boxes, pivots = _boxes(at)[telling], origins(at)[telling]
         volumes |= reaches(at.camera, *VOLUMES.of(boxes, pivots, EVERY[None]))
     units = one.ids[telling].astype(np.int64)
     lost, across = one.lost[telling], ~whole[telling]

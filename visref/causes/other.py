@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.causes.boxes import Boxes
-from visref.causes.hidden import by_box
 from visref.causes.in_view import kept_by_depth
 from visref.causes.layers import Layers, draw
+from visref.causes.rectangles import by_box
 from visref.causes.sights import AT_REST, At, Sight, Tell, Told, facing
 from visref.scene import Alpha
 
@@ -102,8 +102,11 @@ def hiding(frame: Callable[[At], int | None]) -> dict[str, Tell]:
     return {"then": boxes, "then and now": both}
 
 
-def _frame_before(at: At) -> int | None:
-    return at.sights.moments.before(at.frame, 1)
+def _before(count: int) -> Callable[[At], int | None]:
+    return lambda at: at.sights.moments.before(at.frame, count)
+
+
+_frame_before = _before(1)
 
 
 def _first_frame(at: At) -> int | None:
@@ -233,7 +236,10 @@ LEFT_OUT: dict[str, dict[str, Tell]] = {
 # Boxes or occluders of another moment.
 MOVED_IN_VIEW: dict[str, dict[str, Tell]] = {
     "rest-pose": {"view": rest_view, "first frame's view": standing(_first_frame)["view"]},
-    "old-pose": {"view": standing(_frame_before)["view"]},
+    "old-pose": {
+        "view": standing(_frame_before)["view"],
+        **{f"{n} frames before, view": standing(_before(n))["view"] for n in (2, 3, 4)},
+    },
 }
 MOVED: dict[str, dict[str, Tell]] = {
     "removed-still-hides": {"": removed_hides},
@@ -243,9 +249,17 @@ MOVED: dict[str, dict[str, Tell]] = {
         "first frame's boxes": standing(_first_frame)["boxes"],
     },
     "bounds-too-small": {"rest pose's, moved": rest_moved},
-    "old-pose": {"boxes": standing(_frame_before)["boxes"]},
+    "old-pose": {
+        "boxes": standing(_frame_before)["boxes"],
+        **{f"{n} frames before, boxes": standing(_before(n))["boxes"] for n in (2, 3, 4)},
+    },
     "old-occluders": {
         **hiding(_frame_before),
+        **{
+            f"{n} frames before, {how}": tell
+            for n in (2, 3, 4)
+            for how, tell in hiding(_before(n)).items()
+        },
         "at rest": rest_hides,
         **{f"first frame, {how}": tell for how, tell in hiding(_first_frame).items()},
     },

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from visref.causes.layers import Layers, Tested, ask
 from visref.causes.sights import At, Sight
 from visref.scene import Float64, Int32
+
+Bool = NDArray[np.bool_]
 
 
 def asked(
@@ -22,3 +27,22 @@ def asked(
     if layers is None:
         layers = (sight or at.now).layers()
     return ask(layers, rectangles, depths, at.ids, own=own or at.own, whole=whole)
+
+
+def kept(at: At, passes: Bool) -> Bool:
+    """The test of depth after the right one of the view."""
+    boxes = at.boxes
+    return boxes.in_view & (boxes.crossing | passes) | ~boxes.there
+
+
+def by_box(at: At, layers: Layers) -> Bool:
+    """(k,) the right test against these depths."""
+    found = asked(at, at.boxes.rectangles, at.boxes.nearest, layers=layers).passing > 0
+    return kept(at, found)
+
+
+def by_sample(at: At, layers: Layers) -> Bool:
+    """(k,) bool: some sample shows the unit's own triangles, among these depths."""
+    owners = np.zeros(at.sights.units.count + 1, np.bool_)
+    owners[layers.owner.reshape(-1)] = True
+    return owners[at.ids] | ~at.boxes.there

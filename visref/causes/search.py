@@ -19,6 +19,7 @@ from visref.camera_path import CameraPath
 from visref.causes.answers import ANOTHER_VIEW, ANSWERED
 from visref.causes.evidence import Answer, Answers, Evidence
 from visref.causes.fitted import FEW
+from visref.causes.held import HELD
 from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN, SWEEPING
 from visref.causes.in_view import IN_VIEW, SELDOM
 from visref.causes.lists import LISTS
@@ -48,6 +49,7 @@ HYPOTHESES = [
     *by_code(MOVED_IN_VIEW),
     *by_code(MOVED, depth=True),
     *by_code(ANSWERED, answer=True),
+    *by_code(HELD, answer=True),
     *by_code(IN_VIEW),
     *by_code(HIDDEN, depth=True),
     *by_code(FEW),

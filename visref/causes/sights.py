@@ -43,10 +43,10 @@ SPECIAL = frozenset(
         "other-view",
     }
 )
-# How the variants end in which the depth that is asked holds the unit itself.
+# In the variants in which the depth that is asked holds the unit itself.
 OWN_TOO = ", own depth too"
 # So many moments are kept: what all hypotheses look at for one answer.
-KEPT = 16
+KEPT = 32
 # Bytes of their layers: those of some twenty pictures of 1280 x 960.
 LAYERS_BYTES = 512 << 20
 # In place of a frame: the rest pose.
@@ -84,6 +84,10 @@ class Moments:
         """The frame that was asked about `count` frames before, None where there is none."""
         at = self._place[frame] - count
         return self.frames[at] if at >= 0 else None
+
+    def place(self, frame: int) -> int:
+        """Which of the frames asked about it is, from 0."""
+        return self._place[frame]
 
     def cameras(self, frame: int) -> tuple[Camera, ...]:
         return self.path.views(frame)
@@ -383,7 +387,7 @@ class Hypothesis:
     seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's
     whole answer, of another moment or about another thing. `depth`: it says what hides, so that it
     is about a culler that asks for that. `fact`: it holds only where the answers themselves are
-    such, as an empty one."""
+    such, as an empty one. `some`: it is about some units only, found from other answers."""
 
     cause: str
     variant: str
@@ -394,6 +398,11 @@ class Hypothesis:
     depth: bool = False
     fitted: bool = False
     fact: bool = False
+    some: bool = False
+
+    def of_some(self, tell: Tell) -> Hypothesis:
+        """The same, about some units only, as `tell` says."""
+        return replace(self, variant=f"{self.variant}, of some", tell=tell, some=True)
 
     @property
     def special(self) -> bool:
@@ -403,7 +412,7 @@ class Hypothesis:
     @property
     def own(self) -> bool:
         """Whether the depth that is asked holds the unit itself."""
-        return self.variant.endswith(OWN_TOO)
+        return OWN_TOO in self.variant
 
 
 def by_code(

@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 
 from visref.causes.boxes import within
 from visref.causes.layers import Layers
-from visref.causes.rectangles import asked
+from visref.causes.rectangles import asked, kept
 from visref.causes.sights import At, Tell, Told
 from visref.scene import Float64
 
 Bool = NDArray[np.bool_]
-
-
-def kept(at: At, passes: Bool) -> Bool:
-    """The test of depth after the right one of the view."""
-    boxes = at.boxes
-    return boxes.in_view & (boxes.crossing | passes) | ~boxes.there
 
 
 def coarse_inward(texel: int) -> Tell:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.causes.boxes import some
+from visref.causes.displaced import displaced
 from visref.causes.evidence import Answer
 from visref.causes.fitted import FITS, Fit, odds, threshold
-from visref.causes.in_view import kept_by_depth
+from visref.causes.in_view import and_hidden, kept_by_depth
 from visref.causes.inner import fitted_volumes
+from visref.causes.partly import Applied, kinds_of
 from visref.causes.sights import At, Hypothesis
 from visref.causes.weighing import Told, features, likelihoods, worth
 from visref.judging.causes import CODES
-from visref.scene import Float64, Int32
+from visref.scene import Float64, Int32, Int64
 
 Bool = NDArray[np.bool_]
 
@@ -105,12 +107,63 @@ class Weighed:
         by_answer = [[one.kept(each) for each in hypotheses] for one in self._every]
         of_each = zip(*by_answer, strict=True) if by_answer else ()
         tried = [*map(self._tried, hypotheses, of_each), *map(self._tried_now, self._volumes())]
-        self.tried = [one for one in tried if one is not None]
+        told = [one for one in tried if one is not None]
+        told += self._of_some(told)
+        self.tried = [*told, *self._and_hidden(told)]
+
+    def _of_some(self, tried: Sequence[Tried]) -> list[Tried]:
+        """Those that are wrong about some units, about the others only."""
+        if not self.told.lost.any():
+            return []
+        frames, units = (
+            np.concatenate([of(one) for one in self._every])
+            for of in (
+                lambda one: np.full(len(one.ids), one.answer.frame),
+                lambda one: one.ids.astype(np.int64),
+            )
+        )
+        applied = Applied.over(frames.tolist(), self._kinds())
+        parts = applied.parts(frames)
+        found = []
+        for one in tried:
+            if one.hypothesis.fact or one.hypothesis.many or one.hypothesis.fitted:
+                continue
+            right, wrong = one.culled & self.told.lost, one.culled & self.told.good
+            if not wrong.any():
+                continue
+            applies = applied.found(parts, units, right, wrong)
+            if applies is None:
+                continue
+            culled = one.culled & applies[parts, units]
+            if (culled & self.told.lost).any():
+                found.append(Tried(applied.restricted(one.hypothesis, applies), culled))
+        return found
+
+    def _kinds(self) -> Int64:
+        """(u,) of each unit the kind that its object is of, by its name."""
+        at = self._every[0].views[0]
+        every = replace(at, ids=np.arange(at.sights.units.count, dtype=np.int32))
+        objects = every.objects()
+        kinds = kinds_of(at.scene)
+        nobody = int(kinds.max(initial=-1)) + 1
+        return np.where(objects >= 0, kinds[np.maximum(objects, 0)] if len(kinds) else 0, nobody)
+
+    def _and_hidden(self, tried: Sequence[Tried]) -> list[Tried]:
+        """Those about the view alone, of a culler that leaves out what is hidden too."""
+        told = self.told
+        if not (told.left & ~told.boxes).any():
+            return []
+        return [
+            Tried(and_hidden(one.hypothesis), one.culled | ~told.boxes)
+            for one in tried
+            if not (one.hypothesis.depth or one.hypothesis.answer or one.hypothesis.fact)
+        ]
 
     def _volumes(self) -> list[Hypothesis]:
         if not self.told.lost.any():
             return []
-        return fitted_volumes(self._every, self._every[0].views[0].sights.units.count)
+        count = self._every[0].views[0].sights.units.count
+        return [*fitted_volumes(self._every, count), *displaced(self._every, count)]
 
     def _tried_now(self, hypothesis: Hypothesis) -> Tried | None:
         return self._tried(hypothesis, [one.kept(hypothesis) for one in self._every])
@@ -128,17 +181,22 @@ class Weighed:
         return Tried(hypothesis, culled) if (culled & self.told.lost).any() else None
 
     def fits(self, open_: Bool) -> list[Tried]:
-        """Hypotheses with a number in them that is chosen to fit."""
+        """Hypotheses with a number in them that is chosen to fit, for all units or for those alone
+        that get lost at some time."""
         lost, good = open_[self.told.lossy], self.told.good[self.told.lossy]
+        ids = np.concatenate([one.ids for one in self._looked])
+        ever = np.zeros(int(ids.max(initial=-1)) + 1, np.bool_)
+        ever[ids[lost]] = True
         found = []
         for fit in FITS:
-            values = [one.value(fit) for one in self._looked]
-            limit = threshold(np.concatenate(values), lost, good, fit.below)
-            if limit is not None:
-                hypothesis = _fitted(fit, limit)
-                tried = self._tried_now(hypothesis)
-                found += [] if tried is None else [tried]
-        return found
+            values = np.concatenate([one.value(fit) for one in self._looked])
+            for only in (None, ever):
+                told = good if only is None else good & only[ids]
+                limit = threshold(values, lost, told, fit.below)
+                if limit is not None:
+                    tried = self._tried_now(_fitted(fit, limit, only))
+                    found += [] if tried is None else [tried]
+        return [*found, *self._and_hidden(found)]
 
     def candidates(self, open_: Bool) -> list[Tried]:
         """Those that explain enough."""
@@ -266,10 +324,19 @@ class Chosen:
     others: tuple[Chosen, ...] = ()
 
 
-def _fitted(fit: Fit, limit: float) -> Hypothesis:
+def _fitted(fit: Fit, limit: float, only: Bool | None = None) -> Hypothesis:
+    """`only`: (u,) bool, the units that it is about, None for all."""
+
     def tell(at: At) -> Bool:
         values = fit.value(at)
         kept: Bool = values >= limit if fit.below else values <= limit
-        return kept
+        return kept if only is None else kept | ~_flags(only, at.ids)
 
-    return Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, odd=True, fitted=True)
+    found = Hypothesis(fit.cause, f"{fit.variant} {limit:.6g}", tell, odd=True, fitted=True)
+    return found if only is None else found.of_some(tell)
+
+
+def _flags(flags: Bool, ids: Int32) -> Bool:
+    """(k,) of (u,) flags, none beyond their end."""
+    known = ids < len(flags)
+    return known & flags[np.minimum(ids, max(len(flags) - 1, 0))]

@@ -1,0 +1,108 @@
+"""Boxes that lie beside their objects, all by the same way: camera and boxes are about different
+origins.
+
+The way is found by steps that become smaller, as the one that agrees best with what was lost and
+drawn. It is believed only if chance would not do as well with as many ways as were tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.causes.boxes import every
+from visref.causes.fitted import ODDS, odds
+from visref.causes.inner import Looked, sides_of
+from visref.causes.sights import At, Hypothesis, Told
+from visref.picking import evenly_picked
+from visref.scene import Float64
+
+Bool = NDArray[np.bool_]
+
+# Ways, in half diagonals of the boxes' median, each axis by itself and together.
+STEPS = (-16.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0, 16.0)
+# Then around the best, so many times by half of its step.
+TIMES = 6
+# So many units of answers are looked at, at most.
+MOST = 1500
+
+
+def reach(looked: Looked, only: Bool) -> tuple[Float64, Float64, Float64, Bool]:
+    """Of the units `only`, (u,) bool, that were lost or drawn: (k, 6) how far each box reaches in
+    beyond each side of the view (negative: it does not), (k, 6, 3) the sides' normals, (k,) half
+    diagonals and whether it was lost. Of an answer for several views nothing is told."""
+    if len(looked.views) != 1:
+        return np.zeros((0, 6)), np.zeros((0, 6, 3)), np.zeros(0), np.zeros(0, np.bool_)
+    at = looked.views[0]
+    known = np.flatnonzero((looked.lost | looked.good) & only[looked.ids] & at.boxes.there)
+    boxes = at.boxes.boxes[known]
+    sides = sides_of(at.camera)
+    half = (boxes[:, 1] - boxes[:, 0]) / 2.0
+    signed = boxes.mean(axis=1) @ sides[:, :3].T + sides[:, 3]
+    normals = np.broadcast_to(sides[:, :3], (len(known), 6, 3))
+    size = np.asarray(np.linalg.norm(half, axis=1))
+    return signed + half @ np.abs(sides[:, :3]).T, normals, size, looked.lost[known]
+
+
+def displaced(looked: Sequence[Looked], count: int) -> list[Hypothesis]:
+    """Hypotheses of boxes displaced alike, of `count` units: of all, and of those that get lost."""
+    ever = np.zeros(count, np.bool_)
+    for one in looked:
+        ever[one.ids[one.lost]] = True
+    made: list[Hypothesis] = []
+    for only in (np.ones(count, np.bool_), ever):
+        way = _found(looked, only)
+        if way is not None:
+            made.append(_displaced(way, only))
+    return made
+
+
+def _found(looked: Sequence[Looked], only: Bool) -> Float64 | None:
+    """(3,) the way that agrees best, None if chance would do as well."""
+    parts = [reach(one, only) for one in looked]
+    if not parts:
+        return None
+    inside, normals, size, lost = (np.concatenate(part) for part in zip(*parts, strict=True))
+    some = evenly_picked(len(lost), MOST)
+    inside, normals, size, lost = inside[some], normals[some], size[some], lost[some]
+    if not lost.any() or lost.all():
+        return None
+    unit = float(np.median(size))
+    sign = np.where(lost, 1, -1)
+    tried, best, way = 1, 0, np.zeros(3)
+
+    def net(step: Float64) -> int:
+        return int(sign @ ~every(inside + normals @ step >= 0.0, 1))
+
+    near = [np.array(one) * unit for one in product(STEPS, repeat=3)]
+    for _ in range(TIMES + 1):
+        for step in near:
+            tried += 1
+            found = net(step)
+            if found > best:
+                best, way, unit_of = found, step, np.abs(step).max()
+        if not best:
+            return None
+        unit_of = unit_of / 2.0
+        near = [way + np.array(one) * unit_of for one in product((-1.0, 0.0, 1.0), repeat=3)]
+    out = ~every(inside + normals @ way >= 0.0, 1)
+    right, wrong = int((out & lost).sum()), int((out & ~lost).sum())
+    found_odds = odds(right, wrong, int(lost.sum()), len(lost))
+    return way if found_odds >= ODDS * tried else None
+
+
+def _displaced(way: Float64, only: Bool) -> Hypothesis:
+    def tell(at: At) -> Told:
+        boxes, sides = at.boxes.boxes, sides_of(at.camera)
+        boxes = np.where(at.boxes.there[:, None, None], boxes, 0.0) + way
+        half = (boxes[:, 1] - boxes[:, 0]) / 2.0
+        signed = boxes.mean(axis=1) @ sides[:, :3].T + sides[:, 3]
+        kept = every(signed + half @ np.abs(sides[:, :3]).T >= 0.0, 1)
+        return kept | ~at.boxes.there | ~only[at.ids]
+
+    told = " ".join(f"{step:.4g}" for step in way)
+    found = Hypothesis("origin-forgotten", f"boxes by {told}", tell, odd=True, fitted=True)
+    return found if only.all() else found.of_some(tell)
