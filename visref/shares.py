@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
@@ -322,7 +323,11 @@ class _Writing:
         """What is to be said of the inputs, which is found once."""
         if self._of_inputs is None:
             found = _of_the_input(
-                self._inputs, self._cullers, self._asked.if_misaligned, self._referee.caster
+                self._inputs,
+                self._cullers,
+                self._asked.if_misaligned,
+                self._referee.caster,
+                self._recorded,
             )
             found.notes += self._inputs.notes
             found.recorded += self._recorded.findings if self._recorded else ()
@@ -369,14 +374,22 @@ def _of_the_input(
     cullers: Sequence[tuple[str, Culler]],
     if_misaligned: Misaligned,
     lent: TruthEngine | None,
+    truth: RecordedTruth | None,
 ) -> InputFindings:
-    """What is said of recordings that fit another input. `lent`: an engine that is there."""
+    """What is said of recordings that fit another input. `lent`: an engine that is there; `truth`:
+    the one given."""
     found = InputFindings()
     for name, culler in cullers:
         if not isinstance(culler, Replay):
             continue
         finding, by_input_alone = misaligned(
-            name, inputs.timeline, inputs.path, culler.recorded, threads=inputs.threads, lent=lent
+            name,
+            inputs.timeline,
+            inputs.path,
+            culler.recorded,
+            threads=inputs.threads,
+            lent=lent,
+            known=None if truth is None else partial(truth.known, inputs.scene.object_count),
         )
         if finding is None:
             continue

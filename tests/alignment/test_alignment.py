@@ -10,15 +10,17 @@ import pytest
 from tests.alignment.faulty import LIKE_AN_INPUT
 from tests.alignment.faulty import recorded as drawn_by
 from tests.alignment.mistakes import MISTAKES
-from tests.alignment.scenes import RECORDERS, SCENES
+from tests.alignment.scenes import RECORDERS, SCENES, visible_sets
 from tests.alignment.trying import found_for, recorded, said_of
 from tests.wrong_cullers import WRONG
-from visref.alignment import HYPOTHESES, best_alignment
+from visref.alignment import HYPOTHESES, best_alignment, search
 from visref.alignment.agreement import Agreement, Answers, within_view
 from visref.alignment.sentence import percent, sentence
 from visref.camera import Camera, look_at
 from visref.cli.main import main
 from visref.conformance import case
+from visref.engines import make_engine
+from visref.timeline import Timeline
 
 CASES = ["walk_through_a_city", "crowd", "fast_turn", "several_hundred_objects"]
 
@@ -73,6 +75,46 @@ def test_every_hypothesis_is_the_answer_to_a_mistake():
 def test_nothing_is_said_of_a_sound_recording(scene, recorder):
     scene, path, sets = recorded(scene, recorder)
     assert said_of(scene, path, sets) is None
+
+
+def seen_by(scene, path, asked):
+    """What a truth says, as a search is given it; `asked` gets what was asked for."""
+    engine = make_engine("embree", scene, threads=1)
+
+    def known(frame, view):
+        asked.append((frame, view))
+        (camera,) = [one for one in path.views(frame) if one.view == view]
+        owner = engine.frame(camera).buffer.triangle
+        seen = np.zeros(scene.object_count, np.bool_)
+        seen[scene.object_of_triangle[owner[owner >= 0]]] = True
+        return seen
+
+    return known
+
+
+def test_a_sound_recording_needs_no_engine_where_a_truth_is_given(monkeypatch):
+    scene, path, sets = recorded("yard", "owners")
+    asked: list = []
+    known = seen_by(scene, path, asked)
+    monkeypatch.setattr(search, "make_engine", lambda *_, **__: pytest.fail("an engine is made"))
+    timeline = Timeline(scene, path)
+    assert best_alignment(timeline, path, visible_sets(scene, sets), known=known) is None
+    assert len(asked) == search.FRAMES
+    with pytest.raises(pytest.fail.Exception):
+        best_alignment(timeline, path, visible_sets(scene, sets), known=lambda *_: None)
+
+
+@pytest.mark.parametrize("name", ["left-handed, x", "frames +1", "ids from 1"])
+def test_a_truth_changes_nothing_of_what_is_found(name):
+    scene, path, sets = MISTAKES[name].change(*recorded("yard", "owners"))
+    found = said_of(scene, path, sets)
+    known = seen_by(scene, path, [])
+    again = best_alignment(
+        Timeline(scene, path), path, visible_sets(scene, sets), threads=1, known=known
+    )
+    assert found is not None
+    assert again is not None
+    assert (again.hypothesis.name, again.agreement) == (found.hypothesis.name, found.agreement)
 
 
 def test_nothing_is_said_of_an_engine_that_draws_everything_or_nothing():

@@ -106,7 +106,7 @@ def test_size_is_the_greater_side_of_the_rectangle():
 
 
 def test_sizes_of_what_lies_in_the_image_and_of_what_stands_in_space():
-    # 'shown' from 1.8 to 7.2 and 2.8 to 6.2: samples 1 to 8 and 2 to 7 with what is rounded outward.
+    # "shown" from 1.8 to 7.2 and 2.8 to 6.2: outward samples 1 to 8 and 2 to 7.
     assert values(covered, "too-few-samples", "size in the image")["shown"] == 7.0
     assert values(covered, "too-few-samples", "area")["shown"] == pytest.approx(5.4 * 3.4, 1e-5)
     assert values(covered, "too-few-samples", "height")["shown"] == pytest.approx(3.4, abs=1e-5)

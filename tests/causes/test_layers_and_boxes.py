@@ -12,8 +12,8 @@ import pytest
 from tests.support.culling_scenes import random_camera, random_scene
 from visref.causes.boxes import Boxes, within
 from visref.causes.evidence import Membership
-from visref.causes.shapes import _spread
 from visref.causes.layers import Layers, ask, draw
+from visref.causes.shapes import _spread
 from visref.causes.texels import blocks
 from visref.conformance.building import camera
 from visref.scene import Units

@@ -75,7 +75,7 @@ class BesideAlike(ThatBox):
     """All boxes lie beside their objects by the same way."""
 
     def part(self, low, high):
-        return low + (2.5, 0.0, 0.0), high + (2.5, 0.0, 0.0)
+        return np.add(low, (2.5, 0.0, 0.0)), np.add(high, (2.5, 0.0, 0.0))
 
 
 def test_boxes_displaced_alike_are_named():

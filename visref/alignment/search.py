@@ -7,7 +7,7 @@ first look.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -25,6 +25,8 @@ from visref.scene import Scene
 from visref.timeline import Timeline
 
 Bool = NDArray[np.bool_]
+# Of a frame and a view, (n,) bool, the objects that own a sample there; None where that is unknown.
+Known = Callable[[int, str], Bool | None]
 
 # Frames that are looked at, and samples on a picture's longer side.
 FRAMES = 8
@@ -79,11 +81,15 @@ def best_alignment(
     *,
     threads: int | None = None,
     lent: TruthEngine | None = None,
+    known: Known | None = None,
 ) -> Alignment | None:
     """The hypothesis under which a recording fits the path, relative to the scene's origin; None
     where it fits as given, where none makes it fit, or where several do about as well. `lent`: an
-    engine that is there already; it is not posed."""
+    engine that is there already; it is not posed. `known`: what a truth that is there says, so
+    that a recording that fits by it needs no engine."""
     cells = list(_cells(timeline.still, path, recorded))
+    if known is not None and _fits(timeline, path, cells, known):
+        return None
     frames = len({cell.place for cell in cells})
     with ExitStack() as closing:
         world = _World(timeline, path, threads, lent)
@@ -96,6 +102,27 @@ def best_alignment(
         if found is None or _evidence(world, found.hypothesis, cells) < LEAST_OBJECTS:
             return None
     return found
+
+
+def _fits(timeline: Timeline, path: CameraPath, cells: Sequence[Cell], known: Known) -> bool:
+    """Whether a first look would end the search. The few samples that it casts are among the
+    truth's, so it finds no more that is lost; what is drawn beside the view needs no cast."""
+    wrong = 0
+    for cell in cells:
+        number = path.numbers[cell.place]
+        cameras = path.frames[cell.place].cameras
+        scene = timeline.at(number)
+        seen, within = np.zeros((2, scene.object_count), np.bool_)
+        for view in cell.views:
+            sees = known(number, cameras[view].view)
+            if sees is None:
+                return False
+            seen |= sees
+            within |= within_view(cameras[view], scene.object_bounds)
+        there = ~timeline.absent(number)
+        answers = Answers.of(cell.drawn & there, seen & there, within | ~there)
+        wrong += answers.counted().wrong
+    return wrong < LEAST_WRONG
 
 
 def _evidence(world: _World, hypothesis: Hypothesis, cells: Sequence[Cell]) -> int:

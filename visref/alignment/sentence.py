@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from visref.alignment.search import Alignment, best_alignment
+from visref.alignment.search import Alignment, Known, best_alignment
 from visref.camera_path import CameraPath
 from visref.engines import TruthEngine
 from visref.findings import Code, Finding
@@ -19,10 +19,11 @@ def misaligned(
     *,
     threads: int | None = None,
     lent: TruthEngine | None = None,
+    known: Known | None = None,
 ) -> tuple[Finding | None, bool]:
     """The finding about a recording, `name` in reports, if there is one; and whether it can only be
-    the input, since no engine errs that way by itself. `lent`: as of `best_alignment`."""
-    found = best_alignment(timeline, path, recorded, threads=threads, lent=lent)
+    the input, since no engine errs that way by itself. `lent`, `known`: as of `best_alignment`."""
+    found = best_alignment(timeline, path, recorded, threads=threads, lent=lent, known=known)
     if found is None:
         return None, False
     return Finding(Code.MISALIGNED, sentence(found), name), not found.hypothesis.engine

@@ -30,6 +30,15 @@ def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
             return None
         return kept_by_depth(at, there.boxes(at.ids), there) | _gone(there, at)
 
+    def asked_then(at: At) -> Told:
+        """Only what was in the view then was asked about: the rest is drawn if it is in the view
+        of now."""
+        there = sight(at)
+        if there is None or there is at.now:
+            return None
+        then = there.boxes(at.ids)
+        return (kept_by_depth(at, then, there) | ~then.in_view) & at.boxes.in_view
+
     def view(at: At) -> Told:
         there = sight(at)
         if there is None or there is at.now:
@@ -51,7 +60,13 @@ def answered(sight: Callable[[At], Sight | None]) -> dict[str, Tell]:
             return None
         return then[at.ids] | there.seen[at.ids]
 
-    return {"repeated": repeated, "what shows": shown, "boxes": boxes, "in the view": view}
+    return {
+        "repeated": repeated,
+        "what shows": shown,
+        "boxes": boxes,
+        "in the view": view,
+        "asked then": asked_then,
+    }
 
 
 def _gone(sight: Sight, at: At) -> Bool:
@@ -250,7 +265,7 @@ def _in_order(at: At, first: bool, by_id: bool) -> Told:
 ANOTHER_VIEW: dict[str, dict[str, Tell]] = {
     "last-view": {"": in_view_before},
     "first-view-only": {"view": _view_of(_first_view)},
-    "other-view": {"view": _view_of(_other_view)},
+    "other-view": {"view": _view_of(_other_view), "the first, view": _view_of(_first_view)},
 }
 # The answer of another moment or view, or to another question.
 ANSWERED: dict[str, dict[str, Tell]] = {
@@ -266,6 +281,8 @@ ANSWERED: dict[str, dict[str, Tell]] = {
     "first-view-only": answered(_first_view),
     "other-view": {
         **answered(_other_view),
+        # The first view's answer for the others is another view's too.
+        **{f"the first, {how}": tell for how, tell in answered(_first_view).items()},
         **{f"before, {how}": tell for how, tell in answered(_next_view(-1)).items()},
         **{f"next, {how}": tell for how, tell in answered(_next_view(1)).items()},
     },

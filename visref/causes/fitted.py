@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.causes.boxes import Boxes
 from visref.causes.layers import Layers
 from visref.causes.rectangles import asked
 from visref.causes.sights import At, Sight, Tell
@@ -156,6 +157,15 @@ def since_it_came(at: At) -> Float64:
     return np.where(there, np.inf, count)
 
 
+def near_by_farthest(at: At) -> Float64:
+    """The farthest depth of the box, by that of all that there is."""
+    every = at.now.place.bounds
+    every = every[np.isfinite(every).all(axis=(1, 2))]
+    boxes = Boxes(at.camera, every)
+    farthest = float(boxes.depths.max(initial=1e-9))
+    return near(at) / max(farthest, 1e-9)
+
+
 def margin(at: At) -> Float64:
     """How far behind the box's nearest depth something else lies in its rectangle, by that."""
     found = asked(at, at.boxes.rectangles, at.boxes.nearest, whole=True).farthest
@@ -201,6 +211,7 @@ FITS = (
     Fit("too-few-samples", "radius by distance", apparent),
     Fit("too-few-samples", "radius by depth", apparent_by_depth),
     Fit("too-few-samples", "radius", _half_diagonal),
+    Fit("near-larger", "by the farthest of all", near_by_farthest),
     Fit("near-larger", "by the middle's depth", middle_depth),
     Fit("near-larger", "by the middle's distance", to_middle),
     Fit("far-nearer", "by the middle's depth", middle_depth, below=False),

@@ -205,7 +205,7 @@ def smaller_depth(by: int) -> Tell:
         if small is None:
             return None
         layers = at.now.kept(("small depth", by), lambda: at.now.layers(camera=small))
-        rectangles = at.now.boxes(at.ids, small).rectangles
+        rectangles = within(at.camera, at.boxes.spans, texel=by)
         found = asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0
         return kept(at, found)
 

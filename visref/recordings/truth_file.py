@@ -87,6 +87,10 @@ class RecordedTruth:
         result[self.views[frame, view].objects] = True
         return result
 
+    def known(self, objects: int, frame: int, view: str) -> NDArray[np.bool_] | None:
+        """The same, None for what the file does not hold."""
+        return self.seen(frame, view, objects) if (frame, view) in self.views else None
+
     @cached_property
     def frames(self) -> dict[int, FrameRows]:
         """By frame, the view without a name."""
