@@ -45,7 +45,9 @@ def harbour() -> Place:
             objects.append((f"container {n}-{up}", box(low, low + (rng.uniform(2.4, 4), 2.5, 2.5))))
     for n in range(5):
         x = 15.0 * n - 32
-        parts = [box((x + a, 0, -14.5 + b), (x + a + 0.4, 9, -14.1 + b)) for a in (0, 4) for b in (0, 2)]
+        parts = [
+            box((x + a, 0, -14.5 + b), (x + a + 0.4, 9, -14.1 + b)) for a in (0, 4) for b in (0, 2)
+        ]
         parts.append(box((x, 9, -30), (x + 4.4, 9.8, -9)))
         objects.append((f"crane {n}", together(*parts)))
     for n in range(34):

@@ -191,7 +191,9 @@ def library(**lens) -> Place:
                 else:
                     low = at + aside + (0, rng.uniform(0.6, 1.6), 0)
                     objects.append((f"globe {row}-{n}", box(low, low + 2 * size)))
-    eyes = along([(15.6, 1.6, 11), (15.6, 1.6, 2), (12.4, 1.6, -1), (9.0, 1.6, -1), (8.9, 1.6, 9)], 34)
+    eyes = along(
+        [(15.6, 1.6, 11), (15.6, 1.6, 2), (12.4, 1.6, -1), (9.0, 1.6, -1), (8.9, 1.6, 9)], 34
+    )
     turn = -1.25 + 0.5 * np.sin(0.7 * np.arange(34))
     path = CameraPath(views(eyes, heading(turn, -0.12), **{"near": 0.15, **lens}))
     return Place(scene_of(objects), path)
