@@ -42,7 +42,7 @@ def harbour() -> Place:
         x, z = 4.4 * (n % 15) - 32, -11.0 if n < 15 else 8.5
         for up in range(int(rng.integers(1, 3))):
             low = np.array([x + rng.uniform(-0.2, 0.2), 2.5 * up, z])
-            objects.append((f"container {n}-{up}", box(low, low + (rng.uniform(2.4, 4), 2.5, 2.5))))
+            objects.append((f"container {n}-{up}", box(low, np.add(low, (rng.uniform(2.4, 4), 2.5, 2.5)))))
     for n in range(5):
         x = 15.0 * n - 32
         parts = [
@@ -54,7 +54,7 @@ def harbour() -> Place:
         x, z = rng.uniform(-30, 30), rng.uniform(-7.5, 7.0)
         wide, deep = rng.uniform(0.8, 2.6, 2)
         flat = np.array([[x, 0, z], [x, 0, z + deep], [x + wide, 0, z + deep], [x + wide, 0, z]])
-        objects.append((f"mark {n}", (flat + (0, 0.02, 0), np.array([[0, 1, 2], [0, 2, 3]]))))
+        objects.append((f"mark {n}", (np.add(flat, (0, 0.02, 0)), np.array([[0, 1, 2], [0, 2, 3]]))))
     for n in range(24):
         at = np.array([rng.uniform(-32, 32), 0, rng.uniform(-7.5, 6.5)])
         name = "mirrored screen" if n % 2 else "screen"
@@ -69,7 +69,7 @@ def harbour() -> Place:
         y, z = (rng.uniform(4, 7), -68) if n % 2 else (rng.uniform(5, 8), -14)
         objects.append((f"mast {n}", put(prism(4, 0.06, y), (x, 0.0, z))))
         low = np.array([x - 0.35, y, z - 0.35])
-        objects.append((f"lamp {n}", box(low, low + (0.7, 0.5, 0.7))))
+        objects.append((f"lamp {n}", box(low, np.add(low, (0.7, 0.5, 0.7)))))
     t = np.linspace(0, 1, 36)
     eyes = np.stack([-28 + 54 * t, np.full(36, 1.65), 1.5 * np.sin(6 * t)], axis=1)
     turn = 0.9 + 0.75 * np.sin(11 * t)

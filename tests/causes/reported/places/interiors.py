@@ -125,15 +125,15 @@ def mansion(**lens) -> Place:
         corner = ROOM * np.array([room // ACROSS, 0, room % ACROSS])
         for n in range(4):
             size = rng.uniform((0.4, 0.4, 0.4), (1.2, 1.3, 1.2))
-            low = corner + (rng.uniform(0.4, 6.2), 0, rng.uniform(0.4, 6.2))
+            low = np.add(corner, (rng.uniform(0.4, 6.2), 0, rng.uniform(0.4, 6.2)))
             add(f"furniture {room}-{n}", box(low, low + size), room)
         for n in range(2):
-            at = corner + (rng.uniform(0.6, 7.4), 0, rng.uniform(0.6, 7.4))
+            at = np.add(corner, (rng.uniform(0.6, 7.4), 0, rng.uniform(0.6, 7.4)))
             add(f"guest {room}-{n}", put(prism(6, 0.24, rng.uniform(1.5, 1.9)), at), room)
         for n in range(2):
             # The first of each room is let into the wall.
-            low = corner + (-0.06 if n == 0 else 0.12, 1.9, (0.25, 7.3)[n])
-            add(f"lamp {room}-{n}", box(low, low + (0.42, 0.4, 0.4)), room)
+            low = np.add(corner, (-0.06 if n == 0 else 0.12, 1.9, (0.25, 7.3)[n]))
+            add(f"lamp {room}-{n}", box(low, np.add(low, (0.42, 0.4, 0.4))), room)
     way = [np.array([3.0, 1.65, 4.0])]
     for pair in ((0, 4), (4, 5), (5, 9), (9, 10), (10, 14)):
         door = next(d for d in doorways() if d.rooms == pair)

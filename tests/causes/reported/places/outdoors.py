@@ -115,7 +115,7 @@ def pond() -> Place:
     for n in range(12):
         a = 2 * np.pi * n / 12
         low = np.array([34 * np.sin(a) - 8, -0.4, -34 * np.cos(a) - 8])
-        objects.append((f"bank {n}", box(low, low + (16, rng.uniform(0.6, 1.6), 16))))
+        objects.append((f"bank {n}", box(low, np.add(low, (16, rng.uniform(0.6, 1.6), 16)))))
     for n in range(60):
         a, r = rng.uniform(0, 2 * np.pi), rng.uniform(20, 70)
         at = (r * np.sin(a), 0.1, -r * np.cos(a))
@@ -129,7 +129,7 @@ def pond() -> Place:
         foot = np.array([r * np.sin(a), 0.0, -r * np.cos(a)])
         tall = rng.uniform(1.2, 4.0)
         objects.append((f"pole {n}", put(prism(4, 0.08, tall), foot - (0, 0.5, 0))))
-        low = foot + (-0.25, tall - 0.5, -0.25)
+        low = np.add(foot, (-0.25, tall - 0.5, -0.25))
         objects.append((f"lamp {n}", box(low, low + 0.5)))
     for n in range(40):
         low = np.array([rng.uniform(-15, 15), rng.uniform(-3, -1), rng.uniform(-15, 15)])
