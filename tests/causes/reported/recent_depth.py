@@ -45,7 +45,7 @@ class Twice(Sound):
 @recent(
     "bevyengine/bevy #22603",
     "last texels left out",
-    partial(places.library, width=203, height=123),
+    partial(places.library, width=223, height=139),
 )
 class TwoByTwoOfAnySide(Pyramid):
     """A texel is made of two by two finer ones, though those of an odd side cover up to three by
@@ -126,7 +126,7 @@ class QueryOfTheLampsMiddle(Sound):
         return result
 
 
-@recent("Haven-King/SAX #30", "some samples of the rectangle", places.mansion)
+@recent("Haven-King/SAX #30", "some samples of the rectangle", places.sheds)
 class RaysToTheEightCorners(Sound):
     """A ray goes to each of eight corners, and a thing is hidden if all of them are stopped."""
 
@@ -135,7 +135,7 @@ class RaysToTheEightCorners(Sound):
         depth = self.depth(camera)
         pixels, away = projected(camera, corners(boxes))
         size = np.array([camera.width, camera.height])
-        asked = named(self.scene, "furniture", "guest", "lamp")[some]
+        asked = named(self.scene, "tool", "bucket")[some]
         for at in np.flatnonzero(result & asked & (away > camera.near).all(axis=1)):
             place = np.rint(pixels[at]).astype(int)
             if ((place >= 0) & (place < size)).all():
@@ -164,7 +164,7 @@ class ClippedByWhatIsBehind(Twice):
         return result
 
 
-@recent("CesiumGS/cesium #8397", "occluders too large", places.globe)
+@recent("CesiumGS/cesium #8397", "occluders too large", places.basins)
 class HorizonOfTheEllipsoid(PointBelowTheHorizon):
     """The horizon is that of an ellipsoid, which the ground lies below in parts."""
 
@@ -185,7 +185,7 @@ class HorizonOfTheEllipsoid(PointBelowTheHorizon):
 class GroundOfTheCoarsestLevel(Twice):
     """The ground hides by its coarsest level, which cuts across hollows."""
 
-    STEP = 4
+    STEP = 8
     coarse = None
 
     def depth(self, camera):
@@ -243,7 +243,7 @@ class BelowTwoPixels(Sound):
         return super().shows(camera, some, boxes) & ~(tiny & (away > camera.near).all(axis=1))
 
 
-@recent("StrayLightning/aeolius #14", "near too large", places.fleet)
+@recent("StrayLightning/aeolius #14", "near too large", partial(places.fleet, near=3.0))
 class NearPlaneOfTheOtherRange(Sound):
     """The near plane is found as if depth ran from 0 to 1 in a projection where it runs from -1:
     it lies almost twice as far out."""

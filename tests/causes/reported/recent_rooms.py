@@ -87,8 +87,8 @@ class OriginInAWall(Sound):
     def there(self):
         boxes = self.scene.object_bounds
         # Of a lamp, its origin is in the middle of the side that it hangs by.
-        origin = np.where([True, False, False], boxes[:, 0], boxes.mean(axis=1))
-        off = np.abs(origin[:, 0] - np.rint(origin[:, 0] / 8.0) * 8.0)
+        off = boxes[:, :, 0] - 8.0 * np.rint(boxes[:, :, 0] / 8.0)
+        off = np.abs(off).min(axis=1)
         return super().there() & ~(named(self.scene, "lamp") & (off < self.THICK))
 
 
@@ -155,7 +155,7 @@ class Oblique(Sound):
 
     def depth_row(self, camera):
         """(4,) the projection's row of depth."""
-        clip = np.linalg.inv(camera.camera_from_world()).T @ np.array(camera.clip_plane)
+        clip = np.linalg.inv(camera.camera_from_world).T @ np.array(camera.clip_plane)
         projection = camera.clip_from_camera()
         corner = np.array([np.sign(clip[0]), np.sign(clip[1]), 1.0, 1.0])
         far = np.linalg.solve(projection, corner)
@@ -168,7 +168,7 @@ class FarPlaneOfTheObliqueProjection(Oblique):
     is aslant, and cuts off what is in the view."""
 
     def in_view(self, camera, some, boxes):
-        row = (camera.clip_from_camera()[3] - self.depth_row(camera)) @ camera.camera_from_world()
+        row = (camera.clip_from_camera()[3] - self.depth_row(camera)) @ camera.camera_from_world
         signed = corners(boxes) @ row[:3] + row[3]
         return super().in_view(camera, some, boxes) & (signed >= -1e-6).any(axis=1)
 

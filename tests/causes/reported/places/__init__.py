@@ -3,6 +3,7 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 """
 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
+from tests.causes.reported.places.basins import basins
 from tests.causes.reported.places.fleet import fleet
 from tests.causes.reported.places.ground import globe, height, hills
 from tests.causes.reported.places.hall import hall
@@ -25,6 +26,7 @@ __all__ = [
     "LEVEL_ENDS",
     "Place",
     "avenue",
+    "basins",
     "doorways",
     "far_village",
     "fleet",

@@ -24,7 +24,7 @@ def screen(wide: float, high: float, mirrored: bool) -> Mesh:
     """Two panels at a right angle: one faces +Z, the other +X, or -X if it is mirrored."""
     points, faces = together(
         panel((0.0, wide), (0.0, high), 0.0),
-        put(panel((0.0, wide), (0.0, high), 0.0), (wide, 0, 0), turn=-np.pi / 2),
+        put(panel((0.0, wide), (0.0, high), 0.0), (wide, 0, 0), turn=np.pi / 2),
     )
     return (points * (-1, 1, 1), faces[:, ::-1]) if mirrored else (points, faces)
 
@@ -42,7 +42,9 @@ def harbour() -> Place:
         x, z = 4.4 * (n % 15) - 32, -11.0 if n < 15 else 8.5
         for up in range(int(rng.integers(1, 3))):
             low = np.array([x + rng.uniform(-0.2, 0.2), 2.5 * up, z])
-            objects.append((f"container {n}-{up}", box(low, np.add(low, (rng.uniform(2.4, 4), 2.5, 2.5)))))
+            objects.append(
+                (f"container {n}-{up}", box(low, np.add(low, (rng.uniform(2.4, 4), 2.5, 2.5))))
+            )
     for n in range(5):
         x = 15.0 * n - 32
         parts = [
@@ -52,9 +54,11 @@ def harbour() -> Place:
         objects.append((f"crane {n}", together(*parts)))
     for n in range(34):
         x, z = rng.uniform(-30, 30), rng.uniform(-7.5, 7.0)
-        wide, deep = rng.uniform(0.8, 2.6, 2)
+        wide, deep = rng.uniform(1.0, 6.0, 2)
         flat = np.array([[x, 0, z], [x, 0, z + deep], [x + wide, 0, z + deep], [x + wide, 0, z]])
-        objects.append((f"mark {n}", (np.add(flat, (0, 0.02, 0)), np.array([[0, 1, 2], [0, 2, 3]]))))
+        objects.append(
+            (f"mark {n}", (np.add(flat, (0, 0.02, 0)), np.array([[0, 1, 2], [0, 2, 3]])))
+        )
     for n in range(24):
         at = np.array([rng.uniform(-32, 32), 0, rng.uniform(-7.5, 6.5)])
         name = "mirrored screen" if n % 2 else "screen"

@@ -43,7 +43,7 @@ def room_of(point: Float64) -> int:
 
 @cache
 def doorways() -> tuple[Doorway, ...]:
-    """Of the mansion. Every third wall has two."""
+    """Of the mansion. Every second wall has two."""
     rng = np.random.default_rng(23)
     made = []
     for axis in (0, 2):
@@ -53,7 +53,7 @@ def doorways() -> tuple[Doorway, ...]:
                 if (i, k)[axis // 2] == ACROSS - 1:
                     continue
                 other = room + (ACROSS if axis == 0 else 1)
-                starts = (1.2, 5.4) if (i + 2 * k) % 3 == 0 else (rng.uniform(1.5, 5.0),)
+                starts = (1.2, 5.4) if (i + k) % 2 == 0 else (rng.uniform(1.5, 5.0),)
                 for start in starts:
                     first = ROOM * (k if axis == 0 else i) + start
                     at = ROOM * ((i if axis == 0 else k) + 1)
@@ -127,12 +127,12 @@ def mansion(**lens) -> Place:
             size = rng.uniform((0.4, 0.4, 0.4), (1.2, 1.3, 1.2))
             low = np.add(corner, (rng.uniform(0.4, 6.2), 0, rng.uniform(0.4, 6.2)))
             add(f"furniture {room}-{n}", box(low, low + size), room)
-        for n in range(2):
+        for n in range(4):
             at = np.add(corner, (rng.uniform(0.6, 7.4), 0, rng.uniform(0.6, 7.4)))
             add(f"guest {room}-{n}", put(prism(6, 0.24, rng.uniform(1.5, 1.9)), at), room)
         for n in range(2):
             # The first of each room is let into the wall.
-            low = np.add(corner, (-0.06 if n == 0 else 0.12, 1.9, (0.25, 7.3)[n]))
+            low = np.add(corner, ((7.64, 1.9, 0.3), (0.12, 1.9, 7.3))[n])
             add(f"lamp {room}-{n}", box(low, np.add(low, (0.42, 0.4, 0.4))), room)
     way = [np.array([3.0, 1.65, 4.0])]
     for pair in ((0, 4), (4, 5), (5, 9), (9, 10), (10, 14)):
@@ -182,15 +182,15 @@ def library(**lens) -> Place:
         for n in range(3):
             at = np.array([3.4 * row + 1.9, 0, 2.4 * n + 2.2])
             objects.append((f"pillar {row}-{n}", put(prism(8, 0.32, 3.6), at)))
-            for k in range(3):
-                a = rng.uniform(0, 2 * np.pi)
-                aside = rng.uniform(0.5, 1.0) * np.array([np.cos(a), 0, np.sin(a)])
-                size = rng.uniform(0.08, 0.16)
-                if k:
+            for k in range(4):
+                a = rng.uniform(-0.7, 0.7)
+                aside = rng.uniform(0.4, 0.8) * np.array([np.cos(a), 0, np.sin(a)])
+                size = rng.uniform(0.06, 0.12)
+                if k % 2:
                     objects.append((f"stool {row}-{n}-{k}", put(prism(5, size, 0.45), at + aside)))
                 else:
                     low = at + aside + (0, rng.uniform(0.6, 1.6), 0)
-                    objects.append((f"globe {row}-{n}", box(low, low + 2 * size)))
+                    objects.append((f"globe {row}-{n}-{k}", box(low, low + 2 * size)))
     eyes = along(
         [(15.6, 1.6, 11), (15.6, 1.6, 2), (12.4, 1.6, -1), (9.0, 1.6, -1), (8.9, 1.6, 9)], 34
     )
