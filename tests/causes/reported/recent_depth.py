@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -209,6 +210,21 @@ class GroundOfTheCoarsestLevel(Twice):
             yield name, points, faces
 
 
+@recent("TokisanGames/Terrain3D #301", "occluders too large", places.cellars)
+class HolesNotInTheOccluder(GroundOfTheCoarsestLevel):
+    """The ground's occluder is made at a coarse level, which leaves out a hole that lies between
+    its vertices."""
+
+    def meshes(self):
+        for name, points, faces in super().meshes():
+            if name.startswith("plot"):
+                low, high = points.min(axis=0), points.max(axis=0)
+                x, z = [low[0], low[0], high[0], high[0]], [low[2], high[2], high[2], low[2]]
+                yield name, np.stack([x, np.zeros(4), z], axis=1), [[0, 1, 2], [0, 2, 3]]
+            else:
+                yield name, points, faces
+
+
 @recent("Spellcast-Studios/ardenfall-issues #47", "small holes of occluders closed", places.sheds)
 class SmallHolesFilledIn(Twice):
     """Walls with small holes are baked as occluders, and holes below some size are filled in."""
@@ -223,7 +239,7 @@ class SmallHolesFilledIn(Twice):
                 first, last = self.scene.object_offsets[one : one + 2]
                 used = np.unique(self.scene.triangles[first:last])
                 z = points[used, 2].reshape(-1, 8)
-                for plank, after in zip(z[:-1], z[1:], strict=True):
+                for plank, after in pairwise(z):
                     if after.min() - plank.max() < self.SMALLEST:
                         plank[plank == plank.max()] = after.min()
                 points[used, 2] = z.ravel()

@@ -8,7 +8,6 @@ from tests.causes.reported import places
 from tests.causes.reported.recent_depth import named
 from tests.causes.reported.sound import (
     Sound,
-    corners,
     recent,
     rectangles,
 )
@@ -150,31 +149,8 @@ class TwoSidedCulledFromBoth(Sound):
         return super().there() & ~two_sided
 
 
-class Oblique(Sound):
-    """Of a camera whose near plane is its clip plane."""
-
-    def depth_row(self, camera):
-        """(4,) the projection's row of depth."""
-        clip = np.linalg.inv(camera.camera_from_world).T @ np.array(camera.clip_plane)
-        projection = camera.clip_from_camera()
-        corner = np.array([np.sign(clip[0]), np.sign(clip[1]), 1.0, 1.0])
-        far = np.linalg.solve(projection, corner)
-        return clip * (2.0 / (clip @ far)) - projection[3]
-
-
-@recent("Unity-Technologies/ScriptableRenderPipeline #5589", "far too near", places.pond)
-class FarPlaneOfTheObliqueProjection(Oblique):
-    """The planes are read from a projection whose near plane is that of the mirror: its far plane
-    is aslant, and cuts off what is in the view."""
-
-    def in_view(self, camera, some, boxes):
-        row = (camera.clip_from_camera()[3] - self.depth_row(camera)) @ camera.camera_from_world
-        signed = corners(boxes) @ row[:3] + row[3]
-        return super().in_view(camera, some, boxes) & (signed >= -1e-6).any(axis=1)
-
-
 @recent("ioquake/ioq3 #641", "depth of another projection", places.pond)
-class ObliqueDepthReadAsRegular(Oblique):
+class ObliqueDepthReadAsRegular(Sound):
     """Depth in a mirror's image is read as that of a regular projection, where the near plane is
     the mirror's, and lamps count as hidden by it."""
 
@@ -202,3 +178,11 @@ class ObliqueDepthReadAsRegular(Oblique):
         stored = (row[0] * across + row[1] * up - row[2]) + row[3] / found
         n, f = camera.near, camera.far
         return 2.0 * f * n / (f + n - np.clip(stored, -1.0, 1.0) * (f - n))
+
+    def depth_row(self, camera):
+        """(4,) the row of depth of a projection whose near plane is the clip plane."""
+        clip = np.linalg.inv(camera.camera_from_world).T @ np.array(camera.clip_plane)
+        projection = camera.clip_from_camera()
+        corner = np.array([np.sign(clip[0]), np.sign(clip[1]), 1.0, 1.0])
+        far = np.linalg.solve(projection, corner)
+        return clip * (2.0 / (clip @ far)) - projection[3]

@@ -12,7 +12,7 @@ from tests.causes.reported.places.interiors import doorways, library, mansion, r
 from tests.causes.reported.places.making import Place
 from tests.causes.reported.places.materials import forest, glasshouse, lake
 from tests.causes.reported.places.moving import passages, plaza, reed_bed
-from tests.causes.reported.places.outdoors import orchard, pond, sheds
+from tests.causes.reported.places.outdoors import cellars, orchard, pond, sheds
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
 from tests.causes.reported.places.village import (
     far_village,
@@ -27,6 +27,7 @@ __all__ = [
     "Place",
     "avenue",
     "basins",
+    "cellars",
     "doorways",
     "far_village",
     "fleet",

@@ -52,9 +52,9 @@ def harbour() -> Place:
         ]
         parts.append(box((x, 9, -30), (x + 4.4, 9.8, -9)))
         objects.append((f"crane {n}", together(*parts)))
-    for n in range(34):
+    for n in range(44):
         x, z = rng.uniform(-30, 30), rng.uniform(-7.5, 7.0)
-        wide, deep = rng.uniform(1.0, 6.0, 2)
+        wide, deep = rng.uniform(1.5, 7.0, 2)
         flat = np.array([[x, 0, z], [x, 0, z + deep], [x + wide, 0, z + deep], [x + wide, 0, z]])
         objects.append(
             (f"mark {n}", (np.add(flat, (0, 0.02, 0)), np.array([[0, 1, 2], [0, 2, 3]])))

@@ -127,7 +127,7 @@ def mansion(**lens) -> Place:
             size = rng.uniform((0.4, 0.4, 0.4), (1.2, 1.3, 1.2))
             low = np.add(corner, (rng.uniform(0.4, 6.2), 0, rng.uniform(0.4, 6.2)))
             add(f"furniture {room}-{n}", box(low, low + size), room)
-        for n in range(4):
+        for n in range(5):
             at = np.add(corner, (rng.uniform(0.6, 7.4), 0, rng.uniform(0.6, 7.4)))
             add(f"guest {room}-{n}", put(prism(6, 0.24, rng.uniform(1.5, 1.9)), at), room)
         for n in range(2):
@@ -180,7 +180,7 @@ def library(**lens) -> Place:
                     high = (x + 0.39, top, z + ends[k + 1])
                     objects.append((f"books {row}-{n}-{shelf}-{k}", box(low, high)))
         for n in range(3):
-            at = np.array([3.4 * row + 1.9, 0, 2.4 * n + 2.2])
+            at = np.array([3.4 * row + 1.2, 0, 2.4 * n + 2.2])
             objects.append((f"pillar {row}-{n}", put(prism(8, 0.32, 3.6), at)))
             for k in range(4):
                 a = rng.uniform(-0.7, 0.7)
@@ -191,9 +191,8 @@ def library(**lens) -> Place:
                 else:
                     low = at + aside + (0, rng.uniform(0.6, 1.6), 0)
                     objects.append((f"globe {row}-{n}-{k}", box(low, low + 2 * size)))
-    eyes = along(
-        [(15.6, 1.6, 11), (15.6, 1.6, 2), (12.4, 1.6, -1), (9.0, 1.6, -1), (8.9, 1.6, 9)], 34
-    )
+    way = [(17.2, 1.6, 11), (17.2, 1.6, 1), (13.2, 1.6, -1.4), (13.2, 1.6, 8), (9.8, 1.6, 11)]
+    eyes = along([*way, (9.8, 1.6, 3)], 34)
     turn = -1.25 + 0.5 * np.sin(0.7 * np.arange(34))
     path = CameraPath(views(eyes, heading(turn, -0.12), **{"near": 0.15, **lens}))
     return Place(scene_of(objects), path)

@@ -1,4 +1,4 @@
-"""Sheds of planks, an orchard of blocks, and a pond that one sees in a mirror."""
+"""Sheds of planks, ground with holes, an orchard of blocks, and a pond seen in a mirror."""
 
 from __future__ import annotations
 
@@ -58,6 +58,39 @@ def sheds() -> Place:
     t = np.linspace(0, 1, 30)
     eyes = np.stack([0.8 * np.sin(7 * t), np.full(30, 1.6), 5 - 44 * t], axis=1)
     return Place(scene_of(objects), CameraPath(views(eyes, heading(1.0 * np.sin(13 * t), -0.06))))
+
+
+@cache
+def cellars() -> Place:
+    """Plots of flat ground, some with a hole in it, over cellars full of things."""
+    rng = np.random.default_rng(71)
+    objects: Objects = [("bottom", box((-32, -3.6, -32), (32, -3.2, 32)))]
+    grid = np.linspace(0, 6, 7)
+    index = np.arange(49).reshape(7, 7)
+    for i in range(10):
+        for k in range(10):
+            low = np.array([6.0 * i - 30, 0, 6.0 * k - 30])
+            x, z = np.meshgrid(grid, grid, indexing="ij")
+            points = np.stack([x.ravel(), np.zeros(49), z.ravel()], axis=1) + low
+            kept = np.ones((6, 6), np.bool_)
+            if (3 * i + 5 * k) % 4 == 0:
+                a, b = rng.integers(1, 4, 2)
+                kept[a : a + 2, b : b + 2] = False
+                for n in range(4):
+                    size = rng.uniform((0.3, 0.5, 0.3), (0.9, 1.8, 0.9))
+                    aside = (a + rng.uniform(-0.6, 1.6), -3.2, b + rng.uniform(-0.6, 1.6))
+                    at = np.add(low, aside)
+                    objects.append((f"chest {i}-{k}-{n}", box(at, at + size)))
+            else:
+                at = np.add(low, (rng.uniform(1, 5), 0, rng.uniform(1, 5)))
+                objects.append((f"bush {i}-{k}", put(prism(6, rng.uniform(0.3, 0.9), 0.9), at)))
+            p, q, r, s = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+            faces = np.concatenate([np.stack(e, -1)[kept] for e in ((p, q, r), (p, r, s))])
+            objects.append((f"plot {i}-{k}", (points, faces)))
+    t = np.linspace(0, 1, 28)
+    eyes = np.stack([-20 + 40 * t, 5 + np.sin(9 * t), 24 - 26 * np.sin(3 * t)], axis=1)
+    path = CameraPath(views(eyes, heading(1.3 * np.sin(4 * t), -0.7)))
+    return Place(scene_of(objects), path)
 
 
 _SIDE = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
