@@ -43,7 +43,7 @@ def room_of(point: Float64) -> int:
 
 @cache
 def doorways() -> tuple[Doorway, ...]:
-    """Of the mansion. Every second wall has two."""
+    """Of the mansion. Most walls have two."""
     rng = np.random.default_rng(23)
     made = []
     for axis in (0, 2):
@@ -53,7 +53,7 @@ def doorways() -> tuple[Doorway, ...]:
                 if (i, k)[axis // 2] == ACROSS - 1:
                     continue
                 other = room + (ACROSS if axis == 0 else 1)
-                starts = (1.2, 5.4) if (i + k) % 2 == 0 else (rng.uniform(1.5, 5.0),)
+                starts = (1.2, 5.4) if (i + k) % 4 != 3 else (rng.uniform(1.5, 5.0),)
                 for start in starts:
                     first = ROOM * (k if axis == 0 else i) + start
                     at = ROOM * ((i if axis == 0 else k) + 1)
@@ -127,9 +127,10 @@ def mansion(**lens) -> Place:
             size = rng.uniform((0.4, 0.4, 0.4), (1.2, 1.3, 1.2))
             low = np.add(corner, (rng.uniform(0.4, 6.2), 0, rng.uniform(0.4, 6.2)))
             add(f"furniture {room}-{n}", box(low, low + size), room)
-        for n in range(5):
+        for n in range(7):
             at = np.add(corner, (rng.uniform(0.6, 7.4), 0, rng.uniform(0.6, 7.4)))
-            add(f"guest {room}-{n}", put(prism(6, 0.24, rng.uniform(1.5, 1.9)), at), room)
+            tall = rng.uniform(1.5, 1.9) if n < 4 else rng.uniform(0.3, 1.1)
+            add(f"guest {room}-{n}", put(prism(6, 0.14 * tall, tall), at), room)
         for n in range(2):
             # The first of each room is let into the wall.
             low = np.add(corner, ((7.64, 1.9, 0.3), (0.12, 1.9, 7.3))[n])
