@@ -140,4 +140,14 @@ FAMILIES: dict[str, frozenset[str]] = {
     "no level drawn": _told(""),
     "parent by its child": _told(""),
     "first of the group for those seen": _told(""),
+    # What is asked is a small square in the middle: it does not hold the thing, nor does what it
+    # covers of the image.
+    "small box asked in its place": _told("bounds-too-small rectangle-too-small"),
+    # Gaps are filled in, and by that what hides grows.
+    "small holes of occluders closed": _told("gap-too-narrow occluders-too-large"),
+    "no far plane": _told("nothing-drawn"),
+    # Two-sided things have then no side left from which they are drawn.
+    "both sides culled": _told("back-faces never-drawn"),
+    "first of several windows": _told(""),
+    "depth of another projection": _told(""),
 }

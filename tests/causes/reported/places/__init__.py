@@ -3,11 +3,16 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 """
 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
+from tests.causes.reported.places.basins import basins
+from tests.causes.reported.places.fleet import fleet
 from tests.causes.reported.places.ground import globe, height, hills
 from tests.causes.reported.places.hall import hall
+from tests.causes.reported.places.harbour import harbour
+from tests.causes.reported.places.interiors import doorways, library, mansion, room_of
 from tests.causes.reported.places.making import Place
 from tests.causes.reported.places.materials import forest, glasshouse, lake
 from tests.causes.reported.places.moving import passages, plaza, reed_bed
+from tests.causes.reported.places.outdoors import cellars, orchard, pond, sheds
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
 from tests.causes.reported.places.village import (
     far_village,
@@ -21,20 +26,31 @@ __all__ = [
     "LEVEL_ENDS",
     "Place",
     "avenue",
+    "basins",
+    "cellars",
+    "doorways",
     "far_village",
+    "fleet",
     "forest",
     "glasshouse",
     "globe",
     "groves",
     "hall",
+    "harbour",
     "height",
     "hills",
     "lake",
     "level_of",
+    "library",
+    "mansion",
     "moving_groves",
+    "orchard",
     "passages",
     "plaza",
+    "pond",
     "reed_bed",
+    "room_of",
+    "sheds",
     "strewn",
     "village",
     "village_from_above",
