@@ -3,11 +3,17 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 """
 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
+from tests.causes.reported.places.bridges import bridges
+from tests.causes.reported.places.fairground import fairground
 from tests.causes.reported.places.ground import globe, height, hills
 from tests.causes.reported.places.hall import hall
+from tests.causes.reported.places.harbour import harbour
 from tests.causes.reported.places.making import Place
 from tests.causes.reported.places.materials import forest, glasshouse, lake
 from tests.causes.reported.places.moving import passages, plaza, reed_bed
+from tests.causes.reported.places.quarry import FACE, quarry
+from tests.causes.reported.places.space import space
+from tests.causes.reported.places.stadium import stadium
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
 from tests.causes.reported.places.village import (
     far_village,
@@ -18,15 +24,19 @@ from tests.causes.reported.places.village import (
 )
 
 __all__ = [
+    "FACE",
     "LEVEL_ENDS",
     "Place",
     "avenue",
+    "bridges",
+    "fairground",
     "far_village",
     "forest",
     "glasshouse",
     "globe",
     "groves",
     "hall",
+    "harbour",
     "height",
     "hills",
     "lake",
@@ -34,7 +44,10 @@ __all__ = [
     "moving_groves",
     "passages",
     "plaza",
+    "quarry",
     "reed_bed",
+    "space",
+    "stadium",
     "strewn",
     "village",
     "village_from_above",
