@@ -140,4 +140,9 @@ FAMILIES: dict[str, frozenset[str]] = {
     "no level drawn": _told(""),
     "parent by its child": _told(""),
     "first of the group for those seen": _told(""),
+    # Of what was drawn in the frame before, its pose then; of what never was, that at rest.
+    "box of the last drawn frame": _told("old-pose rest-pose"),
+    "answer of the former user": _told(""),
+    "list as long as the frame before": _told("list-full"),
+    "parent by its children's boxes": _told("bounds-too-small"),
 }

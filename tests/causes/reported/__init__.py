@@ -19,6 +19,7 @@ from tests.causes.reported import (
     later_bounds,
     lists,
     recent_depth,
+    recent_lists,
     recent_time,
     view,
 )
@@ -35,6 +36,7 @@ __all__ = [
     "lists",
     "recent",
     "recent_depth",
+    "recent_lists",
     "recent_time",
     "reported",
     "view",

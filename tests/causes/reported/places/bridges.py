@@ -57,7 +57,7 @@ def bridges(*, headset: bool = False) -> Place:
             add(f"barge {n}-{m}", put(box((-0.5, 0, -1.5), (0.5, 0.9, 1.5)), at))
     t = np.linspace(0, 1, 30)
     eyes = np.stack([1.6 * np.sin(5 * t), np.full(30, -0.4), 15 - 58 * t], axis=1)
-    ahead = heading(0.95 * np.sin(8 * t), 0.09)
+    ahead = heading(0.95 * np.sin(8 * t), 0.22 + 0.34 * np.sin(11 * t))
     cameras = views(eyes, ahead, **({"yfov": 1.2, "width": 132} if headset else {}))
     frames = []
     for one in cameras:

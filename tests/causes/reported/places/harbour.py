@@ -28,11 +28,11 @@ def harbour() -> Place:
                 objects.append((name, box(low, low + (6.1, 2.59, 2.44))))
                 boxes.append(name)
     cranes = []
-    for n in range(6):
-        x, z = -40.0 + 15.0 * n, (-6.0, -17.0)[n % 2]
-        objects.append((f"tower {n}", box((x - 0.6, 0, z - 0.6), (x + 0.6, 14, z + 0.6))))
-        objects.append((f"boom {n}", box((x - 3, 12.6, z - 0.5), (x + 15, 13.4, z + 0.5))))
-        cranes.append((n, (x, 0.0, z), rng.uniform(-0.7, 0.7), rng.uniform(0.06, 0.16)))
+    for n in range(10):
+        x, z = -42.0 + 10.0 * n, (-6.0, -17.0, 7.5)[n % 3]
+        objects.append((f"tower {n}", box((x - 0.6, 0, z - 0.6), (x + 0.6, 10, z + 0.6))))
+        objects.append((f"boom {n}", box((x - 3, 9.0, z - 0.5), (x + 15, 9.8, z + 0.5))))
+        cranes.append((n, (x, 0.0, z), rng.uniform(-0.7, 0.7), rng.uniform(0.1, 0.3)))
     lorries = []
     for n in range(14):
         low = np.array([rng.uniform(-50, 20), 0.2, (-3.5, 4.5, -17.5)[n % 3]])
@@ -44,7 +44,7 @@ def harbour() -> Place:
         objects.append((f"bollard {n}", box(low, low + rng.uniform(0.3, 0.8, 3))))
     t = np.linspace(0, 1, 32)
     eyes = np.stack([-42 + 62 * t, np.full(32, 1.9), np.full(32, 1.0)], axis=1)
-    cameras = views(eyes, heading(0.75 + 0.7 * np.sin(7 * t), 0.1))
+    cameras = views(eyes, heading(0.75 + 0.7 * np.sin(7 * t), 0.16))
     come, gone = rng.integers(1, 30, len(boxes)), rng.integers(4, 60, len(boxes))
     frames = []
     for k, one in enumerate(cameras):

@@ -32,9 +32,9 @@ def quarry() -> Place:
     for number, one in enumerate(cameras):
         frames.append(Frame((one,), absent=tuple(f"block {i} {j} {k}" for i, j, k in broken)))
         at = (wide - 1) * number / 27
-        for _ in range(4):
+        for _ in range(6):
             left = [cell for cell in cells if cell not in broken and cell[2] < deep - 1]
             open_ = [(i, j, k) for i, j, k in left if k == 0 or (i, j, k - 1) in broken]
-            near = sorted(open_, key=lambda cell: abs(cell[0] - at) + rng.uniform(0, 3.0))
+            near = sorted(open_, key=lambda cell: abs(cell[0] - at) + rng.uniform(0, 9.0))
             broken.append(near[0])
     return Place(scene_of(objects), CameraPath(frames))
