@@ -146,9 +146,7 @@ class FirstOfManyCameras(InView):
         return self.answer
 
 
-@recent(
-    "overte-org/overte #666", "lens shift reversed", partial(places.bridges, headset=True)
-)
+@recent("overte-org/overte #666", "lens shift reversed", partial(places.bridges, headset=True))
 class LeftLensForBothEyes(InView):
     """Each eye is culled from its own place, but through the left eye's lens, which is shifted to
     the left."""

@@ -43,9 +43,7 @@ class StillCulledWhenCullingIsOff(Sound):
         return self.answer
 
 
-@recent(
-    "RogoShum/BruteForceRenderingCulling #27", "answer several frames late", places.hills
-)
+@recent("RogoShum/BruteForceRenderingCulling #27", "answer several frames late", places.hills)
 class ListBuiltInTheBackground(Sound):
     """The list of what is drawn is built in the background from the view at its start, and is used
     until the next one is done."""

@@ -25,7 +25,7 @@ def harbour() -> Place:
             for level in range(rng.integers(1, 4)):
                 name = f"container {row}-{n}-{level}"
                 low = np.array([x, 2.6 * level, z])
-                objects.append((name, box(low, low + (6.1, 2.59, 2.44))))
+                objects.append((name, box(low, np.add(low, (6.1, 2.59, 2.44)))))
                 boxes.append(name)
     cranes = []
     for n in range(10):
@@ -36,7 +36,7 @@ def harbour() -> Place:
     lorries = []
     for n in range(14):
         low = np.array([rng.uniform(-50, 20), 0.2, (-3.5, 4.5, -17.5)[n % 3]])
-        objects.append((f"lorry {n}", box(low, low + (5.5, 2.6, 2.2))))
+        objects.append((f"lorry {n}", box(low, np.add(low, (5.5, 2.6, 2.2)))))
         lorries.append((f"lorry {n}", rng.uniform(1.3, 2.3) if n % 3 < 2 else -1.0))
     for n in range(40):
         low = np.array([rng.uniform(-50, 60), 0, rng.uniform(-8, 10)])

@@ -29,11 +29,15 @@ SHIPS = 16
 def _objects() -> tuple[Objects, Float64, Float64]:
     """The objects, and (SHIPS, 3) where each ship starts, and how far it flies in a frame."""
     rng = np.random.default_rng(108)
-    tubes = (box((-9, -1, -1), (9, 1, 1)), box((-1, -7, -1), (1, 7, 1)), box((-1, -1, -6), (1, 1, 6)))
+    tubes = (
+        box((-9, -1, -1), (9, 1, 1)),
+        box((-1, -7, -1), (1, 7, 1)),
+        box((-1, -1, -6), (1, 1, 6)),
+    )
     objects: Objects = [("station", put(together(*tubes), (0, 0, -22)))]
     for n in range(10):
         low = np.array([-9.0 + 1.9 * n, 1.0, -24.0])
-        objects.append((f"panel {n}", box(low, low + (1.5, 4.5, 0.1))))
+        objects.append((f"panel {n}", box(low, np.add(low, (1.5, 4.5, 0.1)))))
     for n in range(70):
         at = rng.uniform((-34, -18, -60), (34, 18, 8))
         rock = prism(int(rng.integers(4, 8)), rng.uniform(0.4, 2.2), rng.uniform(0.6, 3.0))
@@ -46,7 +50,7 @@ def _objects() -> tuple[Objects, Float64, Float64]:
     for n, (at, speed) in enumerate(zip(starts, speeds, strict=True)):
         hull = box((-0.9, -0.25, -0.4), (0.9, 0.25, 0.4))
         objects.append((f"ship {n}", put(hull, at)))
-        end = at + (np.sign(speed), 0.12, 0.12)
+        end = np.add(at, (np.sign(speed), 0.12, 0.12))
         low, high = np.minimum(at, end), np.maximum(at, end)
         objects.append((f"trail {n}", box(low, high)))
     return objects, starts, speeds
