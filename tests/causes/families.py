@@ -144,5 +144,7 @@ FAMILIES: dict[str, frozenset[str]] = {
     "box of the last drawn frame": _told("old-pose rest-pose"),
     "answer of the former user": _told(""),
     "list as long as the frame before": _told("list-full"),
+    # No other level stands in for it.
+    "level never drawn": _told("never-drawn"),
     "parent by its children's boxes": _told("bounds-too-small"),
 }

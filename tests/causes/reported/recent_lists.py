@@ -39,11 +39,8 @@ class ResultOfTheFormerTile(Sound):
         for one, query in self.query.items():
             if self.number - self.taken[one] >= self.UNTIL:
                 self.results[query] = now[one]
-            elif self.results[query]:
-                # Asked for the first time, and drawn meanwhile.
-                now[one] = True
             else:
-                now[one] = False
+                now[one] = self.results[query]
         return np.array([now[one] for one in some.tolist()], np.bool_)
 
 
@@ -87,7 +84,7 @@ class ListOfActorsIsFull(InView):
 # Levels, and tiles in tiles.
 
 
-@recent("NASA-AMMOS/3DTilesRendererJS #1304", "no level drawn", places.avenue)
+@recent("NASA-AMMOS/3DTilesRendererJS #1304", "level never drawn", places.avenue)
 class ErrorNoSmallerThanTheParents(Sound):
     """Of a tree whose middle level claims no smaller an error than its coarse one, neither is fine
     enough where the middle one is due, and none is drawn."""
