@@ -150,4 +150,11 @@ FAMILIES: dict[str, frozenset[str]] = {
     "both sides culled": _told("back-faces never-drawn"),
     "first of several windows": _told(""),
     "depth of another projection": _told(""),
+    # Of what was drawn in the frame before, its pose then; of what never was, that at rest.
+    "box of the last drawn frame": _told("old-pose rest-pose"),
+    "answer of the former user": _told(""),
+    "list as long as the frame before": _told("list-full"),
+    # No other level stands in for it.
+    "level never drawn": _told("never-drawn"),
+    "parent by its children's boxes": _told("bounds-too-small"),
 }

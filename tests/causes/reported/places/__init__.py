@@ -4,6 +4,8 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
 from tests.causes.reported.places.basins import basins
+from tests.causes.reported.places.bridges import bridges
+from tests.causes.reported.places.fairground import fairground
 from tests.causes.reported.places.fleet import fleet
 from tests.causes.reported.places.ground import globe, height, hills
 from tests.causes.reported.places.hall import hall
@@ -13,7 +15,11 @@ from tests.causes.reported.places.making import Place
 from tests.causes.reported.places.materials import forest, glasshouse, lake
 from tests.causes.reported.places.moving import passages, plaza, reed_bed
 from tests.causes.reported.places.outdoors import cellars, orchard, pond, sheds
+from tests.causes.reported.places.quarry import FACE, quarry
+from tests.causes.reported.places.space import space
+from tests.causes.reported.places.stadium import stadium
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
+from tests.causes.reported.places.terminal import terminal
 from tests.causes.reported.places.village import (
     far_village,
     village,
@@ -23,12 +29,15 @@ from tests.causes.reported.places.village import (
 )
 
 __all__ = [
+    "FACE",
     "LEVEL_ENDS",
     "Place",
     "avenue",
     "basins",
+    "bridges",
     "cellars",
     "doorways",
+    "fairground",
     "far_village",
     "fleet",
     "forest",
@@ -48,10 +57,14 @@ __all__ = [
     "passages",
     "plaza",
     "pond",
+    "quarry",
     "reed_bed",
     "room_of",
     "sheds",
+    "space",
+    "stadium",
     "strewn",
+    "terminal",
     "village",
     "village_from_above",
     "village_twice",
