@@ -21,6 +21,7 @@ from visref.causes.evidence import Answer, Answers, Evidence
 from visref.causes.fitted import FEW
 from visref.causes.held import HELD
 from visref.causes.hidden import HIDDEN, MATERIALS, SELDOM_HIDDEN, SWEEPING
+from visref.causes.homes import HOMES
 from visref.causes.in_view import IN_VIEW, SELDOM
 from visref.causes.lists import LISTS
 from visref.causes.other import LEFT_OUT, MOVED, MOVED_IN_VIEW
@@ -51,6 +52,7 @@ HYPOTHESES = [
     *by_code(ANSWERED, answer=True),
     *by_code(HELD, answer=True),
     *by_code(IN_VIEW),
+    *by_code({"bounds-too-small": HOMES}),
     *by_code(HIDDEN, depth=True),
     *by_code(FEW),
     *by_code(SWEEPING, many=True, depth=True),

@@ -79,6 +79,8 @@ class Moments:
         self._make_engine = make_engine
         self._engine: TruthEngine | None = None
         self._seen: dict[tuple[int, str], Shown] = {}
+        # (n, 2, 3) the objects' boxes in their own space, once somebody asks.
+        self.homes: Float64 | None = None
 
     def before(self, frame: int, count: int) -> int | None:
         """The frame that was asked about `count` frames before, None where there is none."""
