@@ -3,14 +3,18 @@ small scenes each mistake would drop."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.causes.small import Stage, block, cases_of, check, claims, named, plain, sheet
 from tests.causes.test_answer_hypotheses import LAST, all_but, passing_by, right_view
-from visref.camera_path import Frame
+from visref.camera_path import CameraPath, Frame
 from visref.causes.held import as_all, as_before, from_all, moved_up
-from visref.conformance.moving import posed
+from visref.conformance.building import Case, box, case
+from visref.conformance.moving import moved, posed
+from visref.rig import Rig
 
 # Held.
 
@@ -162,4 +166,41 @@ SHAPES = claims(
 
 @pytest.mark.parametrize("case", cases_of(SHAPES), ids=named)
 def test_shapes(case):
+    check(*case)
+
+
+# Boxes at home.
+
+
+def from_home():
+    """What is shown, once it is turned, halved or carried; at home each lies above the view."""
+    view = plain(32, 8)
+    turn, half = np.eye(4), np.diag([0.5, 0.5, 1.0, 1.0])
+    turn[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+    where = {"turned": turn, "halved": half, "carried": moved(y=-10.0)}
+    objects = [
+        ("turned", box((-1.0, 9.8, -6.0), (1.0, 11.2, -5.0))),
+        ("halved", box((2.2, 5.8, -6.0), (6.2, 7.6, -5.0))),
+        ("carried", box((5.2, 9.8, -6.0), (7.8, 11.2, -5.0))),
+        ("still", box((9.2, -1.2, -6.0), (11.8, 1.2, -5.0))),
+    ]
+    built = case(objects, [view])
+    meshes = [points.astype(np.float32) for _, (points, _) in objects]
+    rig = Rig(meshes, np.arange(4), np.tile(np.eye(4), (4, 1, 1)), 8 * np.arange(5))
+    frames = [Frame((view,), world_from_object=where)]
+    return Stage(Case(replace(built.scene, rig=rig), CameraPath(frames)))
+
+
+FROM_HOME = claims(
+    from_home,
+    "bounds-too-small: at home; at home, hidden -> turned halved carried",
+    "bounds-too-small: moved alone -> turned halved",
+    "bounds-too-small: not scaled; not scaled, hidden -> halved",
+    "bounds-too-small: not turned -> turned",
+    "bounds-too-small: not moved -> carried",
+)
+
+
+@pytest.mark.parametrize("case", cases_of(FROM_HOME), ids=named)
+def test_from_home(case):
     check(*case)

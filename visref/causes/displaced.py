@@ -104,5 +104,5 @@ def _displaced(way: Float64, only: Bool) -> Hypothesis:
         return kept | ~at.boxes.there | ~only[at.ids]
 
     told = " ".join(f"{step:.4g}" for step in way)
-    found = Hypothesis("origin-forgotten", f"boxes by {told}", tell, odd=True, fitted=True)
+    found = Hypothesis("origin-forgotten", f"boxes by {told}", tell, fitted=True)
     return found if only.all() else found.of_some(tell)
