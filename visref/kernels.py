@@ -44,6 +44,14 @@ def gather_objects(
         if s < stop:
             first = s
             s += 1
+            # Eight at a time, in the machine's vectors, as most runs are long.
+            while s + 8 <= stop:
+                differ = 0
+                for i in range(8):
+                    differ |= triangle[s + i] ^ t
+                if differ != 0:
+                    break
+                s += 8
             while s < stop and triangle[s] == t:
                 s += 1
             if t >= 0:

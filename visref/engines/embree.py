@@ -72,6 +72,7 @@ class EmbreeEngine(RayEngine):
         aim = Aim.of(
             casts.lanes, grid, self.rebase, self.scale, start_depth, self._mesh, self._solid,
             self._plain_sides(casts), slack,
+            casts.reached(grid, self.rebase, self.scale, slack),
         )  # fmt: skip
         height = len(grid.row_b)
         rows = max(BAND_ROWS, height // (BANDS * self._casting_workers) // BAND_ROWS * BAND_ROWS)

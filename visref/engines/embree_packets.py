@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.engines.packet_loops import (
+    BLOCK_WIDTH,
     Aim,
     Scenes,
     cast,
@@ -35,7 +36,9 @@ from visref.engines.packet_loops import (
     new_scratch,
     well_shaped,
 )
-from visref.scene import Float32, Int32
+from visref.engines.ray_kernels import SampleGrid
+from visref.engines.reached import boxes_of_runs, flag, reach
+from visref.scene import Float32, Float64, Int32
 
 _DEVICE_VERSION, _DEVICE_NATIVE_RAY8, _DEVICE_NATIVE_RAY16 = 0, 33, 34
 _SCENE_ROBUST = 1 << 2
@@ -119,6 +122,8 @@ class PacketScene:
         self._device = library.rtcNewDevice(None)
         weakref.finalize(self, library.rtcReleaseDevice, self._device)
         self._still = self._built(vertices, triangles, _QUALITY_MEDIUM)
+        self._still_boxes = boxes_of_runs(vertices, triangles)
+        self._moving_boxes = np.zeros((0, 2, 3), np.float32)
         self._moving: _Built | None = None
         self._still_shaped = well_shaped(vertices, triangles)
         self._moving_shaped = np.zeros(0, np.bool_)
@@ -137,6 +142,7 @@ class PacketScene:
         """
         self._moving = None  # freed before the next is made
         self._moving = self._built(vertices, triangles, _QUALITY_LOW)
+        self._moving_boxes = boxes_of_runs(vertices, triangles)
         self._places = places
         self._moving_shaped = well_shaped(vertices, triangles)
 
@@ -159,6 +165,21 @@ class PacketScene:
             self._places, (self._still_shaped, self._moving_shaped), strict=True
         ):
             result[where] = shaped
+        return result
+
+    def reached(
+        self, grid: SampleGrid, rebase: Float64, scale: float, slack: float
+    ) -> NDArray[np.uint8]:
+        """(r, c) uint8, in which blocks of an image anything may be met. `rebase`, `scale`: how the
+        vertices come from the scene's; `slack`: how far Embree may be off, in the scene's units."""
+        block = BLOCK_WIDTH, self.lanes // BLOCK_WIDTH
+        shape = -(-len(grid.row_b) // block[1]), -(-len(grid.column_a) // block[0])
+        counts = np.zeros((shape[0] + 1, shape[1] + 1), np.int32)
+        eye, corner = (grid.axes[0] - rebase) * scale, np.empty((3, 8))
+        for boxes in (self._still_boxes, self._moving_boxes):
+            reach(boxes, grid, eye, scale, slack, block, counts, corner)
+        result = np.empty(shape, np.uint8)
+        flag(counts, result)
         return result
 
     def cast(self, rows: tuple[int, int], aim: Aim, triangle: Int32) -> int:

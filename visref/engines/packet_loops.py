@@ -117,7 +117,8 @@ class Aim(NamedTuple):
 
     `across`: (3, w) float64, a R by axis and column, w the width made up to whole blocks; `up`: (3,
     h), b U by row; what lies beyond the image is as at its edge. `plain`: (p,) uint8, by place the
-    sides on which the triangle counts, as bits; 0 where it is not `well_shaped`."""
+    sides on which the triangle counts, as bits; 0 where it is not `well_shaped`. `reached`: (r, c)
+    uint8, by block whether anything may be met there."""
 
     grid: SampleGrid
     across: NDArray[np.float64]
@@ -129,18 +130,20 @@ class Aim(NamedTuple):
     triangle_of_place: NDArray[np.int32]
     plain: NDArray[np.uint8]
     depth_slack: float
+    reached: NDArray[np.uint8]
 
     @classmethod
     def of(
         cls, lanes: int, grid: SampleGrid, origin: Float64, scale: float, start_depth: float,
         mesh: Triangles, triangle_of_place: Int32, plain: NDArray[np.uint8], depth_slack: float,
+        reached: NDArray[np.uint8],
     ) -> Aim:  # fmt: skip
         """At a grid's samples, the rest as of the class."""
         across = _padded(grid.column_a, BLOCK_WIDTH) * grid.axes[2][:, None]
         up = _padded(grid.row_b, lanes // BLOCK_WIDTH) * grid.axes[3][:, None]
         return cls(
             grid, across, up, origin, scale, start_depth,
-            mesh, triangle_of_place, plain, depth_slack,
+            mesh, triangle_of_place, plain, depth_slack, reached,
         )  # fmt: skip
 
 
@@ -294,7 +297,7 @@ def cast(
     words, ids, fours, _, lanes = packet
     block_rows = len(lanes) // BLOCK_WIDTH
     first, places, owners, sure, rays, ray_fours, sides = scratch
-    grid, across, up, origin, scale, start, mesh, triangle_of_place, plain, slack = aim
+    grid, across, up, origin, scale, start, mesh, triangle_of_place, plain, slack, reached = aim
     vertices, triangles, one_sided = mesh.vertices, mesh.triangles, mesh.one_sided
     perspective, width, m = grid.perspective, len(grid.column_a), grid.axes
     view = (
@@ -316,10 +319,30 @@ def cast(
     pending = 0
     for top in range(rows[0], rows[1], block_rows):
         height = min(block_rows, rows[1] - top)
+        blocks = rays.shape[2] // BLOCK_WIDTH
+        begin, end = 0, blocks
+        while begin < end and not reached[top // block_rows, begin]:
+            begin += 1
+        while end > begin and not reached[top // block_rows, end - 1]:
+            end -= 1
+        for row in range(height):
+            start_at = (top + row) * width
+            for x in range(min(begin * BLOCK_WIDTH, width)):
+                triangle[start_at + x] = BACKGROUND
+            for x in range(min(end * BLOCK_WIDTH, width), width):
+                triangle[start_at + x] = BACKGROUND
+        if begin == end:
+            continue
         fill(rays, across, up, top, lens)
-        for block in range(rays.shape[2] // BLOCK_WIDTH):
+        for block in range(begin, end):
             left = block * BLOCK_WIDTH
             columns = min(BLOCK_WIDTH, width - left)
+            if not reached[top // block_rows, block]:
+                for row in range(height):
+                    start_at = (top + row) * width + left
+                    for column in range(columns):
+                        triangle[start_at + column] = BACKGROUND
+                continue
             full = height == block_rows and columns == BLOCK_WIDTH
             if not full:
                 for lane in range(len(lanes)):
