@@ -30,6 +30,7 @@ LATER = frozenset(
         "spare",
         "later",
         "recent",
+        "newest",
     }
 )
 

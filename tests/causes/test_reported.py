@@ -10,14 +10,25 @@ import numpy as np
 import pytest
 
 from tests.causes.drawn import KEPT_BACK
-from tests.causes.reported import LATER, LOT, RECENT, REPORTS, later, places, recent, reported
+from tests.causes.reported import (
+    LATER,
+    LOT,
+    NEWEST,
+    RECENT,
+    REPORTS,
+    later,
+    newest,
+    places,
+    recent,
+    reported,
+)
 from tests.causes.reported.sound import Sound
 from visref.engines import make_engine
 from visref.timeline import Timeline
 
 # Of a fault: object-frames lost at least, and at most, so that none stands for the lot.
 LEAST, MOST = 10, 600
-EVERY = (*REPORTS, *LATER, *RECENT)
+EVERY = (*REPORTS, *LATER, *RECENT, *NEWEST)
 
 
 @cache
@@ -110,7 +121,8 @@ def test_each_is_a_mistake_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("lot", "reports", "made"), [("later", LATER, later), ("recent", RECENT, recent)]
+    ("lot", "reports", "made"),
+    [("later", LATER, later), ("recent", RECENT, recent), ("newest", NEWEST, newest)],
 )
 def test_all_of_a_later_lot_is_kept_back(lot, reports, made):
     faults = list(made())

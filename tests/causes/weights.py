@@ -37,7 +37,7 @@ from visref.timeline import Timeline
 MOST_OBJECTS = 40
 STEPS, RATE, SLOWER, CHARGE = 150, 0.3, 0.97, 0.01
 # Lots of faults that people reported.
-REPORTED = frozenset({"reported", "spare", "later", "recent"})
+REPORTED = frozenset({"reported", "spare", "later", "recent", "newest"})
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,16 +18,19 @@ from tests.causes.reported import (
     hiding,
     later_bounds,
     lists,
+    newest_depth,
+    newest_time,
     recent_depth,
     recent_lists,
     recent_rooms,
     recent_time,
     view,
 )
-from tests.causes.reported.sound import LATER, RECENT, REPORTS, Report
+from tests.causes.reported.sound import LATER, NEWEST, RECENT, REPORTS, Report
 
 __all__ = [
     "LATER",
+    "NEWEST",
     "RECENT",
     "REPORTS",
     "bounds",
@@ -35,6 +38,9 @@ __all__ = [
     "later",
     "later_bounds",
     "lists",
+    "newest",
+    "newest_depth",
+    "newest_time",
     "recent",
     "recent_depth",
     "recent_lists",
@@ -57,6 +63,12 @@ def recent() -> Iterator[Fault]:
     """Those of the lot after that, of depth, time, lists, levels, views and materials."""
     for report in RECENT:
         yield _fault("recent", report)
+
+
+def newest() -> Iterator[Fault]:
+    """Those of the lot after that one, of the same."""
+    for report in NEWEST:
+        yield _fault("newest", report)
 
 
 def reported() -> Iterator[Fault]:

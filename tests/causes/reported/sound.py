@@ -189,6 +189,7 @@ REPORTS: list[Report] = []
 # Lots that were written later, each without a look at what was learned from those before.
 LATER: list[Report] = []
 RECENT: list[Report] = []
+NEWEST: list[Report] = []
 
 
 def _registering(
@@ -205,3 +206,4 @@ def _registering(
 
 reported, later = partial(_registering, REPORTS), partial(_registering, LATER)
 recent = partial(_registering, RECENT)
+newest = partial(_registering, NEWEST)

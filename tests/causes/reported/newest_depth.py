@@ -1,0 +1,1 @@
+"""The newest lot: reports of what is asked of depth, and of what hides."""

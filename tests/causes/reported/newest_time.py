@@ -1,0 +1,1 @@
+"""The newest lot: reports of late answers, lists, levels, views and what moves."""
