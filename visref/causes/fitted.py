@@ -229,14 +229,19 @@ FITS = (
 def odds(right: int, wrong: int, lost: int, shown: int) -> float:
     """One in how many random choices of `right + wrong` units, of `shown` of which `lost` are lost,
     holds so many lost ones."""
+    return float(np.exp(log_odds(right, wrong, lost, shown)))
+
+
+def log_odds(right: int, wrong: int, lost: int, shown: int) -> float:
+    """The logarithm of `odds`."""
     taken = right + wrong
     held = np.arange(max(right, taken - (shown - lost)), min(taken, lost) + 1)
     if not len(held):
-        return float(np.exp(MOST_LOG))
+        return MOST_LOG
     ways = _log_ways(lost, held) + _log_ways(shown - lost, taken - held)
     most = float(ways.max())
     some = most + float(np.log(np.exp(ways - most).sum()))
-    return float(np.exp(min(float(_log_ways(shown, np.array([taken]))[0]) - some, MOST_LOG)))
+    return min(float(_log_ways(shown, np.array([taken]))[0]) - some, MOST_LOG)
 
 
 def _log_ways(of: int, taken: NDArray[np.int64]) -> Float64:

@@ -39,13 +39,23 @@ def unchanged(at: At) -> Sight | None:
     return at.then(frame)
 
 
-def every(step: int) -> Callable[[At], Sight | None]:
-    """The last frame whose number among all is a multiple."""
+def before_that(count: int) -> Callable[[At], Sight | None]:
+    """So many frames before the one since which the answer has been the same."""
+
+    def sight(at: At) -> Sight | None:
+        since = unchanged(at)
+        return None if since is None else at.then(at.sights.moments.before(since.frame, count))
+
+    return sight
+
+
+def every(step: int, late: int = 0) -> Callable[[At], Sight | None]:
+    """The last frame whose number among all is a multiple, or (`late`) so many frames before."""
 
     def sight(at: At) -> Sight | None:
         moments = at.sights.moments
-        place = moments.place(at.frame)
-        return at.then(moments.before(at.frame, place % step)) if place % step else None
+        back = moments.place(at.frame) % step + late
+        return at.then(moments.before(at.frame, back)) if back else None
 
     return sight
 
@@ -151,9 +161,15 @@ HELD: dict[str, dict[str, Tell]] = {
     "n-frames-late": {
         **{f"unchanged since, {how}": tell for how, tell in answered(unchanged).items()},
         **{
-            f"every {step}, {how}": tell
+            f"{count} before, unchanged since, {how}": tell
+            for count in (1, 2)
+            for how, tell in answered(before_that(count)).items()
+        },
+        **{
+            f"every {step}{', as late again' * again}, {how}": tell
             for step in STEPS[1:]
-            for how, tell in answered(every(step)).items()
+            for again in (False, True)
+            for how, tell in answered(every(step, again * step)).items()
         },
     },
     "other-view": {

@@ -340,6 +340,16 @@ def rounded(kind: type[np.floating], *, world: bool, hidden: bool = False) -> Te
     return tell
 
 
+def rounded_middle(at: At) -> Told:
+    """The box's middle in float32 in the world, its size kept."""
+    if not at.scene.origin.any():
+        return None
+    boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0)
+    middle = boxes.mean(axis=1, keepdims=True) + at.scene.origin
+    rounded_to = middle.astype(np.float32).astype(np.float64)
+    return Boxes(at.camera, boxes + (rounded_to - middle)).in_view | ~at.boxes.there
+
+
 def to_whole(grid: float, how: Callable[[Float64], Float64]) -> Tell:
     """Boxes whose ends are rounded to multiples."""
 
@@ -422,6 +432,7 @@ IN_VIEW: dict[str, dict[str, Tell]] = {
     "rounded-coordinates": {
         "float32 in the world": rounded(np.float32, world=True),
         "float32 in the world, hidden": rounded(np.float32, world=True, hidden=True),
+        "float32 in the world, the middle": rounded_middle,
     },
     "other-lens": {
         "as wide as high": other_extent(lambda w, h: (h, h)),

@@ -16,6 +16,9 @@ from visref.scene import Alpha
 
 Bool = NDArray[np.bool_]
 
+# Over how many frames it is looked back for whether something was drawn.
+LOOK_BACK = 64
+
 
 def left_out(kind: Alpha) -> Tell:
     def tell(at: At) -> Told:
@@ -195,6 +198,27 @@ def absent_once(at: At) -> Told:
     return ~once[np.maximum(at.objects(), 0)] if once.any() else None
 
 
+def until_drawn(tell: Tell) -> Tell:
+    """The same, until a unit is drawn for the first time."""
+
+    def told(at: At) -> Told:
+        kept = tell(at)
+        if kept is None:
+            return None
+        moments, answers = at.sights.moments, at.sights.answers
+        drawn = np.zeros(len(at.ids), np.bool_)
+        frame = moments.before(at.frame, 1)
+        for _ in range(LOOK_BACK):
+            then = None if frame is None else answers.at(frame, at.view)
+            if frame is None or then is None:
+                break
+            drawn |= then[at.ids]
+            frame = moments.before(frame, 1)
+        return kept | drawn
+
+    return told
+
+
 def wraps(bits: int) -> Tell:
     def tell(at: At) -> Told:
         return at.ids < 1 << bits if at.sights.units.count > 1 << bits else None
@@ -220,7 +244,12 @@ LEFT_OUT: dict[str, dict[str, Tell]] = {
     "glass-left-out": {"any": left_out(Alpha.BLEND), "whole": left_out_whole(Alpha.BLEND)},
     "same-names": {"": not_first_of_name},
     "ids-wrap": {str(1 << bits): wraps(bits) for bits in (8, 16)},
-    "appeared-unknown": {"absent at first": absent_at_first, "absent before": absent_once},
+    "appeared-unknown": {
+        "absent at first": absent_at_first,
+        "absent before": absent_once,
+        "absent at first, until drawn": until_drawn(absent_at_first),
+        "absent before, until drawn": until_drawn(absent_once),
+    },
     "back-faces": {
         "reversed": turned_away(reverse=True),
         "one-sided reversed": turned_away(reverse=True, one_sided_only=True),

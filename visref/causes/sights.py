@@ -389,7 +389,8 @@ class Hypothesis:
     seldom met. `many`: it is believed of many misses only. `answer`: what it keeps is the culler's
     whole answer, of another moment or about another thing. `depth`: it says what hides, so that it
     is about a culler that asks for that. `fact`: it holds only where the answers themselves are
-    such, as an empty one. `some`: it is about some units only, found from other answers."""
+    such, as an empty one. `some`: it is about some units only, found from other answers.
+    `cut`: it says where each answer ends, so that what was drawn cannot speak against it."""
 
     cause: str
     variant: str
@@ -401,6 +402,7 @@ class Hypothesis:
     fitted: bool = False
     fact: bool = False
     some: bool = False
+    cut: bool = False
 
     def of_some(self, tell: Tell) -> Hypothesis:
         """The same, about some units only, as `tell` says."""

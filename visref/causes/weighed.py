@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.causes.boxes import some
+from visref.causes.cut_off import cut_off
 from visref.causes.displaced import displaced
 from visref.causes.evidence import Answer
-from visref.causes.fitted import FITS, Fit, odds, threshold
+from visref.causes.fitted import FITS, ODDS, Fit, odds, threshold
 from visref.causes.in_view import and_hidden, kept_by_depth
 from visref.causes.inner import fitted_volumes
 from visref.causes.partly import Applied, kinds_of
@@ -134,10 +135,19 @@ class Weighed:
             applies = applied.found(parts, units, right, wrong)
             if applies is None:
                 continue
-            culled = one.culled & applies[parts, units]
-            if (culled & self.told.lost).any():
+            here = applies[parts, units]
+            culled = one.culled & here
+            if self._tells(culled, here):
                 found.append(Tried(applied.restricted(one.hypothesis, applies), culled))
         return found
+
+    def _tells(self, culled: Bool, here: Bool) -> bool:
+        """Whether it tells what is lost from what is drawn among the units that it is about: what
+        says no more than that these get lost says nothing."""
+        lost, good = here & self.told.lost, here & self.told.good
+        right, wrong = (int(np.count_nonzero(culled & one)) for one in (lost, good))
+        every = int(np.count_nonzero(lost)), int(np.count_nonzero(good))
+        return right > 0 and odds(right, wrong, every[0], sum(every)) >= ODDS
 
     def _kinds(self) -> Int64:
         """(u,) of each unit the kind that its object is of, by its name."""
@@ -163,7 +173,11 @@ class Weighed:
         if not self.told.lost.any():
             return []
         count = self._every[0].views[0].sights.units.count
-        return [*fitted_volumes(self._every, count), *displaced(self._every, count)]
+        return [
+            *fitted_volumes(self._every, count),
+            *displaced(self._every, count),
+            *cut_off(self._every),
+        ]
 
     def _tried_now(self, hypothesis: Hypothesis) -> Tried | None:
         return self._tried(hypothesis, [one.kept(hypothesis) for one in self._every])
@@ -244,15 +258,17 @@ class Weighed:
         if not len(enough):
             return []
         wanted = (np.arange(len(among)) <= enough[0]) | (among >= NEARLY * among[0])
-        named = [ranked[i][1] for i in np.flatnonzero(wanted).tolist()]
+        named = np.flatnonzero(wanted).tolist()
+        first = ranked[named[0]][1]
         able = np.flatnonzero(likely[:-1] >= FAR_LESS * likely[0]).tolist()
-        others = [ranked[i][1] for i in able if i >= NAMED or not wanted[i]]
-        named += [one for one in others if self._alike(one, named[0])]
-        return [
-            one
-            for one in named[:NAMED]
-            if self._explains(one, open_) and self._no_chance(one, open_)
-        ]
+        others = [i for i in able if i >= NAMED or not wanted[i]]
+        named += [i for i in others if self._alike(ranked[i][1], first)]
+        left = [i for i in named[:NAMED] if self._may_be_named(ranked[i][1], open_)]
+        # Where the likeliest cannot be named, no less likely one stands in for it.
+        return [ranked[i][1] for i in left] if likely[left].sum() >= LIKELY else []
+
+    def _may_be_named(self, tried: Tried, open_: Bool) -> bool:
+        return self._explains(tried, open_) and self._no_chance(tried, open_)
 
     def _explains(self, tried: Tried, open_: Bool) -> bool:
         """Whether it explains more of what is open than it would have left out besides."""
