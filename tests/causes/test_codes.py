@@ -3,7 +3,13 @@ test."""
 
 from __future__ import annotations
 
-from tests.causes import test_answer_hypotheses, test_depth_hypotheses, test_view_hypotheses
+from tests.causes import (
+    test_answer_hypotheses,
+    test_depth_hypotheses,
+    test_held,
+    test_points_and_shapes,
+    test_view_hypotheses,
+)
 from tests.causes.families import FAMILIES
 from visref.causes.evidence import Answers
 from visref.causes.fitted import FITS
@@ -56,6 +62,8 @@ def test_every_hypothesis_is_tried_on_a_scene_of_its_own():
         *test_view_hypotheses.CLAIMS,
         *test_depth_hypotheses.CLAIMS,
         *test_answer_hypotheses.CLAIMS,
+        *test_held.CLAIMS,
+        *test_points_and_shapes.CLAIMS,
     ]
     tried = {
         (claim.cause, variant)

@@ -164,6 +164,8 @@ HELD: dict[str, dict[str, Tell]] = {
             f"{count} before, unchanged since, {how}": tell
             for count in (1, 2)
             for how, tell in answered(before_that(count)).items()
+            # It is the same since, and so not that of before.
+            if how != "repeated"
         },
         **{
             f"every {step}{', as late again' * again}, {how}": tell
