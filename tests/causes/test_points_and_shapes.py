@@ -186,8 +186,8 @@ COARSE = [
 
 
 def rounded_far_out():
-    """The view reaches from 100.3 to 132.3. Of 'first' the right end, 100.4, becomes 100 in all ways
-    but one; of 'last' the left one, 132.28, becomes 132.5 where halves are rounded to nearest."""
+    """The view reaches from 100.3 to 132.3. Of 'first' the right end, 100.4, becomes 100 in all
+    ways but one; of 'last' the left one, 132.28, becomes 132.5 with halves to the nearest."""
     pose = look_at((116.3, 0.0, 0.0), (116.3, 0.0, -1.0))
     view = replace(plain(), world_from_camera=pose)
     objects = [
