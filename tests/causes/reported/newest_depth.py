@@ -72,7 +72,7 @@ class RectangleMirroredAtTheMiddle(Sound):
         return super().passes(depth, above, below, nearest)
 
 
-@newest("overviewer/Minecraft-Overviewer #1920", "occluders too large", places.terraces)
+@newest("overviewer/Minecraft-Overviewer #1920", "slabs hide like cubes", places.terraces)
 class SlabsHideLikeCubes(Sound):
     """A cube is left out if the three cells towards the eye are filled, and a slab or stairs count
     as filling theirs."""

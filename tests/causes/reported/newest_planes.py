@@ -97,7 +97,7 @@ class CellsOfNoContents(Sound):
         return super().there() & ~empty
 
 
-@newest("effekseer/Effekseer #683", "front for back", places.harbour)
+@newest("effekseer/Effekseer #683", "front of flat things for back", places.harbour)
 class SidesSwappedWithReversedDepth(Sound):
     """Where depth is reversed, the side of effects that is culled is swapped too, and one-sided
     ones vanish for who looks at their front."""

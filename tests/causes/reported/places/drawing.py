@@ -13,7 +13,8 @@ from visref.conformance.building import box, panel
 
 @cache
 def drawing() -> Place:
-    """Flat strokes on three sheets, seen straight on and without perspective."""
+    """Flat strokes on three sheets, seen without perspective: straight on, or askew in some
+    frames."""
     rng = np.random.default_rng(167)
     objects: Objects = [("board", box((-14, -9, -0.3), (14, 9, 0)))]
     for n in range(170):
@@ -24,6 +25,7 @@ def drawing() -> Place:
         stroke = panel((x, x + wide), (y, y + high), 0.02 * (sheet + 1))
         objects.append((f"stroke {sheet}-{n}", stroke))
     t = np.linspace(0, 1, 24)
-    eyes = np.stack([-8 + 16 * t, 3.5 * np.sin(7 * t), np.full(24, 6.0)], axis=1)
+    eyes = np.stack([-8 + 16 * t, 3.5 * np.sin(7 * t), np.full(24, 12.0)], axis=1)
     ahead = np.tile([0.0, 0.0, -1.0], (24, 1))
-    return Place(scene_of(objects), CameraPath(views(eyes, ahead, ymag=2.6, near=0.5, far=40.0)))
+    ahead[3::4, 0], ahead[2::4, 1] = 0.25, 0.3
+    return Place(scene_of(objects), CameraPath(views(eyes, ahead, ymag=2.6, near=0.5, far=60.0)))

@@ -23,7 +23,7 @@ def terraces() -> Place:
     for i in range(WIDE):
         for k in range(WIDE):
             # It falls towards the eye.
-            tall = max(0, round(4.6 - 0.24 * (i + k) + rng.uniform(-0.9, 0.9)))
+            tall = max(0, round(4.3 - 0.24 * (i + k) + rng.uniform(-0.9, 0.9)))
             for up in range(tall):
                 objects.append((f"cube {i} {up} {k}", box((i, up, k), (i + 1, up + 1, k + 1))))
             kind = rng.uniform()
