@@ -157,4 +157,15 @@ FAMILIES: dict[str, frozenset[str]] = {
     # No other level stands in for it.
     "level never drawn": _told("never-drawn"),
     "parent by its children's boxes": _told("bounds-too-small"),
+    # A level of the pyramid that has no texels reads as the nearest depth.
+    "level without texels": _told(""),
+    # Rays stop at both.
+    "glass and masks solid": _told("glass-solid masks-solid"),
+    "narrow openings left out": _told("gap-too-narrow"),
+    # What is left out is found from what stands next to it, whatever the view.
+    "slabs hide like cubes": _told("occluders-too-large never-drawn"),
+    # A flat one-sided sheet is seen from its front alone.
+    "front of flat things for back": _told("back-faces never-drawn"),
+    # The near plane is moved out to what lies nearest, and what touches it then counts as outside.
+    "planes fitted to what is there": _told("near-larger on-the-plane"),
 }

@@ -5,6 +5,8 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
 from tests.causes.reported.places.basins import basins
 from tests.causes.reported.places.bridges import bridges
+from tests.causes.reported.places.castle import castle, castle_room_of, openings
+from tests.causes.reported.places.drawing import drawing
 from tests.causes.reported.places.fairground import fairground
 from tests.causes.reported.places.fleet import fleet
 from tests.causes.reported.places.ground import globe, height, hills
@@ -20,6 +22,7 @@ from tests.causes.reported.places.space import space
 from tests.causes.reported.places.stadium import stadium
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
 from tests.causes.reported.places.terminal import terminal
+from tests.causes.reported.places.terraces import terraces
 from tests.causes.reported.places.village import (
     far_village,
     village,
@@ -35,8 +38,11 @@ __all__ = [
     "avenue",
     "basins",
     "bridges",
+    "castle",
+    "castle_room_of",
     "cellars",
     "doorways",
+    "drawing",
     "fairground",
     "far_village",
     "fleet",
@@ -53,6 +59,7 @@ __all__ = [
     "library",
     "mansion",
     "moving_groves",
+    "openings",
     "orchard",
     "passages",
     "plaza",
@@ -65,6 +72,7 @@ __all__ = [
     "stadium",
     "strewn",
     "terminal",
+    "terraces",
     "village",
     "village_from_above",
     "village_twice",
