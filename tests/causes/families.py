@@ -157,4 +157,16 @@ FAMILIES: dict[str, frozenset[str]] = {
     # No other level stands in for it.
     "level never drawn": _told("never-drawn"),
     "parent by its children's boxes": _told("bounds-too-small"),
+    # The eye stands and looks the same way: only the lens is another since.
+    "answer kept while the lens changes": _told(
+        "other-lens one-frame-late two-frames-late n-frames-late"
+    ),
+    "answer from before it was replaced": _told("n-frames-late"),
+    "list made too early": _told("nothing-drawn"),
+    "box carried along with its parent": _told("bounds-too-small"),
+    # Compared with far are the box's centre and its straight distance.
+    "centre's distance against far": _told("centre-only euclidean-depth far-nearer"),
+    # Nothing is looked for once the box of the tree's root is out of the view, and that box does
+    # not hold what lies beyond it.
+    "root of the tree too small": _told("nothing-drawn bounds-too-small"),
 }

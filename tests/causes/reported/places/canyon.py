@@ -17,7 +17,7 @@ from tests.causes.reported.places.making import (
     views,
 )
 from visref.camera_path import CameraPath, Frame
-from visref.conformance.building import box, together
+from visref.conformance.building import together
 from visref.rig import Rig
 from visref.scene import Group
 

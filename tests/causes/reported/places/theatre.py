@@ -19,6 +19,8 @@ from visref.camera_path import CameraPath, Frame
 from visref.conformance.building import box, together
 
 ACTS, LONG = 6, 5
+# Since which frame.
+TAKEN_OUT = ((4, "seat 1-3"), (12, "seat 0-9"), (20, "seat 2-6"))
 
 
 def _house(rng) -> Objects:
@@ -49,9 +51,10 @@ def _house(rng) -> Objects:
 
 
 @cache
-def theatre(*, zooming: bool = False) -> Place:
+def theatre(*, zooming: bool = False, cleared: bool = False) -> Place:
     """The set of each act stands for some frames, and one strolls in the aisle. `zooming`: one
-    stands, looks about, and zooms out before each turn of the head."""
+    stands, looks about, and zooms out before each turn of the head. `cleared`: the set of the first act
+    stays, and a few seats are taken out."""
     rng = np.random.default_rng(83)
     objects = _house(rng)
     act_of = {}
@@ -82,6 +85,9 @@ def theatre(*, zooming: bool = False) -> Place:
         cameras = views(eyes, heading(turn, -0.06))
     frames = []
     for at, one in enumerate(cameras):
-        absent = [name for name, act in act_of.items() if act != at // LONG]
+        shown = 0 if cleared else at // LONG
+        absent = [name for name, act in act_of.items() if act != shown]
+        if cleared:
+            absent += [name for since, name in TAKEN_OUT if at >= since]
         frames.append(Frame((one,), absent=tuple(absent)))
     return Place(scene_of(objects), CameraPath(frames))
