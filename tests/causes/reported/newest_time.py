@@ -78,23 +78,21 @@ class SmokeBoxCarriedByTheEngine(Sound):
     """The box of smoke, which stays in the world, is found anew every few frames, and between them
     it moves along with the engine."""
 
-    EVERY = 4
+    EVERY = 6
     number = -1
 
     def kept(self, camera):
         self.number += 1
-        now = np.array(self.scene.object_bounds)
         if self.number % self.EVERY == 0:
-            self.found = now
+            self.found = np.array(self.scene.object_bounds)
         return super().kept(camera)
 
     def boxes(self):
         boxes = np.array(self.scene.object_bounds)
-        for n in range(len(self.scene.names)):
-            if self.scene.names[n].startswith("puff"):
-                train = self.scene.names[n].split(" ")[1].split("-")[0]
-                engine = self.scene.id_of_name[f"engine {train}"]
-                boxes[n] = self.found[n] + (boxes[engine] - self.found[engine]).mean(axis=0)
+        for at in np.flatnonzero(named(self.scene, "puff")):
+            train = self.scene.names[at].split(" ")[1].split("-")[0]
+            engine = self.scene.id_of_name[f"engine {train}"]
+            boxes[at] = self.found[at] + (boxes[engine] - self.found[engine]).mean(axis=0)
         return boxes
 
 
@@ -162,7 +160,7 @@ class MoreQueriesThanTheyAre(Sound):
     """The nearest things are drawn without a query, so many others are asked about, and what is
     farther away than those is not drawn."""
 
-    NEAREST, QUERIES = 12, 60
+    NEAREST, QUERIES = 12, 30
 
     def shows(self, camera, some, boxes):
         result = super().shows(camera, some, boxes)

@@ -12,7 +12,6 @@ from tests.causes.reported.recent_time import named
 from tests.causes.reported.sound import (
     InView,
     Sound,
-    depths,
     newest,
     sphere_in_view,
     spheres,
@@ -26,7 +25,7 @@ class SphereOfTheLastThatSharesTheMesh(InView):
     """The sphere of a patch is stored with the mesh of its plants, and patches that share a mesh
     all have the sphere of the last of them."""
 
-    MESHES = 5
+    MESHES = 4
 
     def in_view(self, camera, some, boxes):
         result = super().in_view(camera, some, boxes)
@@ -93,22 +92,18 @@ class FrustumOfTheLastViewport(InView):
 # Frusta, and far-away worlds.
 
 
-@newest("ZeaInc/zea-engine #408", "box or sphere too small", places.canyon)
-class AngleOfALargeSphere(InView):
-    """The angle that a sphere takes up is the arc tangent of its radius over its distance, and not
-    the arc sine: too little for what is large and near."""
+@newest("IvanPopov/akra-engine-core #43", "box or sphere too small", places.hills)
+class NodeOfAnOctreeForAPowerOfTwo(InView):
+    """What is as wide as a power of two is put in an octree's node that does not hold it, and is
+    tested by the box of that node."""
 
-    def in_view(self, camera, some, boxes):
-        centre, radius = spheres(boxes)
-        ahead = depths(camera, centre[:, None])[:, 0]
-        result = (ahead >= camera.near - radius) & (ahead <= camera.far + radius)
-        up = float(np.tan(camera.yfov / 2))
-        for axis, tangent in ((0, up * camera.width / camera.height), (1, up)):
-            aside = (centre - camera.eye) @ camera.world_from_camera[:3, axis]
-            away = np.hypot(aside, ahead)
-            turned = np.abs(np.arctan2(aside, ahead)) - np.arctan(radius / away)
-            result &= (turned <= np.arctan(tangent)) | (away <= radius)
-        return result
+    def boxes(self):
+        boxes = np.array(self.scene.object_bounds)
+        side = np.ptp(boxes, axis=1).max(axis=1)
+        for at in np.flatnonzero(np.exp2(np.rint(np.log2(side))) == side):
+            low = np.floor(boxes[at, 0] / side[at]) * side[at]
+            boxes[at] = low, low + side[at]
+        return boxes
 
 
 @newest(

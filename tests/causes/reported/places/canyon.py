@@ -1,4 +1,4 @@
-"""A canyon, with boulders and pines of several levels of detail."""
+"""A canyon, with needles of rock and pines of several levels of detail."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from visref.scene import Group
 
 # The levels of the pines end at so many metres.
 PINE_ENDS = (11.0, 24.0)
-PINES, TILE = 30, 8.0
+PINES, TILE = 36, 8.0
 
 
 def _rock(x, z):
@@ -46,12 +46,12 @@ def _tiles() -> Objects:
 
 @cache
 def canyon(**lens) -> Place:
-    """One goes into it and backs out, twice, while looking about."""
+    """One goes into it and backs out, three times, while looking about."""
     rng = np.random.default_rng(205)
     objects = _tiles()
     groups, centres = [], []
     for n in range(PINES):
-        z = 6.0 - 3.0 * n
+        z = 6.0 - 2.4 * n
         x = 5 * np.sin(z / 14) + rng.uniform(2.0, 6.5) * (-1, 1)[n % 2]
         tall, levels = rng.uniform(2.5, 4.5), []
         for level, sides in enumerate((8, 5, 3)):
@@ -67,6 +67,11 @@ def canyon(**lens) -> Place:
         x = 5 * np.sin(z / 14) + rng.uniform(1.8, 6.5) * rng.choice((-1, 1))
         rock = prism(int(rng.integers(4, 8)), rng.uniform(0.3, 1.3), rng.uniform(0.4, 2.2))
         objects.append((f"boulder {n}", put(rock, (x, float(_rock(x, z)) - 0.2, z))))
+    for n in range(16):
+        z = 1.0 - 5.0 * n
+        x = 5 * np.sin(z / 14) + rng.uniform(2.5, 5.0) * (-1, 1)[n // 2 % 2]
+        needle = prism(7, rng.uniform(1.1, 1.8), rng.uniform(7.0, 10.0))
+        objects.append((f"needle {n}", put(needle, (x, float(_rock(x, z)) - 0.5, z))))
     scene = scene_of(objects)
     positions = [points.astype(np.float32) for _, (points, _) in objects]
     starts = np.cumsum([0, *map(len, positions)])
@@ -77,8 +82,8 @@ def canyon(**lens) -> Place:
             coarse[list(level)] = True
     rig = Rig(positions, np.arange(len(objects)), worlds, starts, triangles=scene.triangles)
     scene = replace(scene, groups=tuple(groups), rig=rig, absent=coarse)
-    t = np.linspace(0, 1, 36)
-    z = 8 - 27 * (1 - np.cos(4 * np.pi * t))
+    t = np.linspace(0, 1, 40)
+    z = 8 - 26 * (1 - np.cos(6 * np.pi * t))
     x = 5 * np.sin(z / 14) + 1.2 * np.sin(19 * t)
     eyes = np.stack([x, _rock(x, z) + 1.7, z], axis=1)
     frames = []

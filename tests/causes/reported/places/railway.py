@@ -26,7 +26,7 @@ TRACKS = (
     ((2.0, -38.0), 16.0, 0.08),
     ((-6.0, -46.0), 30.0, -0.06),
 )
-WAGONS, PUFFS, BIRDS = 5, 7, 45
+WAGONS, PUFFS, BIRDS = 5, 7, 60
 
 
 @cache
@@ -55,9 +55,9 @@ def railway() -> Place:
         objects.append((f"signal {n}", put(prism(5, 0.12, rng.uniform(3, 5)), at)))
     flights = []
     for n in range(BIRDS):
-        at = np.array([rng.uniform(-26, 26), rng.uniform(1.5, 6.0), rng.uniform(-45, 6)])
-        objects.append((f"bird {n}", put(box((-0.35, -0.1, -0.25), (0.35, 0.1, 0.25)), at)))
-        flights.append((f"bird {n}", at, rng.uniform(-1, 1, 3) * (0.9, 0.05, 0.6)))
+        at = np.array([rng.uniform(-16, 16), rng.uniform(1.5, 5.0), rng.uniform(-28, 8)])
+        objects.append((f"bird {n}", put(box((-0.45, -0.12, -0.3), (0.45, 0.12, 0.3)), at)))
+        flights.append((f"bird {n}", at, rng.uniform(-1, 1, 3) * (0.7, 0.03, 0.4)))
     t = np.linspace(0, 1, 32)
     eyes = np.stack([-8 + 18 * t, np.full(32, 2.2), 14 - 20 * t], axis=1)
     cameras = views(eyes, heading(0.85 * np.sin(9 * t), 0.08 * np.cos(8 * t)))
@@ -73,7 +73,7 @@ def railway() -> Place:
                 left = about((x, 0.0, z), pace * (k - since), axis=1)
                 poses[f"puff {n}-{p}"] = moved(y=0.35 * since) @ left
         for name, at, pace in flights:
-            wide = np.diag([2.6 + 1.6 * np.sin(0.8 * k + at[0]), 1.0, 1.0, 1.0])
+            wide = np.diag([3.6 + 2.2 * np.sin(0.8 * k + at[0]), 1.0, 1.0, 1.0])
             poses[name] = moved(*(k * pace)) @ moved(*at) @ wide @ moved(*-at)
         frames.append(Frame((one,), world_from_object=poses))
     return Place(scene_of(objects), CameraPath(frames))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -23,7 +24,7 @@ ACTS, LONG = 6, 5
 TAKEN_OUT = ((4, "seat 1-3"), (12, "seat 0-9"), (20, "seat 2-6"))
 
 
-def _house(rng) -> Objects:
+def _house(rng: np.random.Generator) -> Objects:
     objects: Objects = [
         ("floor", box((-12, -0.4, -2), (12, 0, 22))),
         ("stage", box((-12, -0.4, -14), (12, 1.0, -2))),
@@ -53,8 +54,8 @@ def _house(rng) -> Objects:
 @cache
 def theatre(*, zooming: bool = False, cleared: bool = False) -> Place:
     """The set of each act stands for some frames, and one strolls in the aisle. `zooming`: one
-    stands, looks about, and zooms out before each turn of the head. `cleared`: the set of the first act
-    stays, and a few seats are taken out."""
+    stands, looks about, and zooms out before each turn of the head. `cleared`: the set of the first
+    act stays, and a few seats are taken out."""
     rng = np.random.default_rng(83)
     objects = _house(rng)
     act_of = {}
@@ -71,16 +72,12 @@ def theatre(*, zooming: bool = False, cleared: bool = False) -> Place:
         turn = 0.75 * np.sin(1.9 * spell + 0.4)
         eyes = np.stack([0.1 * np.cos(spell), np.full(count, 2.9), 16.5 - 1.4 * spell], axis=1)
         cameras = [
-            *(
-                views(
-                    eyes[i : i + 1], heading(turn[i : i + 1], -0.12), yfov=0.4 + 0.17 * (i % LONG)
-                )[0]
-                for i in k
-            )
+            replace(one, yfov=0.4 + 0.17 * (at % LONG))
+            for at, one in enumerate(views(eyes, heading(turn, -0.12)))
         ]
     else:
-        # Between some of the acts one turns fast.
-        turn = 0.45 * np.sin(0.5 * k) + np.where((k // LONG) % 3 == 1, 0.7, 0.0)
+        # Before and after one of the acts one turns fast.
+        turn = 0.45 * np.sin(0.5 * k) + np.where(k // LONG == 2, 0.7, 0.0)
         eyes = np.stack([0.1 * np.sin(k), np.full(count, 2.2), 14.0 - 0.3 * k], axis=1)
         cameras = views(eyes, heading(turn, -0.06))
     frames = []
