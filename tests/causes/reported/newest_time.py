@@ -1,4 +1,4 @@
-"""The newest lot: reports of late answers, lists, levels, views and what moves."""
+"""The newest lot: reports of late answers, of what moves, comes and goes, and of lists."""
 
 from __future__ import annotations
 

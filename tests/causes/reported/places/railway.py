@@ -21,12 +21,12 @@ from visref.conformance.moving import about, moved
 
 # Of each track: where its circle has its middle and its radius, and by how much a train turns.
 TRACKS = (
-    ((-34.0, -22.0), 34.0, 0.05),
-    ((30.0, -30.0), 31.0, -0.045),
-    ((2.0, -38.0), 16.0, 0.08),
-    ((-6.0, -46.0), 30.0, -0.06),
+    ((-34.0, -22.0), 34.0, 0.07),
+    ((30.0, -30.0), 31.0, -0.065),
+    ((2.0, -38.0), 16.0, 0.11),
+    ((-6.0, -46.0), 30.0, -0.08),
 )
-WAGONS, PUFFS, BIRDS = 5, 7, 60
+WAGONS, PUFFS, BIRDS = 5, 10, 60
 
 
 @cache
@@ -71,7 +71,7 @@ def railway() -> Place:
                 # Each is left anew after so many frames.
                 since = (k + p) % PUFFS
                 left = about((x, 0.0, z), pace * (k - since), axis=1)
-                poses[f"puff {n}-{p}"] = moved(y=0.35 * since) @ left
+                poses[f"puff {n}-{p}"] = moved(y=0.2 * since) @ left
         for name, at, pace in flights:
             wide = np.diag([3.6 + 2.2 * np.sin(0.8 * k + at[0]), 1.0, 1.0, 1.0])
             poses[name] = moved(*(k * pace)) @ moved(*at) @ wide @ moved(*-at)
