@@ -168,4 +168,16 @@ FAMILIES: dict[str, frozenset[str]] = {
     "front of flat things for back": _told("back-faces never-drawn"),
     # The near plane is moved out to what lies nearest, and what touches it then counts as outside.
     "planes fitted to what is there": _told("near-larger on-the-plane"),
+    # The eye stands and looks the same way: only the lens is another since.
+    "answer kept while the lens changes": _told(
+        "other-lens one-frame-late two-frames-late n-frames-late"
+    ),
+    "answer from before it was replaced": _told("n-frames-late"),
+    "list made too early": _told("nothing-drawn"),
+    "box carried along with its parent": _told("bounds-too-small"),
+    # Compared with far are the box's centre and its straight distance.
+    "centre's distance against far": _told("centre-only euclidean-depth far-nearer"),
+    # Nothing is looked for once the box of the tree's root is out of the view, and that box does
+    # not hold what lies beyond it.
+    "root of the tree too small": _told("nothing-drawn bounds-too-small"),
 }

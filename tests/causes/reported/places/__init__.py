@@ -5,6 +5,7 @@ with a way through it that walks and turns. Each is made once, whoever asks for 
 from tests.causes.reported.places.avenue import LEVEL_ENDS, avenue, level_of
 from tests.causes.reported.places.basins import basins
 from tests.causes.reported.places.bridges import bridges
+from tests.causes.reported.places.canyon import PINE_ENDS, canyon
 from tests.causes.reported.places.castle import castle, castle_room_of, openings
 from tests.causes.reported.places.drawing import drawing
 from tests.causes.reported.places.fairground import fairground
@@ -18,11 +19,13 @@ from tests.causes.reported.places.materials import forest, glasshouse, lake
 from tests.causes.reported.places.moving import passages, plaza, reed_bed
 from tests.causes.reported.places.outdoors import cellars, orchard, pond, sheds
 from tests.causes.reported.places.quarry import FACE, quarry
+from tests.causes.reported.places.railway import railway
 from tests.causes.reported.places.space import space
 from tests.causes.reported.places.stadium import stadium
 from tests.causes.reported.places.strewn import groves, moving_groves, strewn
 from tests.causes.reported.places.terminal import terminal
 from tests.causes.reported.places.terraces import terraces
+from tests.causes.reported.places.theatre import theatre
 from tests.causes.reported.places.village import (
     far_village,
     village,
@@ -34,10 +37,12 @@ from tests.causes.reported.places.village import (
 __all__ = [
     "FACE",
     "LEVEL_ENDS",
+    "PINE_ENDS",
     "Place",
     "avenue",
     "basins",
     "bridges",
+    "canyon",
     "castle",
     "castle_room_of",
     "cellars",
@@ -65,6 +70,7 @@ __all__ = [
     "plaza",
     "pond",
     "quarry",
+    "railway",
     "reed_bed",
     "room_of",
     "sheds",
@@ -73,6 +79,7 @@ __all__ = [
     "strewn",
     "terminal",
     "terraces",
+    "theatre",
     "village",
     "village_from_above",
     "village_twice",
