@@ -35,7 +35,7 @@ from visref.timeline import Timeline
 
 # Objects of one fault beyond so many count no more.
 MOST_OBJECTS = 40
-STEPS, RATE, SLOWER, CHARGE = 150, 0.3, 0.97, 0.01
+STEPS, RATE, SLOWER, CHARGE = 60, 0.3, 0.97, 0.03
 # Lots of faults that people reported.
 REPORTED = frozenset({"reported", "spare", "later", "recent", "newest"})
 

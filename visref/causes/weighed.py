@@ -34,7 +34,7 @@ MOST = 5
 # So many causes are named that may explain a miss, at most: the likeliest, as far as together they
 # are so likely, and others that are as likely as this share of the first. Where even so many are
 # not so likely together, none is named.
-NAMED, LIKELY, NEARLY = 3, 0.5, 0.15
+NAMED, LIKELY, NEARLY = 3, 0.45, 0.15
 # Others that leave out the same of what shows, but for so much, cannot be told from the first by
 # it: they are named too, unless they are less likely by far, by this share of it.
 ALIKE, FAR_LESS = 0.9, 0.006
