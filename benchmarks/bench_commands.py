@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.measuring import Job, Skipped, Spent, Turns, command
-from benchmarks.scenes import Sizes, write_blocks, write_wall
+from benchmarks.scenes import NINE, Sizes, one_of_nine, write_blocks, write_wall
+from visref.camera_path import CameraPath
 
 GENERATED = "city:scale=0.3"
 
@@ -138,6 +140,48 @@ def test_clean_check(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -> N
                     )
                 }
             )
+
+
+# Generated scenes that hold nothing but what is opaque.
+OPAQUE = tuple(name for name in NINE if name not in {"town", "leaves", "seismic"})
+FEW, MANY = 3, 33
+
+
+def test_truth_by_version(programs, scene, tmp_path, turns: Turns, sizes: Sizes, quick) -> None:
+    if len(programs) < 2:
+        pytest.skip("no other version is named")
+    inputs: dict[str, tuple[object, list[object]]] = {}
+    for name in OPAQUE[:1] if quick else OPAQUE:
+        cameras = one_of_nine(name, sizes.image, small=quick)[1] * (MANY // FEW)
+        path = tmp_path / f"{name}.path.json"
+        path.write_text(json.dumps(CameraPath(cameras).to_json()), encoding="utf-8")
+        inputs[name] = f"{name}:scale=0.01" if quick and name == "city" else name, ["--path", path]
+    if scene[1]:
+        inputs[_called(scene[0])] = scene
+    jobs: dict[str, Job | Skipped] = {}
+    for name, (what, words) in inputs.items():
+        for title, program in programs.items():
+            for end in (MANY, FEW):
+                words_of = ("truth", what, *words, "--frames", f"0:{end}")
+                jobs[f"{title}{name}, {end} frames"] = lambda p=program, w=words_of: command(
+                    p.file, *w, "--out", tmp_path / "truth.parquet"
+                )
+    spent = turns.run("truth", "camera to truth file", jobs, rounds=2, warm=False)
+    ratios = []
+    for name in inputs:
+        ms = {
+            title: per_frame(
+                spent,
+                f"{title}{name}, {MANY} frames",
+                f"{title}{name}, {FEW} frames",
+                MANY - FEW + 1,
+            )
+            for title in programs
+        }
+        turns.say(**{f"{title}{name}: ms per frame": one for title, one in ms.items()})
+        ratios.append(ms["before: "] / max(ms[""], 1e-9))
+        turns.say(**{f"{name}: times as fast": ratios[-1]})
+    turns.say(**{"median of times as fast": float(np.median(ratios))})
 
 
 def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) -> None:

@@ -14,6 +14,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 KINDS = {
     "cast": "From a camera to samples per object",
     "run": "Judging cullers, by workers",
+    "truth": "Truth files, by version",
     "check": "A clean check",
     "judging": "Judging many triangles",
     "misses": "Frames in which very much is missed",
@@ -30,6 +31,11 @@ NOTES = {
         " far, no masks and no glass, and of surfaces in the same place name any: in `leaves` they"
         " take each card for solid, and so do less; in `seismic` there is glass; in `soda_hall` a"
         " floor and a ceiling coincide."
+    ),
+    "truth": (
+        "`visref truth` at 1280 × 960, three views of each scene by turns: processor time a frame"
+        " beyond start-up, on all cores. Of masked and blended scenes the version before listed"
+        " other things, and is not compared."
     ),
     "check": "`ms per frame` is processor time, on all cores.",
     "misses": (
