@@ -38,15 +38,18 @@ from visref.visibility import FrameTruth, ObjectVisibility
 # A worker makes its own engine and meets the scene with its own cullers: with fewer frames that is
 # most of what it does.
 LEAST_FRAMES = 8
+# What is recorded costs nothing to ask: one worker casts the truth on all cores, and another wins
+# a sixth of a frame's time, which pays for its start with so many frames.
+LEAST_RECORDED = 256
 # What a worker holds beside the scene, which all share: libraries and their threads, and for each
 # triangle the engine's hierarchy and float32 corners, and buffers of the cullers.
 WORKER_BYTES = 256 << 20
 WORKER_TRIANGLE_BYTES = 2 * TRIANGLE_BYTES
 
 
-def default_workers(inputs: Inputs, *, sharing: bool = True) -> int:
+def default_workers(inputs: Inputs, *, sharing: bool = True, recorded: bool = False) -> int:
     """How many workers a run is worth: a core each, where memory allows. `sharing`: they share the
-    scene with this process, as its copies do."""
+    scene with this process, as its copies do; `recorded`: all cullers are recordings."""
     if sharing and not hasattr(os, "fork"):
         return 1
     samples = max(
@@ -59,7 +62,8 @@ def default_workers(inputs: Inputs, *, sharing: bool = True) -> int:
     if not sharing:
         each += inputs.scene.triangle_count * TRIANGLE_BYTES
     by_memory = default_budget() // each
-    return max(1, min(available_threads(), len(inputs.frames) // LEAST_FRAMES, by_memory))
+    least = LEAST_RECORDED if recorded and sharing else LEAST_FRAMES
+    return max(1, min(available_threads(), len(inputs.frames) // least, by_memory))
 
 
 @dataclass(frozen=True, eq=False)

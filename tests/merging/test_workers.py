@@ -132,6 +132,18 @@ def test_a_run_of_few_frames_is_worth_one_worker():
     assert default_workers(switched()) == 1
 
 
+def test_a_recording_is_worth_more_workers_with_many_frames_only(monkeypatch):
+    from dataclasses import replace
+
+    monkeypatch.setattr("visref.workers.available_threads", lambda: 2)
+    path = switched(64).path
+    for frames, workers in ((64, 1), (511, 1), (512, 2)):
+        inputs = replace(switched(), path=path, frames=range(frames))
+        monkeypatch.setattr(type(path), "views", lambda *_: path.frames[0].cameras)
+        assert default_workers(inputs, recorded=True) == workers
+        assert default_workers(inputs) == 2
+
+
 def test_there_are_no_more_workers_than_cores_and_memory_allow(monkeypatch):
     from dataclasses import replace
 

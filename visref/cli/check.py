@@ -103,6 +103,7 @@ def run(given: argparse.Namespace) -> Exit:
         anew,
         policy=policy,
         if_misaligned=Misaligned(given.if_misaligned),
+        recorded=True,
         command=facts_of(
             given,
             inputs,

@@ -51,18 +51,19 @@ def judge(
     repeat: int = 1,
     if_misaligned: Misaligned = Misaligned.KEEP,
     alone: str = "",
+    recorded: bool = False,
     command: Mapping[str, str],
     opening: Opening,
     packages: Sequence[str] = (),
 ) -> RunOutcome:
     """Judge by the judging arguments, print the verdict and the papers' numbers beside ours. `anew`
-    makes the cullers; `alone`: why one worker must judge them, empty where it need not. `command`:
-    what determines the result, by name. `opening` reads the inputs again, in a worker of a cluster,
-    which must have the same code of `packages`."""
+    makes the cullers; `alone`: why one worker must judge them, empty where it need not; `recorded`:
+    all of them are recordings. `command`: what determines the result, by name. `opening` reads the
+    inputs again, in a worker of a cluster, which must have the same code of `packages`."""
     shard = shard_of(given)
     alone = alone or ("--shard" if shard is not None else "")
     _check_dask(given, alone)
-    workers = _workers(given, inputs, alone)
+    workers = _workers(given, inputs, alone, recorded)
     judged = inputs.frames if shard is None else shard.of(inputs.frames)
     options: dict[str, Any] = {
         "truth": given.truth,
@@ -157,11 +158,11 @@ def _say_kept(given: argparse.Namespace, going: Going) -> None:
             ERRORS.line(said)
 
 
-def _workers(given: argparse.Namespace, inputs: Inputs, alone: str) -> int:
+def _workers(given: argparse.Namespace, inputs: Inputs, alone: str, recorded: bool) -> int:
     """How many workers judge."""
     asked: int | None = given.workers
     if asked is None:
-        return 1 if alone else default_workers(inputs)
+        return 1 if alone else default_workers(inputs, recorded=recorded)
     if asked < 1 or (asked > 1 and alone):
         problem = f"--workers is {asked}" + (f", with {alone}" if alone and asked > 1 else "")
         raise InputError(problem, fix="give 1" if alone else "give 1 or more")
