@@ -21,12 +21,21 @@ def test_kinds_are_told_by_names_up_to_a_digit():
 
 
 def applied(kinds, right, wrong):
-    """From lists of (part, unit); a frame per part."""
-    made = Applied.over(range(PARTS), np.array(kinds))
+    """By part and unit, from lists of (part, unit); a frame per part."""
     every = [(part, unit, True) for part, unit in right]
     every += [(part, unit, False) for part, unit in wrong]
+    # Each part is looked at, though nothing is said there.
     parts, units, flags = (np.array(one) for one in zip(*every, strict=True))
-    return made.found(parts, units, flags, ~flags)
+    looked = np.concatenate([parts, np.arange(PARTS)]), np.concatenate([units, [0] * PARTS])
+    none = np.zeros(PARTS, np.bool_)
+    made = Applied(*looked, np.array(kinds))
+    where = made.found(np.concatenate([flags, none]), np.concatenate([~flags, none]))
+    if where is None:
+        return None
+    known = np.unique(looked[1])
+    result = where.kinds[:, np.array(kinds)]
+    result[:, known] = where.units
+    return result
 
 
 def test_applies_where_it_was_right_in_other_parts():

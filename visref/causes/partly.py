@@ -10,13 +10,13 @@ fit by chance.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.causes.sights import At, Hypothesis
-from visref.scene import Float64, Int64, Scene
+from visref.scene import Int64, Scene
 
 Bool = NDArray[np.bool_]
 
@@ -33,52 +33,69 @@ def kinds_of(scene: Scene) -> Int64:
     return np.array([number[stem] for stem in stems], np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class Where:
+    """Where a hypothesis applies: (PARTS + 1, u) bool by part of the run and unit that was looked
+    at, the last row for other frames; (PARTS + 1, kinds) bool, what holds of other units of a kind.
+    """
+
+    units: Bool
+    kinds: Bool
+
+
 class Applied:
-    """Where a hypothesis applies, by part of the run and unit."""
+    """Finds where hypotheses apply."""
 
-    def __init__(self, part_of: dict[int, int], kinds: Int64) -> None:
-        """`part_of`: by frame; `kinds`: (u,) what kind each unit is of."""
-        self._part_of, self._kinds = part_of, kinds
+    def __init__(self, frames: Int64, units: Int64, kinds: Int64) -> None:
+        """What was looked at: (k,) frames and units; `kinds`: (n,) of each unit that there is, what
+        kind it is of."""
+        every = np.unique(frames).tolist()
+        self._part_of = {frame: i * PARTS // len(every) for i, frame in enumerate(every)}
+        self._parts = np.array([self._part_of[frame] for frame in frames.tolist()], np.int64)
+        self._known, self._place = np.unique(units, return_inverse=True)
+        self._kinds = kinds
 
-    @classmethod
-    def over(cls, frames: Sequence[int], kinds: Int64) -> Applied:
-        every = sorted(set(frames))
-        return cls({frame: i * PARTS // len(every) for i, frame in enumerate(every)}, kinds)
+    def here(self, where: Where) -> Bool:
+        """(k,) whether it applies to what was looked at."""
+        found: Bool = where.units[self._parts, self._place]
+        return found
 
-    def parts(self, frames: Int64) -> Int64:
-        """(k,) the part of each frame, the last row for one of none."""
-        return np.array([self._part_of.get(frame, PARTS) for frame in frames.tolist()], np.int64)
-
-    def found(self, parts: Int64, units: Int64, right: Bool, wrong: Bool) -> Bool | None:
-        """(PARTS + 1, u) bool, from (k,) what the hypothesis would leave out: rightly, as it was
-        lost, or wrongly. None if it applies to all or to none."""
-        count = len(self._kinds)
-        net = np.zeros((PARTS, count))
-        np.add.at(net, (parts, units), right.astype(float) - wrong.astype(float))
-        if not net.any():
-            return None
-        others: Float64 = np.concatenate([net.sum(axis=0) - net, net.sum(axis=0)[None]])
-        told = np.zeros((PARTS, count))
-        np.add.at(told, (parts, units), (right | wrong).astype(float))
-        others_told = np.concatenate([told.sum(axis=0) - told, told.sum(axis=0)[None]])
-        applies = np.zeros((PARTS + 1, count), np.bool_)
-        kinds = int(self._kinds.max(initial=0)) + 1
+    def found(self, right: Bool, wrong: Bool) -> Where | None:
+        """From (k,) flags of what the hypothesis would leave out: rightly, as it was lost, or
+        wrongly. None if it applies to all of these units or to none."""
+        shape = PARTS, len(self._known)
+        net, told = np.zeros(shape), np.zeros(shape)
+        np.add.at(net, (self._parts, self._place), right.astype(float) - wrong.astype(float))
+        np.add.at(told, (self._parts, self._place), (right | wrong).astype(float))
+        kinds, of = int(self._kinds.max(initial=0)) + 1, self._kinds[self._known]
+        # Of each part what the others tell, and of other frames what all do.
+        net_of, told_of = (
+            np.concatenate([one.sum(axis=0) - one, one.sum(axis=0)[None]]) for one in (net, told)
+        )
+        mean = np.zeros((PARTS + 1, kinds))
         for part in range(PARTS + 1):
-            of_kind = np.bincount(self._kinds, others[part], minlength=kinds)
-            asked = np.bincount(self._kinds, others_told[part], minlength=kinds)
-            mean = np.divide(of_kind, asked, out=np.zeros(kinds), where=asked > 0)
-            applies[part] = others[part] + COMMON * mean[self._kinds] > 0
+            asked = np.bincount(of, told_of[part], minlength=kinds)
+            total = np.bincount(of, net_of[part], minlength=kinds)
+            np.divide(total, asked, out=mean[part], where=asked > 0)
+        units = net_of + COMMON * mean[:, of] > 0
         touched = told.any(axis=0)
-        if applies[:, touched].all() or not applies.any():
+        if units[:, touched].all() or not units.any():
             return None
-        return applies
+        return Where(units, mean > 0)
 
-    def restricted(self, hypothesis: Hypothesis, applies: Bool) -> Hypothesis:
+    def restricted(self, hypothesis: Hypothesis, where: Where) -> Hypothesis:
+        """The hypothesis, where it applies."""
+
         def tell(at: At) -> Bool | None:
             kept = hypothesis.tell(at)
             if kept is None:
                 return None
-            found: Bool = kept | ~applies[self._part_of.get(at.frame, PARTS), at.ids]
+            part = self._part_of.get(at.frame, PARTS)
+            place = np.minimum(np.searchsorted(self._known, at.ids), len(self._known) - 1)
+            here = where.kinds[part, self._kinds[at.ids]]
+            known = self._known[place] == at.ids
+            here[known] = where.units[part, place[known]]
+            found: Bool = kept | ~here
             return found
 
         return hypothesis.of_some(tell)

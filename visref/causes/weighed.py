@@ -116,29 +116,21 @@ class Weighed:
         """Those that are wrong about some units, about the others only."""
         if not self.told.lost.any():
             return []
-        frames, units = (
-            np.concatenate([of(one) for one in self._every])
-            for of in (
-                lambda one: np.full(len(one.ids), one.answer.frame),
-                lambda one: one.ids.astype(np.int64),
-            )
-        )
-        applied = Applied.over(frames.tolist(), self._kinds())
-        parts = applied.parts(frames)
+        frames = np.concatenate([np.full(len(one.ids), one.answer.frame) for one in self._every])
+        units = np.concatenate([one.ids for one in self._every]).astype(np.int64)
+        applied = Applied(frames, units, self._kinds())
         found = []
         for one in tried:
             if one.hypothesis.fact or one.hypothesis.many or one.hypothesis.fitted:
                 continue
             right, wrong = one.culled & self.told.lost, one.culled & self.told.good
-            if not wrong.any():
+            where = applied.found(right, wrong) if wrong.any() else None
+            if where is None:
                 continue
-            applies = applied.found(parts, units, right, wrong)
-            if applies is None:
-                continue
-            here = applies[parts, units]
-            culled = one.culled & here
-            if self._tells(culled, here):
-                found.append(Tried(applied.restricted(one.hypothesis, applies), culled))
+            here = applied.here(where)
+            if self._tells(one.culled & here, here):
+                restricted = applied.restricted(one.hypothesis, where)
+                found.append(Tried(restricted, one.culled & here))
         return found
 
     def _tells(self, culled: Bool, here: Bool) -> bool:
