@@ -17,6 +17,8 @@ Bool = NDArray[np.bool_]
 
 # Of so many samples in all, at most, boxes are drawn one by one.
 MOST_SAMPLES = 20_000_000
+# Rectangles, too, are drawn one by one, so many at most.
+MOST_RECTANGLES = 4096
 _FACES = np.array(
     [
         [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -85,7 +87,7 @@ def rectangles_hide(depth: Callable[[Boxes], Float64], name: str) -> Tell:
         hiding = np.flatnonzero(boxes.in_view & ~boxes.crossing).astype(np.int32)
         sides = boxes.rectangles[hiding].astype(np.int64)
         area = (sides[:, 2:] - sides[:, :2] + 1).clip(0).prod(axis=1)
-        if area.sum() > MOST_SAMPLES:
+        if len(hiding) > MOST_RECTANGLES or area.sum() > MOST_SAMPLES:
             return None
 
         def make() -> Layers:
