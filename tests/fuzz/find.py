@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import random
 import re
@@ -66,12 +67,27 @@ class Found:
 
 def run_case(target: Target, case: Case, folders: Folders) -> tuple[Any, Fault | None]:
     """What the target reads of a case, None where it refuses it, and what is wrong with that."""
-    value, fault = target.run(case.data, folders)
-    if fault is None and case.same_as is not None:
-        expected, fault = target.run(target.seeds()[case.same_as], folders)
-        if fault is None and value != expected:
-            fault = Fault("reads the same otherwise", f"{value!r:.500}\nnot\n{expected!r:.500}")
+    with _collecting_later():
+        value, fault = target.run(case.data, folders)
+        if fault is None and case.same_as is not None:
+            expected, fault = target.run(target.seeds()[case.same_as], folders)
+            if fault is None and value != expected:
+                fault = Fault("reads the same otherwise", f"{value!r:.500}\nnot\n{expected!r:.500}")
     return value, fault
+
+
+@contextmanager
+def _collecting_later() -> Iterator[None]:
+    """Garbage is collected between cases. In one that nests to the end of the stack, those whom
+    Python tells of a collection, of which hypothesis is one, break down, and that depends on when
+    it collects."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 Run = Callable[[Target, Case, Folders], tuple[Any, Fault | None]]

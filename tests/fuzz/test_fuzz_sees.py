@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import socket
@@ -20,9 +21,6 @@ from tests.fuzz.find import TARGETS, Case, find, replay, run_case
 from tests.fuzz.limits import Folders, Limits, MiB
 from tests.fuzz.target import Target, command
 from visref.errors import InputError
-
-# hypothesis listens to Python's garbage collector, and fails where a parser is deep already.
-pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 LIMITS = Limits(seconds=0.3, wall=0.6, memory=64 * MiB, ceiling=256 * MiB)
 GOOD = json.dumps({"size": 3, "names": ["a", "b"], "unit": 1.0}).encode()
@@ -181,6 +179,14 @@ def target(read, **more) -> Target:
 @pytest.fixture
 def folders(tmp_path):
     return Folders(tmp_path)
+
+
+def test_garbage_is_collected_between_cases(folders):
+    def collects(file, folders):
+        return gc.isenabled()
+
+    assert run_case(target(collects), Case(GOOD), folders) == (False, None)
+    assert gc.isenabled()
 
 
 def is_found(kind, read, folders):

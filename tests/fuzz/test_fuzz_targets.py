@@ -13,9 +13,7 @@ import pytest
 from tests.fuzz.find import CORPUS, TARGETS, find, replay, run_case
 from tests.fuzz.limits import Folders
 
-# hypothesis listens to Python's garbage collector, and fails where a parser is deep already.
-QUIET = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-pytestmark = [pytest.mark.slow, QUIET]
+pytestmark = pytest.mark.slow
 
 # Point clouds and drawings of lines: a file of them is no scene.
 NEVER_A_SCENE = ("xyz", "dxf")
