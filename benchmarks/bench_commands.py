@@ -205,7 +205,7 @@ def test_judging_many_triangles(programs, tmp_path, turns: Turns, sizes: Sizes) 
                 program, some, drawn, tmp_path, "--truth", truth
             )
     name = f"a clean culler, {sizes.judged_triangles:,} triangles"
-    spent = turns.run("judging", name, jobs, rounds=1, warm=False)
+    spent = turns.run("judging", name, jobs, rounds=3, warm=False)
     for title in programs:
         for given in ("", ", truth given"):
             ms = per_frame(spent, f"{title}{many} frames{given}", f"{title}1 frame{given}", many)
