@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from visref.camera import Camera, look_at
 from visref.cli.main import main
 from visref.conformance import case
 from visref.engines import make_engine
+from visref.scene import Units
 from visref.timeline import Timeline
 
 CASES = ["walk_through_a_city", "crowd", "fast_turn", "several_hundred_objects"]
@@ -102,6 +104,22 @@ def test_a_sound_recording_needs_no_engine_where_a_truth_is_given(monkeypatch):
     assert len(asked) == search.FRAMES
     with pytest.raises(pytest.fail.Exception):
         best_alignment(timeline, path, visible_sets(scene, sets), known=lambda *_: None)
+
+
+def test_what_was_drawn_is_the_same_whether_units_are_objects_or_only_alike():
+    scene, path, sets = recorded("yard", "owners")
+    alike = visible_sets(scene, sets)
+    assert alike.units.are_objects(scene)
+    turned = alike.units.triangles.copy()
+    first = slice(*alike.units.offsets[:2])
+    turned[first] = turned[first][::-1]
+    others = replace(alike, units=Units(alike.units.offsets, turned))
+    assert not others.units.are_objects(scene)
+    for one, other in zip(
+        search._cells(scene, path, alike), search._cells(scene, path, others), strict=True
+    ):
+        assert (one.drawn == other.drawn).all()
+        assert one.drawn.any()
 
 
 @pytest.mark.parametrize("name", ["left-handed, x", "frames +1", "ids from 1"])

@@ -210,6 +210,8 @@ def _offsets(scene: Scene) -> Iterator[Hypothesis]:
 def _cells(scene: Scene, path: CameraPath, recorded: VisibleSets) -> Iterator[Cell]:
     """Drawn sets of a few frames, evenly picked."""
     frames = list(recorded.sets)
+    # Where units are objects nothing need be gathered; those without triangles draw nothing.
+    some = recorded.units.sizes > 0 if recorded.units.are_objects(scene) else None
     for index in middles(len(frames), FRAMES):
         number = frames[index]
         place = path.place(number)
@@ -221,7 +223,10 @@ def _cells(scene: Scene, path: CameraPath, recorded: VisibleSets) -> Iterator[Ce
                 else tuple(i for i, camera in enumerate(cameras) if camera.view == view)
             )
             drawn = np.zeros(scene.object_count, np.bool_)
-            drawn[scene.object_of_triangle[recorded.units.gather(ids)]] = True
+            if some is not None:
+                drawn[ids] = some[ids]
+            else:
+                drawn[scene.object_of_triangle[recorded.units.gather(ids)]] = True
             yield Cell(place, views, drawn)
 
 
