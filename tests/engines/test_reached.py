@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.engines.test_packets import owners
+from tests.engines.test_packets import assert_cast_alike
 from tests.support.motion import moments
 from visref.camera import Camera, look_at
 from visref.engines.embree import EmbreeEngine
@@ -58,7 +58,7 @@ def reached(engine: EmbreeEngine, camera: Camera):
 def test_what_is_cast_in_some_blocks_is_what_rays_say_everywhere(seed: int) -> None:
     engine = EmbreeEngine(clumps(seed))
     for camera in cameras(seed):
-        assert (owners(engine, camera) == owners(engine, camera, one_by_one=True)).all()
+        assert_cast_alike(engine, camera)
     engine.close()
 
 
@@ -67,7 +67,7 @@ def test_what_is_cast_in_some_blocks_is_what_rays_say_everywhere(seed: int) -> N
 def test_neither_far_away_nor_tiny_is_any_missed(seed: int, at, size: float) -> None:
     engine = EmbreeEngine(clumps(seed, at=at, size=size))
     for camera in cameras(seed, at=at, size=size):
-        assert (owners(engine, camera) == owners(engine, camera, one_by_one=True)).all()
+        assert_cast_alike(engine, camera)
     engine.close()
 
 
@@ -78,7 +78,7 @@ def test_nor_is_what_moves(seed: int) -> None:
     for scene in scenes:
         engine.pose(scene)
         for camera in cameras(seed):
-            assert (owners(engine, camera) == owners(engine, camera, one_by_one=True)).all()
+            assert_cast_alike(engine, camera)
     engine.close()
 
 

@@ -169,6 +169,24 @@ def _view_of(sight: Callable[[At], Sight | None]) -> Tell:
     return tell
 
 
+def of_others(others: Callable[[At], tuple[Int32, Bool] | None]) -> dict[str, Tell]:
+    """Each unit gets the answer of another. `others`: (k,) int32 which, and (k,) bool whether there
+    is such a one; None where nothing is said."""
+
+    def of(told: Callable[[At], Bool]) -> Tell:
+        def tell(at: At) -> Told:
+            found = others(at)
+            return None if found is None else told(replace(at, ids=found[0])) & found[1]
+
+        return tell
+
+    return {
+        "what shows": of(lambda at: at.now.seen[at.ids]),
+        "boxes": of(lambda at: kept_by_depth(at, at.boxes)),
+        "in the view": of(lambda at: at.boxes.in_view),
+    }
+
+
 def neighbour(step: int) -> dict[str, Tell]:
     """The answer of the unit whose id is so many higher."""
 
@@ -177,18 +195,7 @@ def neighbour(step: int) -> dict[str, Tell]:
         known = (ids >= 0) & (ids < at.sights.units.count)
         return np.where(known, ids, 0).astype(np.int32), known
 
-    def of(told: Callable[[At], Bool]) -> Tell:
-        def tell(at: At) -> Told:
-            ids, known = others(at)
-            return told(replace(at, ids=ids)) & known
-
-        return tell
-
-    return {
-        f"{step:+d}, what shows": of(lambda at: at.now.seen[at.ids]),
-        f"{step:+d}, boxes": of(lambda at: kept_by_depth(at, at.boxes)),
-        f"{step:+d}, in the view": of(lambda at: at.boxes.in_view),
-    }
+    return {f"{step:+d}, {how}": tell for how, tell in of_others(others).items()}
 
 
 def left_out_before(at: At) -> Told:

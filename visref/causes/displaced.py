@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from visref.causes.boxes import every
 from visref.causes.fitted import ODDS, odds
-from visref.causes.inner import Looked, sides_of
+from visref.causes.inner import Looked, ever_lost, inward, sides_of
 from visref.causes.sights import At, Hypothesis, Told
 from visref.picking import evenly_picked
 from visref.scene import Float64
@@ -39,21 +39,16 @@ def reach(looked: Looked, only: Bool) -> tuple[Float64, Float64, Float64, Bool]:
     at = looked.views[0]
     known = np.flatnonzero((looked.lost | looked.good) & only[looked.ids] & at.boxes.there)
     boxes = at.boxes.boxes[known]
-    sides = sides_of(at.camera)
     half = (boxes[:, 1] - boxes[:, 0]) / 2.0
-    signed = boxes.mean(axis=1) @ sides[:, :3].T + sides[:, 3]
-    normals = np.broadcast_to(sides[:, :3], (len(known), 6, 3))
+    normals = np.broadcast_to(sides_of(at.camera)[:, :3], (len(known), 6, 3))
     size = np.asarray(np.linalg.norm(half, axis=1))
-    return signed + half @ np.abs(sides[:, :3]).T, normals, size, looked.lost[known]
+    return inward(at.camera, boxes.mean(axis=1), half), normals, size, looked.lost[known]
 
 
 def displaced(looked: Sequence[Looked], count: int) -> list[Hypothesis]:
     """Hypotheses of boxes displaced alike, of `count` units: of all, and of those that get lost."""
-    ever = np.zeros(count, np.bool_)
-    for one in looked:
-        ever[one.ids[one.lost]] = True
     made: list[Hypothesis] = []
-    for only in (np.ones(count, np.bool_), ever):
+    for only in (np.ones(count, np.bool_), ever_lost(looked, count)):
         way = _found(looked, only)
         if way is not None:
             made.append(_displaced(way, only))
@@ -96,11 +91,9 @@ def _found(looked: Sequence[Looked], only: Bool) -> Float64 | None:
 
 def _displaced(way: Float64, only: Bool) -> Hypothesis:
     def tell(at: At) -> Told:
-        boxes, sides = at.boxes.boxes, sides_of(at.camera)
-        boxes = np.where(at.boxes.there[:, None, None], boxes, 0.0) + way
+        boxes = np.where(at.boxes.there[:, None, None], at.boxes.boxes, 0.0) + way
         half = (boxes[:, 1] - boxes[:, 0]) / 2.0
-        signed = boxes.mean(axis=1) @ sides[:, :3].T + sides[:, 3]
-        kept = every(signed + half @ np.abs(sides[:, :3]).T >= 0.0, 1)
+        kept = every(inward(at.camera, boxes.mean(axis=1), half) >= 0.0, 1)
         return kept | ~at.boxes.there | ~only[at.ids]
 
     told = " ".join(f"{step:.4g}" for step in way)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.causes.answers import answered
+from visref.causes.answers import answered, of_others
 from visref.causes.in_view import kept_by_depth
 from visref.causes.sights import At, Sight, Tell, Told
-from visref.scene import Int64
+from visref.scene import Int32, Int64
 
 Bool = NDArray[np.bool_]
 
@@ -100,7 +99,7 @@ def moved_up(now: Int64, before: Int64, count: int) -> Int64:
 def of_list(order: Listed) -> dict[str, Tell]:
     """Each unit gets the answer of another, as what is there changes."""
 
-    def others(at: At) -> tuple[At, Bool] | None:
+    def others(at: At) -> tuple[Int32, Bool] | None:
         moments, count = at.sights.moments, at.sights.units.count
         frame = moments.before(at.frame, 1)
         if frame is None or count != at.scene.object_count:
@@ -111,20 +110,9 @@ def of_list(order: Listed) -> dict[str, Tell]:
         ids = order(np.flatnonzero(~absent), np.flatnonzero(~then), count)[at.ids]
         if np.array_equal(ids, at.ids):
             return None
-        return replace(at, ids=np.maximum(ids, 0).astype(np.int32)), ids >= 0
+        return np.maximum(ids, 0).astype(np.int32), ids >= 0
 
-    def of(told: Callable[[At], Bool]) -> Tell:
-        def tell(at: At) -> Told:
-            found = others(at)
-            return None if found is None else told(found[0]) & found[1]
-
-        return tell
-
-    return {
-        "what shows": of(lambda at: at.now.seen[at.ids]),
-        "boxes": of(lambda at: kept_by_depth(at, at.boxes)),
-        "in the view": of(lambda at: at.boxes.in_view),
-    }
+    return of_others(others)
 
 
 def in_every_view(at: At) -> Told:

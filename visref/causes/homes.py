@@ -16,7 +16,6 @@ Bool = NDArray[np.bool_]
 
 # Of more triangles the boxes at home are not asked for.
 MOST = 4_000_000
-_CORNERS = np.array(list(np.ndindex(2, 2, 2)))
 
 
 def home_boxes(scene: Scene, worlds: Float64) -> Float64:
@@ -100,7 +99,7 @@ def placed(how: Callable[[Float64], Float64], *, hidden: bool) -> Tell:
         changed = how(worlds)
         if np.allclose(changed, worlds, atol=1e-9):
             return None
-        corners = np.where(known[:, None, None], boxes, 0.0)[:, _CORNERS, np.arange(3)]
+        corners = Boxes(at.camera, boxes).corners
         points = np.einsum("kij,kcj->kci", changed[:, :3, :3], corners) + changed[:, None, :3, 3]
         points -= at.scene.origin
         there = Boxes(at.camera, np.stack([points.min(axis=1), points.max(axis=1)], axis=1))

@@ -121,12 +121,26 @@ def sides_of(camera: Camera) -> Float64:
     return np.asarray(np.column_stack([normals, local[:, 3] - normals @ camera.eye]))
 
 
+def inward(camera: Camera, centres: Float64, halves: Float64) -> Float64:
+    """(…, 6) how far boxes, (…, 3) centres and halves, reach in beyond each side of the view;
+    negative where they do not."""
+    sides = sides_of(camera)
+    signed = centres @ sides[:, :3].T + sides[:, 3]
+    return np.asarray(signed + halves @ np.abs(sides[:, :3]).T)
+
+
+def ever_lost(looked: Sequence[Looked], count: int) -> Bool:
+    """(count,) bool, the units that were lost in some of the answers."""
+    ever = np.zeros(count, np.bool_)
+    for one in looked:
+        ever[one.ids[one.lost]] = True
+    return ever
+
+
 def reaches(camera: Camera, centres: Float64, halves: Float64, radii: Float64) -> Bool:
     """(…,) whether volumes, (…, 3) centres and halves and (…,) radii, reach into the view, as far
     as each side tells alone."""
-    sides = sides_of(camera)
-    signed = centres @ sides[:, :3].T + sides[:, 3]
-    return every(signed + halves @ np.abs(sides[:, :3]).T + radii[..., None] >= 0.0, -1)
+    return every(inward(camera, centres, halves) + radii[..., None] >= 0.0, -1)
 
 
 def _boxes(at: At) -> Float64:
@@ -209,9 +223,7 @@ def fitted_volumes(looked: Sequence[Looked], count: int) -> list[Hypothesis]:
         return []
     frames = sorted({one.answer.frame for one in looked})
     block_of = {frame: i * BLOCKS // len(frames) for i, frame in enumerate(frames)}
-    ever = np.zeros(count, np.bool_)
-    for one in looked:
-        ever[one.ids[one.lost]] = True
+    ever = ever_lost(looked, count)
     pairs = pairs_of(looked, [block_of[one.answer.frame] for one in looked], ever)
     if not pairs.lost.any() or pairs.lost.all():
         return []

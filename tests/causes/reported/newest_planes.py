@@ -10,7 +10,6 @@ from tests.causes.reported import places
 from tests.causes.reported.recent_depth import named
 from tests.causes.reported.recent_rooms import ThroughDoorways
 from tests.causes.reported.sound import InView, Sound, corners, depths, newest, outside, planes
-from tests.causes.reported.sound import places as projected
 
 
 @newest("godotengine/godot #51370", "first of several windows", places.mansion)
@@ -30,17 +29,6 @@ class EachRoomEnteredOnce(ThroughDoorways):
                 self.entered.add(other)
                 yield from self.through(camera, other, inner, (*way, door))
 
-    def inner(self, camera, door, window):
-        """What of a window is seen through a doorway, None for nothing."""
-        pixels, depth = projected(camera, door.corners[None])
-        if (depth <= 0).all():
-            return None
-        if (depth <= camera.near).any():
-            return window
-        low = np.maximum(window[0], np.floor(pixels[0].min(axis=0)) - 1)
-        high = np.minimum(window[1], np.ceil(pixels[0].max(axis=0)) + 1)
-        return None if (low > high).any() else np.stack([low, high])
-
     def kept(self, camera):
         seen = {room for room, _ in self.visits(camera)}
         cells = np.asarray(self.place.cells)
@@ -55,28 +43,17 @@ class TinyPortalsDropped(ThroughDoorways):
 
     LEAST = 1.0
 
-    def visits(self, camera):
-        whole = np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]])
-        yield from self.through(camera, places.castle_room_of(camera.eye), whole, ())
+    MOST = None
 
-    def through(self, camera, room, window, way):
-        yield room, window
-        for opening in places.openings():
-            wide = np.ptp(opening.corners, axis=0).max(initial=0.0, where=[True, False, True])
-            if room not in opening.rooms or opening in way or wide < self.LEAST:
-                continue
-            pixels, depth = projected(camera, opening.corners[None])
-            if (depth <= 0).all():
-                continue
-            inner = window
-            if (depth > camera.near).all():
-                low = np.maximum(window[0], np.floor(pixels[0].min(axis=0)) - 1)
-                high = np.minimum(window[1], np.ceil(pixels[0].max(axis=0)) + 1)
-                if (low > high).any():
-                    continue
-                inner = np.stack([low, high])
-            other = opening.rooms[0] if opening.rooms[1] == room else opening.rooms[1]
-            yield from self.through(camera, other, inner, (*way, opening))
+    def doors(self):
+        wide = [
+            np.ptp(one.corners, axis=0).max(initial=0.0, where=[True, False, True])
+            for one in places.openings()
+        ]
+        return [one for one, w in zip(places.openings(), wide, strict=True) if w >= self.LEAST]
+
+    def room_of(self, point):
+        return places.castle_room_of(point)
 
     def kept(self, camera):
         seen = {room for room, _ in self.visits(camera)}

@@ -19,31 +19,40 @@ class ThroughDoorways(Sound):
 
     MOST = 7
 
+    def doors(self):
+        return places.doorways()
+
+    def room_of(self, point):
+        return places.room_of(point)
+
     def visits(self, camera):
         """Rooms in the order in which they are come to, each with the window that it is seen
         through: first and last column and row."""
         whole = np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]])
-        yield from self.through(camera, places.room_of(camera.eye), whole, ())
+        yield from self.through(camera, self.room_of(camera.eye), whole, ())
 
     def through(self, camera, room, window, way):
         yield room, window
         if len(way) == self.MOST:
             return
-        for door in places.doorways():
+        for door in self.doors():
             if room not in door.rooms or door in way:
                 continue
-            pixels, depth = projected(camera, door.corners[None])
-            if (depth <= 0).all():
-                continue
-            inner = window
-            if (depth > camera.near).all():
-                low = np.maximum(window[0], np.floor(pixels[0].min(axis=0)) - 1)
-                high = np.minimum(window[1], np.ceil(pixels[0].max(axis=0)) + 1)
-                if (low > high).any():
-                    continue
-                inner = np.stack([low, high])
-            other = door.rooms[0] if door.rooms[1] == room else door.rooms[1]
-            yield from self.through(camera, other, inner, (*way, door))
+            inner = self.inner(camera, door, window)
+            if inner is not None:
+                other = door.rooms[0] if door.rooms[1] == room else door.rooms[1]
+                yield from self.through(camera, other, inner, (*way, door))
+
+    def inner(self, camera, door, window):
+        """What of a window is seen through a doorway, None for nothing."""
+        pixels, depth = projected(camera, door.corners[None])
+        if (depth <= 0).all():
+            return None
+        if (depth <= camera.near).any():
+            return window
+        low = np.maximum(window[0], np.floor(pixels[0].min(axis=0)) - 1)
+        high = np.minimum(window[1], np.ceil(pixels[0].max(axis=0)) + 1)
+        return None if (low > high).any() else np.stack([low, high])
 
 
 @recent("LostArtefacts/TRX #2005", "box or sphere too small", places.mansion)

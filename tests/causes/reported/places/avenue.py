@@ -13,13 +13,12 @@ from tests.causes.reported.places.making import (
     heading,
     prism,
     put,
-    scene_of,
     views,
+    with_levels,
 )
 from visref.camera import Camera
 from visref.camera_path import CameraPath, Frame
 from visref.conformance.building import box, together
-from visref.rig import Rig
 from visref.scene import Float64, Group
 
 
@@ -45,17 +44,7 @@ def avenue(*, by_distance: bool = True) -> Place:
     for n in range(20):
         low = np.array([rng.uniform(-7, 7), 0, rng.uniform(-80, 5)])
         objects.append((f"bench {n}", box(low, np.add(low, (0.5, 0.5, 1.4)))))
-    scene = scene_of(objects)
-    positions = [points.astype(np.float32) for _, (points, _) in objects]
-    starts = np.cumsum([0, *map(len, positions)])
-    worlds = np.tile(np.eye(4), (len(objects), 1, 1))
-    # Coarser levels are absent at rest.
-    coarse = np.zeros(len(objects), np.bool_)
-    for group in groups:
-        for level in group.levels[1:]:
-            coarse[list(level)] = True
-    rig = Rig(positions, np.arange(len(objects)), worlds, starts, triangles=scene.triangles)
-    scene = replace(scene, groups=tuple(groups), rig=rig, absent=coarse)
+    scene = with_levels(objects, groups)
     eyes = np.stack([0.8 * np.sin(np.arange(28)), np.full(28, 1.7), 12 - 1.7 * np.arange(28)], 1)
     cameras = views(eyes, heading(0.25 * np.sin(0.45 * np.arange(28))))
     if not by_distance:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,12 +12,11 @@ from tests.causes.reported.places.making import (
     heading,
     prism,
     put,
-    scene_of,
     views,
+    with_levels,
 )
 from visref.camera_path import CameraPath, Frame
 from visref.conformance.building import together
-from visref.rig import Rig
 from visref.scene import Group
 
 # The levels of the pines end at so many metres.
@@ -72,16 +70,7 @@ def canyon(**lens) -> Place:
         x = 5 * np.sin(z / 14) + rng.uniform(2.5, 5.0) * (-1, 1)[n // 2 % 2]
         needle = prism(7, rng.uniform(1.1, 1.8), rng.uniform(7.0, 10.0))
         objects.append((f"needle {n}", put(needle, (x, float(_rock(x, z)) - 0.5, z))))
-    scene = scene_of(objects)
-    positions = [points.astype(np.float32) for _, (points, _) in objects]
-    starts = np.cumsum([0, *map(len, positions)])
-    worlds = np.tile(np.eye(4), (len(objects), 1, 1))
-    coarse = np.zeros(len(objects), np.bool_)
-    for group in groups:
-        for level in group.levels[1:]:
-            coarse[list(level)] = True
-    rig = Rig(positions, np.arange(len(objects)), worlds, starts, triangles=scene.triangles)
-    scene = replace(scene, groups=tuple(groups), rig=rig, absent=coarse)
+    scene = with_levels(objects, groups)
     t = np.linspace(0, 1, 40)
     z = 8 - 26 * (1 - np.cos(6 * np.pi * t))
     x = 5 * np.sin(z / 14) + 1.2 * np.sin(19 * t)

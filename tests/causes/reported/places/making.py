@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from visref.camera import Camera, look_at
 from visref.camera_path import CameraPath
 from visref.conformance.building import Mesh
-from visref.scene import Float64, Scene
+from visref.rig import Rig
+from visref.scene import Float64, Group, Scene
 
 WIDTH, HEIGHT = 192, 120
 
@@ -66,3 +67,17 @@ def prism(sides: int, radius: float, height: float) -> Mesh:
         faces += [(i, j, sides + j), (i, sides + j, sides + i)]
         faces += [(2 * sides, j, i), (2 * sides + 1, sides + i, sides + j)]
     return points, np.array(faces)
+
+
+def with_levels(objects: Objects, groups: Sequence[Group]) -> Scene:
+    """A scene of groups of several levels of detail, of which the coarser are absent at rest."""
+    scene = scene_of(objects)
+    positions = [points.astype(np.float32) for _, (points, _) in objects]
+    starts = np.cumsum([0, *map(len, positions)])
+    worlds = np.tile(np.eye(4), (len(objects), 1, 1))
+    coarse = np.zeros(len(objects), np.bool_)
+    for group in groups:
+        for level in group.levels[1:]:
+            coarse[list(level)] = True
+    rig = Rig(positions, np.arange(len(objects)), worlds, starts, triangles=scene.triangles)
+    return replace(scene, groups=tuple(groups), rig=rig, absent=coarse)
