@@ -14,25 +14,28 @@ def parts_of(scene: Scene, units: Units, cells: int) -> tuple[Float64, Int64]:
     """Cut each unit into boxes of its triangles, by the cell of a grid over the unit's box that
     a triangle's middle lies in, `cells` per side. Returns bounds (m, 2, 3) float64 and offsets
     (u + 1,) int64; together a unit's boxes hold all of it."""
-    corners = scene.vertices[scene.triangles[units.triangles]].astype(np.float64)
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    triangles = scene.triangles[units.triangles]
+    bounds = scene.bounds_of(units)
     unit = np.repeat(np.arange(units.count), units.sizes)
-    bounds = scene.bounds_of(units)[unit]
-    extent = bounds[:, 1] - bounds[:, 0]
-    at = (0.5 * low + 0.5 * high - bounds[:, 0]) / np.where(extent > 0.0, extent, 1.0)
-    at[extent < 0.0] = 0.0  # an absent unit's triangles are somewhere, and its box is nowhere
-    cell = np.minimum((at * cells).astype(np.int64), cells - 1)
-    key = unit * cells**3 + (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
+    # An axis at a time: memory is then read in order.
+    low, high = np.empty((2, 3, len(triangles)))
+    key = unit
+    for axis in range(3):
+        along = np.ascontiguousarray(scene.vertices[:, axis])
+        a, b, c = (along[triangles[:, corner]] for corner in range(3))
+        low[axis], high[axis] = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        first, extent = bounds[:, 0, axis], bounds[:, 1, axis] - bounds[:, 0, axis]
+        at = 0.5 * low[axis] + 0.5 * high[axis] - first[unit]
+        at /= np.where(extent > 0.0, extent, 1.0)[unit]
+        # An absent unit's triangles are somewhere, and its box is nowhere.
+        at[extent[unit] < 0.0] = 0.0
+        key = key * cells + np.minimum((at * cells).astype(np.int64), cells - 1)
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
-    if not len(starts):
-        return np.zeros((0, 2, 3)), np.zeros(units.count + 1, np.int64)
-    boxes = np.stack(
-        [
-            np.minimum.reduceat(low[order], starts, axis=0),
-            np.maximum.reduceat(high[order], starts, axis=0),
-        ],
-        axis=1,
-    )
+    boxes = np.empty((len(starts), 2, 3))
+    if len(starts):
+        for axis in range(3):
+            boxes[:, 0, axis] = np.minimum.reduceat(low[axis][order], starts)
+            boxes[:, 1, axis] = np.maximum.reduceat(high[axis][order], starts)
     offsets = np.searchsorted(unit[order][starts], np.arange(units.count + 1))
     return boxes, offsets
