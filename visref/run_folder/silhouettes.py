@@ -7,6 +7,7 @@ can say why.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,6 +98,7 @@ class UnitImage:
             self.owner,
             self.nearness,
             self.behind,
+            np.empty((4, 3)),
         )
 
 
@@ -131,7 +133,80 @@ def borders(ids: NDArray[Any]) -> NDArray[np.bool_]:
     return result
 
 
-@njit()
+@njit(inline="always")
+def _fill(a, b, c, unit, marks_small, owner, nearness, behind):  # type: ignore[no-untyped-def]
+    """A triangle of the image: x, y and nearness of each corner."""
+    height, width = owner.shape
+    x0, y0, w0 = a
+    x1, y1, w1 = b
+    x2, y2, w2 = c
+    low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
+    low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
+    if high_x < 0.0 or high_y < 0.0 or low_x >= width or low_y >= height:
+        return
+    if marks_small and high_x - low_x < 1.0 and high_y - low_y < 1.0:
+        px = int(min(max((x0 + x1 + x2) / 3.0, 0.0), width - 1.0))
+        py = int(min(max((y0 + y1 + y2) / 3.0, 0.0), height - 1.0))
+        near_here = np.float32((w0 + w1 + w2) / 3.0)
+        if near_here > nearness[py, px] and near_here < behind[py, px]:
+            nearness[py, px] = near_here
+            owner[py, px] = unit
+        return
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
+        return
+    # Pixels whose centres are within its bounds.
+    first_x, last_x = math.ceil(max(low_x - 0.5, 0.0)), math.floor(min(high_x - 0.5, width - 1.0))
+    first_y, last_y = math.ceil(max(low_y - 0.5, 0.0)), math.floor(min(high_y - 0.5, height - 1.0))
+    if first_x > last_x or first_y > last_y:
+        return
+    for py in range(first_y, last_y + 1):
+        cy = py + 0.5
+        for px in range(first_x, last_x + 1):
+            cx = px + 0.5
+            side1 = (cx - x0) * (y2 - y0) - (x2 - x0) * (cy - y0)
+            side2 = (x1 - x0) * (cy - y0) - (cx - x0) * (y1 - y0)
+            # Signs first: most of the pixels about a small triangle are outside.
+            if (side1 < 0.0) != (area < 0.0) and side1 != 0.0:
+                continue
+            if (side2 < 0.0) != (area < 0.0) and side2 != 0.0:
+                continue
+            b1, b2 = side1 / area, side2 / area
+            if b1 + b2 > 1.0:
+                continue
+            near_here = np.float32(w0 + b1 * (w1 - w0) + b2 * (w2 - w0))
+            if near_here > nearness[py, px] and near_here < behind[py, px]:
+                nearness[py, px] = near_here
+                owner[py, px] = unit
+
+
+@njit(inline="always")
+def _seen_at(perspective, per_unit, centre, p):  # type: ignore[no-untyped-def]
+    """A point of camera space in pixels (continuous, y down), and what falls linearly over the
+    image: 1 / depth, or minus depth if orthographic."""
+    scale = 1.0 / p[2] if perspective else 1.0
+    nearness = scale if perspective else -p[2]
+    return centre[0] + p[0] * per_unit[0] * scale, centre[1] - p[1] * per_unit[1] * scale, nearness
+
+
+@njit(inline="always")
+def _local(m, vertices, v):  # type: ignore[no-untyped-def]
+    """A vertex in camera space: to the right, up and ahead."""
+    dx, dy, dz = vertices[v, 0] - m[0, 3], vertices[v, 1] - m[1, 3], vertices[v, 2] - m[2, 3]
+    x = m[0, 0] * dx + m[1, 0] * dy + m[2, 0] * dz
+    y = m[0, 1] * dx + m[1, 1] * dy + m[2, 1] * dz
+    z = m[0, 2] * dx + m[1, 2] * dy + m[2, 2] * dz
+    return x, y, -z
+
+
+@njit(inline="always")
+def _on_near(near, p, q):  # type: ignore[no-untyped-def]
+    """Where the edge from p to q meets the near plane."""
+    t = (near - p[2]) / (q[2] - p[2])
+    return p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), near
+
+
+@njit(error_model="numpy", makes_arrays=False)
 def _rasterise(
     vertices: NDArray[Any],
     corners: NDArray[Any],
@@ -142,79 +217,40 @@ def _rasterise(
     owner: NDArray[Any],
     nearness: NDArray[Any],
     behind: NDArray[Any],
+    polygon: NDArray[Any],
 ) -> None:
-    world_from_camera, perspective, near, per_unit, centre = projection
-    height, width = owner.shape
-    local = np.empty((3, 3))  # x, y, depth of each corner in camera space
-    clipped = np.empty((4, 3))
-    # x, y in pixels (continuous, y down) and what falls linearly over the image: 1 / depth,
-    # or minus depth if orthographic.
-    screen = np.empty((4, 3))
+    """`polygon`: (4, 3) float64, to be written."""
+    m, perspective, near, per_unit, centre = projection
     for k in range(triangles.size):
-        for i in range(3):
-            v = corners[triangles[k], i]
-            dx = vertices[v, 0] - world_from_camera[0, 3]
-            dy = vertices[v, 1] - world_from_camera[1, 3]
-            dz = vertices[v, 2] - world_from_camera[2, 3]
-            for j in range(3):
-                sign = -1.0 if j == 2 else 1.0
-                local[i, j] = sign * (
-                    world_from_camera[0, j] * dx
-                    + world_from_camera[1, j] * dy
-                    + world_from_camera[2, j] * dz
-                )
+        t, unit = triangles[k], unit_of[k]
+        p = _local(m, vertices, corners[t, 0])
+        q = _local(m, vertices, corners[t, 1])
+        r = _local(m, vertices, corners[t, 2])
+        ahead = (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
+        if ahead == 0:
+            continue
+        if ahead == 3:
+            a = _seen_at(perspective, per_unit, centre, p)
+            b = _seen_at(perspective, per_unit, centre, q)
+            c = _seen_at(perspective, per_unit, centre, r)
+            _fill(a, b, c, unit, marks_small, owner, nearness, behind)
+            continue
+        # What is ahead of the near plane, as one or two triangles.
         count = 0
         for i in range(3):
-            j = (i + 1) % 3
-            if local[i, 2] >= near:
+            if i > 0:
+                p, q, r = q, r, p
+            if p[2] >= near:
                 for axis in range(3):
-                    clipped[count, axis] = local[i, axis]
+                    polygon[count, axis] = p[axis]
                 count += 1
-            if (local[i, 2] >= near) != (local[j, 2] >= near):
-                t = (near - local[i, 2]) / (local[j, 2] - local[i, 2])
-                for axis in range(2):
-                    clipped[count, axis] = local[i, axis] + t * (local[j, axis] - local[i, axis])
-                clipped[count, 2] = near
+            if (p[2] >= near) != (q[2] >= near):
+                met = _on_near(near, p, q)
+                for axis in range(3):
+                    polygon[count, axis] = met[axis]
                 count += 1
-        if count < 3:
-            continue
-        for i in range(count):
-            scale = 1.0 / clipped[i, 2] if perspective else 1.0
-            screen[i, 0] = centre[0] + clipped[i, 0] * per_unit[0] * scale
-            screen[i, 1] = centre[1] - clipped[i, 1] * per_unit[1] * scale
-            screen[i, 2] = scale if perspective else -clipped[i, 2]
         for i in range(1, count - 1):
-            x0, y0, w0 = screen[0]
-            x1, y1, w1 = screen[i]
-            x2, y2, w2 = screen[i + 1]
-            low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
-            low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
-            if high_x < 0.0 or high_y < 0.0 or low_x >= width or low_y >= height:
-                continue
-            if marks_small and high_x - low_x < 1.0 and high_y - low_y < 1.0:
-                px = int(min(max((x0 + x1 + x2) / 3.0, 0.0), width - 1.0))
-                py = int(min(max((y0 + y1 + y2) / 3.0, 0.0), height - 1.0))
-                near_here = np.float32((w0 + w1 + w2) / 3.0)
-                if near_here > nearness[py, px] and near_here < behind[py, px]:
-                    nearness[py, px] = near_here
-                    owner[py, px] = unit_of[k]
-                continue
-            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-            if area == 0.0:
-                continue
-            first_x = int(max(low_x - 0.5, 0.0))
-            last_x = int(min(high_x + 0.5, width - 1.0))
-            first_y = int(max(low_y - 0.5, 0.0))
-            last_y = int(min(high_y + 0.5, height - 1.0))
-            for py in range(first_y, last_y + 1):
-                cy = py + 0.5
-                for px in range(first_x, last_x + 1):
-                    cx = px + 0.5
-                    b1 = ((cx - x0) * (y2 - y0) - (x2 - x0) * (cy - y0)) / area
-                    b2 = ((x1 - x0) * (cy - y0) - (cx - x0) * (y1 - y0)) / area
-                    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
-                        continue
-                    near_here = np.float32(w0 + b1 * (w1 - w0) + b2 * (w2 - w0))
-                    if near_here > nearness[py, px] and near_here < behind[py, px]:
-                        nearness[py, px] = near_here
-                        owner[py, px] = unit_of[k]
+            a = _seen_at(perspective, per_unit, centre, polygon[0])
+            b = _seen_at(perspective, per_unit, centre, polygon[i])
+            c = _seen_at(perspective, per_unit, centre, polygon[i + 1])
+            _fill(a, b, c, unit, marks_small, owner, nearness, behind)
