@@ -104,10 +104,12 @@ def judge_share(
     share: Shard | Stretch | None = None,
     parts: Parts | None = None,
     listeners: Sequence[Listener] = (),
+    shares_cores: bool = False,
 ) -> RunOutcome | None:
     """Judge cullers in a share of the frames (None: in all) and write `folder`, which is there and
     empty. With `parts`, who are for a stretch, that is only for all frames, and where these are
     through before a part is due; then the outcome is the whole run's, otherwise None.
+    `shares_cores`: others judge other shares on this machine at the same time.
 
     Raises InputError where the truth file is of another scene, path or engine; NothingToJudge where
     an engine cannot start.
@@ -132,6 +134,7 @@ def judge_share(
             held=Aside(),  # the folder has it all
             timeline=inputs.timeline,
             policy=asked.policy or Policy(),
+            shares_cores=shares_cores,
         )
         answers = Answers()
         writing = _Writing(inputs, cullers, asked, share, recorded, referee, folder, parts)

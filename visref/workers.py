@@ -217,7 +217,7 @@ def _at_work(run: Begun, anew: MakingAnew, asked: Asked, workers: int) -> Iterat
                 with anew() as cullers:
                     judge_share(
                         replace(inputs, threads=threads), cullers, None, asked, share=stretch,
-                        parts=run.kept, listeners=[_Telling(tell)],
+                        parts=run.kept, listeners=[_Telling(tell)], shares_cores=True,
                     )  # fmt: skip
 
         return work

@@ -380,7 +380,7 @@ def test_compiling_is_no_frames_time(monkeypatch):
         def on_truth(self, frame, truth, seen, ms):
             told.append(ms)
 
-    for module in ("referee", "asking"):
+    for module in ("casting", "asking"):
         monkeypatch.setattr(
             f"visref.judging.{module}.Stopwatch", lambda: Stopwatch(clock=lambda: clock[0])
         )

@@ -89,8 +89,9 @@ def _judged(order: Order, stretch: Stretch, threads: int, trace: Trace | None) -
             if trace is not None:
                 listeners = [_Traced(trace, cullers, inputs.frames[stretch.start])]
             judge_share(
-                inputs, cullers, None, asked, share=stretch, parts=part, listeners=listeners
-            )
+                inputs, cullers, None, asked, share=stretch, parts=part, listeners=listeners,
+                shares_cores=True,
+            )  # fmt: skip
         return part.files
 
 

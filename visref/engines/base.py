@@ -24,12 +24,15 @@ class TruthEngine(ABC):
 
     `exact`: every sample's owner is decided exactly and every tie is listed. Whoever asks how
     far a truth goes asks this: it is recorded in manifests and truth files.
+
+    `ahead`: a view may be cast, in another thread, while others look at the truth before it.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     options: ClassVar[Mapping[str, Option]] = {}
     exact: ClassVar[bool] = False
+    ahead: ClassVar[bool] = False
 
     def __init__(self, scene: Scene, *, threads: int | None = None) -> None:
         self.scene = scene
@@ -37,7 +40,8 @@ class TruthEngine(ABC):
 
     @abstractmethod
     def frame(self, camera: Camera) -> FrameTruth:
-        """The truth of one camera's samples. Its arrays may be reused by the next call."""
+        """The truth of one camera's samples. Its arrays may be reused by the next call; by the call
+        after the next, where the engine may cast ahead."""
 
     def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
         """Triangles that this camera shows for certain while the engine sees nothing there, or what

@@ -95,6 +95,8 @@ class RayEngine(TruthEngine):
     triangles of some size (`known_samples`).
     """
 
+    ahead = True
+
     # Samples in a tile: rays and answers of one tile stay in a core's cache.
     tile_samples = 1 << 15
 
@@ -112,7 +114,8 @@ class RayEngine(TruthEngine):
         self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
-        self._triangle: Int32 = np.empty(0, np.int32)
+        # Of the truth that is looked at, and of the next one.
+        self._owners: tuple[Int32, Int32] = np.empty(0, np.int32), np.empty(0, np.int32)
         self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
         self.rebase_exact = True
         self._parts: Parts | None = None
@@ -261,9 +264,11 @@ class RayEngine(TruthEngine):
     def frame(self, camera: Camera) -> FrameTruth:
         camera = camera.relative_to(self.scene.origin)
         samples = camera.samples
-        if len(self._triangle) < samples:
-            self._triangle = np.empty(samples, np.int32)
-        triangle = self._triangle[:samples]
+        before, owners = self._owners
+        if len(owners) < samples:
+            owners = np.empty(samples, np.int32)
+        self._owners = owners, before
+        triangle = owners[:samples]
         grid = sample_grid(camera)
         depths = OwnerDepths(self._mesh, grid)
         if self._cast(grid, triangle):

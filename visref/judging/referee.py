@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -17,14 +19,12 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.camera_path import CameraPath
-from visref.culler import Culler, CullerError, DrawnSet, Promise, Raster
+from visref.culler import Culler, CullerError, DrawnSet, Promise, Raster, Recorded
 from visref.engines.base import TruthEngine
-from visref.engines.exact import ExactEngine
-from visref.errors import InputError
-from visref.exact import ExactScene
 from visref.findings import Finding
 from visref.judging.ages import Followed
 from visref.judging.asking import Answer, Job, Panel
+from visref.judging.casting import Cast, Casting
 from visref.judging.frame import SettledFrame
 from visref.judging.holders import DrawList
 from visref.judging.joint import all_drawn, joined, judge_all_drawn, located
@@ -34,17 +34,13 @@ from visref.judging.outcome import ALL_VIEWS, FrameRecord, RunOutcome
 from visref.judging.policy import Policy
 from visref.judging.rasters import looser
 from visref.judging.review import Review
-from visref.judging.rounding import greatest_move
 from visref.judging.settle import settle
-from visref.judging.summary import Caster, Facts, Moved, conclude, examined
+from visref.judging.summary import Caster, Facts, conclude, examined
 from visref.picking import Shard, Stretch
 from visref.recordings.truth_file import RecordedTruth
 from visref.scene import Int32, Scene
-from visref.stopwatch import Stopwatch
 from visref.timeline import Timeline
-from visref.visibility import FrameTruth, ObjectVisibility, objects_seen
-
-Cast = tuple[FrameTruth, ObjectVisibility]
+from visref.visibility import FrameTruth, ObjectVisibility
 
 
 class ImageCheck(Protocol):
@@ -122,7 +118,9 @@ class Sitting:
     """A referee at work: whatever frame is asked for is cast and judged by itself. Verdicts are as
     they are found: their misses have no age yet, and no policy was asked.
 
-    The fields are the referee's. `path` is relative to the scene's origin.
+    The fields are the referee's. `path` is relative to the scene's origin. While a frame is judged
+    the next one's truth is cast, unless a culler is then at work that should have the machine to
+    itself.
     """
 
     path: CameraPath
@@ -132,30 +130,31 @@ class Sitting:
     threads: int | None = None
     recorded: RecordedTruth | None = None
     image_check: ImageCheck | None = None
+    shares_cores: bool = False
 
     def __post_init__(self) -> None:
-        self.caster: TruthEngine | None = None
-        self._exact: ExactScene | None = None
-        # By frame, by how many pixels rounding moved a vertex that is seen, whose triangle it is,
-        # and for which cullers that frame was cast: nobody where it was for the truth itself.
-        self.moved: dict[int, Moved] = {}
+        self.casting = Casting(self.engine, self.threads)
         # Whom everybody met last; None where somebody has met another since.
         self._posed: Scene | None = self.timeline.still
 
     def frame(
         self, frame: int, jobs: Sequence[Job], on_truth: OnTruth, on_verdict: OnVerdict,
         before: Callable[[Mapping[str, NDArray[np.bool_]]], None] = lambda seen: None,
+        following: int | None = None,
     ) -> None:  # fmt: skip
         """Judge a frame by these jobs. `before` is given, by view, (n,) bool, which objects own a
-        sample, before any culler is asked."""
+        sample, before any culler is asked. `following`: the frame that will be asked for next."""
         self._pose(frame)
         cameras = self.path.views(frame)
         casts: dict[str, Cast] = {}
         if self.recorded is None:
-            for camera in cameras:
-                truth, seen, ms = self._cast(camera, frame, len(cameras) > 1)
-                on_truth(frame, truth, seen, ms)
-                casts[camera.view] = truth, seen
+            ahead = None
+            if following is not None and self._may_cast_ahead():
+                ahead = following, self.path.views(following)
+            views = self.casting.views(frame, cameras, self.panel.scene, ahead)
+            for camera, view in zip(cameras, views, strict=True):
+                on_truth(frame, view.truth, view.seen, view.ms)
+                casts[camera.view] = view.truth, view.seen
         if not jobs:
             return
         before({camera.view: self._seen(frame, camera.view, casts) for camera in cameras})
@@ -178,14 +177,15 @@ class Sitting:
 
     def examine(self, scene: Scene, frames: Sequence[int]) -> list[Finding]:
         """What is to be said of engine and scene once a run over these frames is through."""
-        if self.caster is None or not frames:
+        caster = self.casting.engine
+        if caster is None or not frames:
             return []
         # Whichever part of the run this is: as at the end of the whole.
         last = self.timeline.at(frames[-1])
         if last is not self.panel.scene:
-            self.caster.pose(last)
+            caster.pose(last)
             self._posed = None
-        return examined(self.caster, scene, self.path, frames, self.threads)
+        return examined(caster, scene, self.path, frames, self.threads)
 
     def _pose(self, frame: int) -> None:
         """Let everybody meet the scene of a frame, where it is not that of the frame before."""
@@ -194,11 +194,14 @@ class Sitting:
         if scene is self._posed:
             return
         self._posed = scene
-        if self._exact is not None and not isinstance(self.caster, ExactEngine):
-            self._exact.pose(scene)
-        for sees in (self.caster, self.image_check):
-            if isinstance(sees, TruthEngine):
-                sees.pose(scene)
+        self.casting.pose(scene)
+        if isinstance(self.image_check, TruthEngine):
+            self.image_check.pose(scene)
+
+    def _may_cast_ahead(self) -> bool:
+        if self.timeline.moves:
+            return False
+        return self.shares_cores or all(isinstance(job.culler, Recorded) for job in self.panel.jobs)
 
     def _seen(self, frame: int, view: str, casts: Mapping[str, Cast]) -> NDArray[np.bool_]:
         """(n,) bool, the objects that own a sample of a view."""
@@ -265,67 +268,26 @@ class Sitting:
         casts: dict[str, Cast],
     ) -> SettledFrame:
         if camera.view not in casts:
-            casts[camera.view] = self._cast(camera, frame, True)[:2]
+            casts[camera.view] = self.casting.view(frame, camera, self.panel.scene)
         if self.recorded is not None:
-            self.moved[frame].want(job.spec)
+            self.casting.moved[frame].want(job.spec)
         truth, seen = casts[camera.view]
         return settle(
             self.panel.scene,
             truth,
             drawn,
-            exact=self._arithmetic,
+            exact=partial(self.casting.arithmetic, self.panel.scene),
             raster=raster,
             seen=seen,
             only_visible=not job.record.promise.may_draw_hidden,
         )
-
-    def _cast(
-        self, camera: Camera, frame: int, keep: bool
-    ) -> tuple[FrameTruth, ObjectVisibility, float]:
-        """A view's truth; in arrays of its own where others are cast before it is done with."""
-        scene = self.panel.scene
-        if self.caster is None:
-            self.caster = self.make_caster()
-        with Stopwatch() as watch:
-            truth = self.caster.frame(camera)
-            if truth.ties_complete != self.caster.exact:
-                # An engine that lists its ties and says so nowhere is taken at its class's word.
-                truth = replace(truth, ties_complete=self.caster.exact)
-            if keep:
-                truth = truth.copy()
-            seen = objects_seen(truth, scene)
-            pixels, triangle = greatest_move(scene, truth)
-            self.moved.setdefault(frame, Moved(frame)).grow(pixels, triangle, scene)
-        return truth, seen, watch.ms
-
-    def make_caster(self) -> TruthEngine:
-        """The engine, on the scene of the frame at hand."""
-        engine, scene = self.engine(), self.panel.scene
-        moving = scene.moving is not None
-        if moving and not engine.poses:
-            raise InputError(
-                f"engine '{engine.name}' casts scenes that stand still",
-                fix="use another, such as 'exact'",
-            )
-        if moving and engine.scene is not scene:
-            engine.pose(scene)
-        return engine
-
-    def _arithmetic(self) -> ExactScene:
-        if self._exact is None:
-            if isinstance(self.caster, ExactEngine):
-                self._exact = self.caster.arithmetic
-            else:
-                self._exact = ExactScene(self.panel.scene, threads=self.threads)
-        return self._exact
 
     def close(self) -> None:
         """Let cullers and engine go."""
         try:
             self.panel.close()
         finally:
-            if self.caster is not None:
-                self.caster.close()
+            self.casting.close()
 
 
 @dataclass(eq=False)
@@ -339,7 +301,8 @@ class Referee:
     missed. `examine`: say too, where an engine is built, whether near, far or the winding hide
     most of the scene; then the engine must cast any camera. `held`: what the records hold
     of a verdict once the listeners have seen it; by default all of it, which of a long run is much.
-    `policy`: what the user accepts.
+    `policy`: what the user accepts. `shares_cores`: others judge at the same time, so that no
+    culler has the machine to itself.
     """
 
     scene: Scene
@@ -351,11 +314,17 @@ class Referee:
     held: Callable[[FrameVerdict], FrameVerdict] | None = None
     timeline: Timeline | None = None
     policy: Policy = field(default_factory=Policy)
+    shares_cores: bool = False
 
     def __post_init__(self) -> None:
         self.facts = Facts()
-        # Of the run that is under way, once it has cast; between frames nobody needs its arrays.
-        self.caster: TruthEngine | None = None
+        self._sitting: Sitting | None = None
+
+    @property
+    def caster(self) -> TruthEngine | None:
+        """The engine of the run that is under way, once it has cast. To be asked between frames,
+        when nobody needs its arrays."""
+        return None if self._sitting is None else self._sitting.casting.engine
 
     def run(
         self,
@@ -376,8 +345,9 @@ class Referee:
         timeline = self.timeline or Timeline(self.scene, path)
         panel = Panel(cullers, timeline, self.policy)
         sitting = Sitting(
-            path, timeline, panel, self.engine, self.threads, self.recorded, self.image_check
-        )
+            path, timeline, panel, self.engine, self.threads, self.recorded, self.image_check,
+            self.shares_cores,
+        )  # fmt: skip
         review = Review(self.policy, self.scene)
         known: list[Finding] | None = None
         parted = False
@@ -385,18 +355,17 @@ class Referee:
         def examine() -> list[Finding]:
             # Once: nothing of it hangs on what was judged.
             nonlocal known
-            if known is None and self.examine and sitting.caster is not None:
+            if known is None and self.examine and sitting.casting.caster is not None:
                 known = sitting.examine(self.scene, frames)
             return known or []
 
         def concluded(findings: list[Finding]) -> RunOutcome:
             self.facts = facts = Facts(examined=findings, failures=panel.failures)
             outcome = RunOutcome(panel.records, policy=self.policy)
-            if sitting.caster is not None:
-                facts.caster = Caster.of(sitting.caster)
+            facts.caster = sitting.casting.caster
             if self.recorded is not None:
                 facts.recorded = Caster(self.recorded.engine, self.recorded.exact)
-            facts.moved = list(sitting.moved.values())
+            facts.moved = list(sitting.casting.moved.values())
             whole = len(judged) == len(frames) and not parted
             conclude(outcome, facts, review.accepting, path.numbers, self.scene, whole=whole)
             return outcome
@@ -405,9 +374,10 @@ class Referee:
             sitting.begin(frames, judged[0] if judged else None)
             if self.recorded is not None and panel.jobs:
                 review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
-            for frame in judged:
-                self._judge(sitting, frame, review, listeners)
-                self.caster = sitting.caster
+            self._sitting = sitting
+            for frame, following in pairwise([*judged, None]):
+                assert frame is not None
+                self._judge(sitting, frame, following, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
                 if parting is not None and frame != judged[-1] and parting.due(frame):
@@ -415,15 +385,20 @@ class Referee:
                     # Between frames: nobody needs the engine's arrays.
                     parting.take(concluded(examine()), frame)
                     panel.forget()
-                    sitting.moved.clear()
+                    sitting.casting.moved.clear()
             findings = examine()
         finally:
-            self.caster = None
+            self._sitting = None
             sitting.close()
         return concluded(findings)
 
     def _judge(
-        self, sitting: Sitting, frame: int, review: Review, listeners: Sequence[Listener]
+        self,
+        sitting: Sitting,
+        frame: int,
+        following: int | None,
+        review: Review,
+        listeners: Sequence[Listener],
     ) -> None:
         cut = sitting.path.views(frame)[0].cut
 
@@ -446,4 +421,4 @@ class Referee:
         def before(seen: Mapping[str, NDArray[np.bool_]]) -> None:
             review.look(frame, cut, seen)
 
-        sitting.frame(frame, sitting.panel.jobs, on_truth, on_verdict, before)
+        sitting.frame(frame, sitting.panel.jobs, on_truth, on_verdict, before, following)
