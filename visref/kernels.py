@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from visref.compiled import njit
 
+# Where int32 begins, and how many of its numbers are negative.
+_LEAST, _NEGATIVES = np.int32(-(2**31)), np.uint32(2**31)
+
 
 @njit(makes_arrays=False)
 def gather_objects(
@@ -17,6 +20,7 @@ def gather_objects(
     tie_sample: NDArray[Any],
     tie_triangle: NDArray[Any],
     object_of_triangle: NDArray[Any],
+    object_offsets: NDArray[Any],
     pixels: NDArray[Any],
     alone: NDArray[Any],
     alone_sample: NDArray[Any],
@@ -29,39 +33,42 @@ def gather_objects(
 
     `triangle` int32: (samples,). `undecided` int64: flat samples, ascending, that are left out.
     `tie_sample` int64 and `tie_triangle` int32: (k,), one per tie. `object_of_triangle`: (t,)
-    int32. The rest: (n,) int64, one per object; `alone_sample` and `tied_sample` come negative.
+    int32. `object_offsets`: (n + 1,) int64, where an object's triangles begin. The rest: (n,)
+    int64, one per object; `pixels` and `alone` come as zeros, samples negative.
     """
     k, u, s, total = 0, 0, 0, 0
     count = triangle.size
+    # The object met last, -1 for the background, and its triangles: neighbours are mostly of one
+    # object, and a triangle of its own is no reason to look that up.
+    owner, first_of, span = -1, np.int32(0), np.uint32(0)
     while s < count:
-        t = triangle[s]
         # Up to the next sample at which there is more than an owner.
         stop = count
         if k < tie_sample.size:
             stop = tie_sample[k]
         if u < undecided.size:
             stop = min(stop, undecided[u])
-        if s < stop:
-            first = s
-            s += 1
-            # Eight at a time, in the machine's vectors, as most runs are long.
-            while s + 8 <= stop:
-                differ = 0
-                for i in range(8):
-                    differ |= triangle[s + i] ^ t
-                if differ != 0:
-                    break
-                s += 8
-            while s < stop and triangle[s] == t:
-                s += 1
-            if t >= 0:
-                owner = object_of_triangle[t]
-                total += s - first
-                pixels[owner] += s - first
-                alone[owner] += s - first
-                if alone_sample[owner] < 0:
-                    alone_sample[owner] = first
-            continue
+        since, part = 0, triangle[s:stop]
+        for at in range(len(part)):
+            t = part[at]
+            if np.uint32(t - first_of) >= span:
+                if owner >= 0:
+                    alone[owner] += at - since
+                since = at
+                if t < 0:
+                    owner, first_of, span = -1, _LEAST, _NEGATIVES
+                else:
+                    owner = object_of_triangle[t]
+                    first_of = np.int32(object_offsets[owner])
+                    span = np.uint32(object_offsets[owner + 1] - object_offsets[owner])
+                    if alone_sample[owner] < 0:
+                        alone_sample[owner] = s + at
+        if owner >= 0:
+            alone[owner] += len(part) - since
+        s = stop
+        if s == count:
+            break
+        t = triangle[s]
         start = k
         while k < tie_sample.size and tie_sample[k] == s:
             k += 1
@@ -69,25 +76,29 @@ def gather_objects(
         if open_:
             u += 1
         if t >= 0 and not open_:
-            owner = object_of_triangle[t]
-            others, last = 0, owner
+            mine = object_of_triangle[t]
+            others, last = 0, mine
             for j in range(start, k):
                 o = object_of_triangle[tie_triangle[j]]
-                if o in (owner, last):
+                if o in (mine, last):
                     continue
                 others, last = others + 1, o
                 pixels[o] += 1
                 if tied_sample[o] < 0:
                     tied_sample[o] = s
-            total += 1
-            pixels[owner] += 1
             if others == 0:
-                alone[owner] += 1
-                if alone_sample[owner] < 0:
-                    alone_sample[owner] = s
-            elif tied_sample[owner] < 0:
-                tied_sample[owner] = s
+                alone[mine] += 1
+                if alone_sample[mine] < 0:
+                    alone_sample[mine] = s
+            else:
+                total += 1
+                pixels[mine] += 1
+                if tied_sample[mine] < 0:
+                    tied_sample[mine] = s
         s += 1
+    for o in range(len(alone)):
+        total += alone[o]
+        pixels[o] += alone[o]
     return total
 
 

@@ -237,6 +237,7 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
         truth.ties.sample,
         truth.ties.triangle,
         scene.object_of_triangle,
+        scene.object_offsets,
         samples,
         alone,
         sample,
