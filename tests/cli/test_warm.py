@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import visref
 from tests.cli.test_cli import record, write_scene
 from visref.cli.main import main
 
@@ -141,3 +142,70 @@ def test_a_part_that_this_machine_cannot_do_is_told_and_the_others_are_done(
     monkeypatch.setattr(warm, "PARTS", dict.fromkeys(ends))
     assert main(["warm", "--jobs", "2"]) == 70
     assert "broken is left out: it ended with status 70\n" in capsys.readouterr().err
+
+
+# Imports what a run imports; the last line says of how many modules Python compiled the source.
+IMPORTING = """
+import builtins, sys
+compile, count = builtins.compile, 0
+def counted(source, name, *more, **options):
+    global count
+    count += str(name).endswith(".py")
+    return compile(source, name, *more, **options)
+builtins.compile = counted
+import visref.cli.run, visref_culling.baselines
+print(count)
+"""
+
+
+def compiled_by_imports(prefix: Path) -> int:
+    """As in a container that keeps no bytecode. `prefix`: where it is kept all the same."""
+    environment = {"PYTHONPYCACHEPREFIX": str(prefix), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTING],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **environment},
+    )
+    return int(done.stdout)
+
+
+def warmed_with(prefix: Path) -> subprocess.CompletedProcess[str]:
+    environment = {"PYTHONPYCACHEPREFIX": str(prefix), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "visref", "warm"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+def test_bytecode_is_kept_where_python_itself_keeps_none(warmed, tmp_path):
+    ours = len(list(Path(visref.__file__).parent.rglob("*.py")))
+    before = compiled_by_imports(tmp_path)
+    assert before > 100
+    assert warmed_with(tmp_path).returncode == 0
+    # Of other packages the parts keep it, and those had been run.
+    after = compiled_by_imports(tmp_path)
+    assert len([file for file in tmp_path.rglob("*.pyc") if "visref" in str(file)]) >= ours
+    assert before - after > 100
+
+
+def test_where_bytecode_cannot_be_kept_nothing_else_fails(warmed, tmp_path):
+    (tmp_path / "file").write_text("no folder", encoding="utf-8")
+    done = warmed_with(tmp_path / "file")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_part_keeps_the_bytecode_of_all_that_it_loaded(tmp_path, monkeypatch):
+    from visref.warming import keep_loaded
+
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "of_another.py").write_text("x = 1\n", encoding="utf-8")
+    import of_another
+
+    Path(of_another.__cached__).unlink(missing_ok=True)
+    keep_loaded()
+    assert Path(of_another.__cached__).exists()

@@ -21,7 +21,15 @@ from visref.errors import InputError
 from visref.judging.status import Exit
 from visref.numerals import whole_number
 from visref.threads import available_threads
-from visref.warming import PARTS, can_keep, holds, place, write_record
+from visref.warming import (
+    PARTS,
+    can_keep,
+    holds,
+    keep_loaded,
+    keep_packages,
+    place,
+    write_record,
+)
 from visref.wording import counted, did_you_mean
 
 # How often the parts that run are asked whether they have ended.
@@ -44,6 +52,7 @@ def run(given: argparse.Namespace) -> int:
     jobs = available_threads() if given.jobs is None else given.jobs
     if jobs < 1:
         raise InputError(f"--jobs is {jobs}", fix="give 1 or more")
+    keep_packages()
     waiting = [name for name in PARTS if not holds(name)]
     if not waiting:
         _print_json(given, {})
@@ -80,6 +89,7 @@ def _one(name: str) -> int:
     can_keep()
     with tempfile.TemporaryDirectory(prefix="visref-warm-") as folder:
         status = PARTS[name](Path(folder), main)
+    keep_loaded()
     if status == Exit.NO_VIOLATION:
         write_record(name)
     return status
