@@ -100,7 +100,7 @@ def test_run_by_workers(programs, scene, tmp_path, turns: Turns, sizes: Sizes) -
         word for name in ("none", "occlusion-query", "occupancy-map") for word in ("--culler", name)
     ]
     jobs: dict[str, Job | Skipped] = {}
-    words = [scene[0], *scene[1], "--frames", f"0:{sizes.run_frames}", *cullers, "--pictures", 0]
+    words = [scene[0], *scene[1], "--frames", f"0:{sizes.run_frames}", *cullers]
     for title, program in programs.items():
         run = (program.file, "run", *words, "--out", tmp_path / "run")
         jobs[f"{title}1 worker"] = lambda r=run, p=program: command(*r, *p.one_worker)

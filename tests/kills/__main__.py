@@ -15,6 +15,8 @@ from tests.kills.kills import Kills
 
 COUNT, SEED, AT_ONCE = 200, 0, 30
 GOING_ON = 30
+# A run may have ended when the kill comes: so many tries for each that had not, at most.
+MOST_TRIES = 20
 
 
 def kills(count: int = COUNT, seed: int = SEED, at_once: int = AT_ONCE) -> int:
@@ -27,26 +29,32 @@ def kills(count: int = COUNT, seed: int = SEED, at_once: int = AT_ONCE) -> int:
                 run.kill(number)
             else:
                 run.at_once(at_once)
-            for line in run.differences[told:]:
-                print(line)
-            told = len(run.differences)
+            told = _tell(run, told)
     return _told(f"seed {seed}: {count} kills", start, run)
 
 
 def going_on(count: int = GOING_ON, seed: int = SEED) -> int:
-    """How many differences there are."""
-    start, told = time.perf_counter(), 0
+    """How many differences there are, once so many runs were killed on their way."""
+    start, told, number = time.perf_counter(), 0, 0
     with tempfile.TemporaryDirectory() as folder:
         run = Ends(Path(folder), seed)
-        for number in range(count + 1):
-            if number < count:
-                run.kill(number)
-            else:
-                run.end_all()
-            for line in run.differences[told:]:
-                print(line)
-            told = len(run.differences)
+        while run.seen["killed"] < count:
+            if number == MOST_TRIES * count:
+                run.differences.append(f"most runs had ended: {number} tries")
+                break
+            run.kill(number)
+            number += 1
+            told = _tell(run, told)
+        run.end_all()
+        _tell(run, told)
     return _told(f"going on, seed {seed}: {count} kills", start, run)
+
+
+def _tell(run: Kills | Ends, told: int) -> int:
+    """Print the differences that were not told yet; returns how many there are."""
+    for line in run.differences[told:]:
+        print(line)
+    return len(run.differences)
 
 
 def _told(what: str, start: float, run: Kills | Ends) -> int:
