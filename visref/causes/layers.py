@@ -8,6 +8,7 @@ nearest depth of anybody else: with these every unit has the depth buffer withou
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.compiled import njit
+from visref.near_plane import cut_off, in_camera_space
 from visref.scene import Float64, Int32, Int64
 
 Bool = NDArray[np.bool_]
@@ -125,6 +127,7 @@ def draw(
         layers.nearest,
         layers.owner,
         layers.second,
+        np.empty((4, 3)),
     )
 
 
@@ -243,7 +246,61 @@ def _turned(
         found[t] = side > 0.0
 
 
-@njit()
+@njit(inline="always")
+def _on_image(perspective, lens, p):  # type: ignore[no-untyped-def]
+    """A point of camera space in pixels (whole numbers are samples), and what falls linearly over
+    the image."""
+    step, first_a, first_b = lens[0], lens[1], lens[2]
+    scale = 1.0 / (step * p[2]) if perspective else 1.0 / step
+    x, y = (p[0] * scale - first_a) / 2.0, (first_b - p[1] * scale) / 2.0
+    return x, y, 1.0 / p[2] if perspective else p[2]
+
+
+@njit(inline="always")
+def _ahead_of(plane, pose, perspective, lens, x, y, depth):  # type: ignore[no-untyped-def]
+    """How far before a clip plane the point of a sample at a depth lies."""
+    a, b = (2.0 * x + lens[1]) * lens[0], (lens[2] - 2.0 * y) * lens[0]
+    spread = depth if perspective else 1.0
+    ahead = plane[3]
+    for j in range(3):
+        p = pose[j, 3] - depth * pose[j, 2]
+        p += spread * (a * pose[j, 0] + b * pose[j, 1])
+        ahead += plane[j] * p
+    return ahead
+
+
+@njit(inline="always")
+def _fill(c0, c1, c2, unit, pose, perspective, lens, plane, cut, nearest, owner, second):  # type: ignore[no-untyped-def]
+    x0, y0, w0 = c0
+    x1, y1, w1 = c1
+    x2, y2, w2 = c2
+    height, width = nearest.shape
+    low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
+    low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
+    if high_x < 0.0 or high_y < 0.0 or low_x > width - 1 or low_y > height - 1:
+        return
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
+        return
+    first_x, last_x = math.ceil(max(low_x, 0.0)), math.floor(min(high_x, width - 1.0))
+    first_y, last_y = math.ceil(max(low_y, 0.0)), math.floor(min(high_y, height - 1.0))
+    for y in range(first_y, last_y + 1):
+        for x in range(first_x, last_x + 1):
+            b1 = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
+            b2 = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
+            if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
+                continue
+            depth = w0 + b1 * (w1 - w0) + b2 * (w2 - w0)
+            if perspective:
+                depth = 1.0 / depth
+            if depth > lens[4]:
+                continue
+            if cut and _ahead_of(plane, pose, perspective, lens, x, y, depth) < 0.0:
+                continue
+            _put(nearest, owner, second, y, x, depth, unit)
+
+
+@njit(error_model="numpy", makes_arrays=False)
 def _draw(
     vertices: NDArray[Any],
     corners: NDArray[Any],
@@ -256,72 +313,28 @@ def _draw(
     nearest: NDArray[Any],
     owner: NDArray[Any],
     second: NDArray[Any],
+    polygon: NDArray[Any],
 ) -> None:
-    step, first_a, first_b, near, far = lens
-    height, width = nearest.shape
+    """`polygon`: (4, 3) float64, to be written."""
+    near = lens[3]
     cut = plane[0] != 0.0 or plane[1] != 0.0 or plane[2] != 0.0
-    local = np.empty((3, 3))
-    clipped = np.empty((4, 3))
-    # x, y in pixels (whole numbers are samples), and what falls linearly over the image.
-    screen = np.empty((4, 3))
     for k in range(triangles.size):
-        unit = unit_of[triangles[k]]
-        for i in range(3):
-            v = corners[triangles[k], i]
-            dx = vertices[v, 0] - pose[0, 3]
-            dy = vertices[v, 1] - pose[1, 3]
-            dz = vertices[v, 2] - pose[2, 3]
-            for j in range(3):
-                sign = -1.0 if j == 2 else 1.0
-                local[i, j] = sign * (pose[0, j] * dx + pose[1, j] * dy + pose[2, j] * dz)
-        count = 0
-        for i in range(3):
-            j = (i + 1) % 3
-            if local[i, 2] >= near:
-                clipped[count] = local[i]
-                count += 1
-            if (local[i, 2] >= near) != (local[j, 2] >= near):
-                t = (near - local[i, 2]) / (local[j, 2] - local[i, 2])
-                clipped[count] = local[i] + t * (local[j] - local[i])
-                clipped[count, 2] = near
-                count += 1
-        if count < 3:
+        t = triangles[k]
+        unit = unit_of[t]
+        p = in_camera_space(pose, vertices, corners[t, 0])
+        q = in_camera_space(pose, vertices, corners[t, 1])
+        r = in_camera_space(pose, vertices, corners[t, 2])
+        ahead = (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
+        if ahead == 0:
             continue
-        for i in range(count):
-            scale = 1.0 / (step * clipped[i, 2]) if perspective else 1.0 / step
-            screen[i, 0] = (clipped[i, 0] * scale - first_a) / 2.0
-            screen[i, 1] = (first_b - clipped[i, 1] * scale) / 2.0
-            screen[i, 2] = 1.0 / clipped[i, 2] if perspective else clipped[i, 2]
+        a, b = _on_image(perspective, lens, p), _on_image(perspective, lens, q)
+        c = _on_image(perspective, lens, r)
+        if ahead == 3:
+            _fill(a, b, c, unit, pose, perspective, lens, plane, cut, nearest, owner, second)
+            continue
+        count = cut_off(near, p, q, r, polygon)
+        a = _on_image(perspective, lens, polygon[0])
         for i in range(1, count - 1):
-            x0, y0, w0 = screen[0]
-            x1, y1, w1 = screen[i]
-            x2, y2, w2 = screen[i + 1]
-            low_x, high_x = min(x0, x1, x2), max(x0, x1, x2)
-            low_y, high_y = min(y0, y1, y2), max(y0, y1, y2)
-            if high_x < 0.0 or high_y < 0.0 or low_x > width - 1 or low_y > height - 1:
-                continue
-            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-            if area == 0.0:
-                continue
-            for y in range(int(np.ceil(max(low_y, 0.0))), int(min(high_y, height - 1.0)) + 1):
-                for x in range(int(np.ceil(max(low_x, 0.0))), int(min(high_x, width - 1.0)) + 1):
-                    b1 = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
-                    b2 = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
-                    if b1 < 0.0 or b2 < 0.0 or b1 + b2 > 1.0:
-                        continue
-                    depth = w0 + b1 * (w1 - w0) + b2 * (w2 - w0)
-                    if perspective:
-                        depth = 1.0 / depth
-                    if depth > far:
-                        continue
-                    if cut:
-                        a, b = (2.0 * x + first_a) * step, (first_b - 2.0 * y) * step
-                        spread = depth if perspective else 1.0
-                        ahead = plane[3]
-                        for j in range(3):
-                            p = pose[j, 3] - depth * pose[j, 2]
-                            p += spread * (a * pose[j, 0] + b * pose[j, 1])
-                            ahead += plane[j] * p
-                        if ahead < 0.0:
-                            continue
-                    _put(nearest, owner, second, y, x, depth, unit)
+            b = _on_image(perspective, lens, polygon[i])
+            c = _on_image(perspective, lens, polygon[i + 1])
+            _fill(a, b, c, unit, pose, perspective, lens, plane, cut, nearest, owner, second)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from visref.camera import Camera
 from visref.compiled import njit
+from visref.near_plane import cut_off, in_camera_space
 from visref.scene import Float32, Float64, Int32, Int64, Scene, Units
 
 
@@ -189,23 +190,6 @@ def _seen_at(perspective, per_unit, centre, p):  # type: ignore[no-untyped-def]
     return centre[0] + p[0] * per_unit[0] * scale, centre[1] - p[1] * per_unit[1] * scale, nearness
 
 
-@njit(inline="always")
-def _local(m, vertices, v):  # type: ignore[no-untyped-def]
-    """A vertex in camera space: to the right, up and ahead."""
-    dx, dy, dz = vertices[v, 0] - m[0, 3], vertices[v, 1] - m[1, 3], vertices[v, 2] - m[2, 3]
-    x = m[0, 0] * dx + m[1, 0] * dy + m[2, 0] * dz
-    y = m[0, 1] * dx + m[1, 1] * dy + m[2, 1] * dz
-    z = m[0, 2] * dx + m[1, 2] * dy + m[2, 2] * dz
-    return x, y, -z
-
-
-@njit(inline="always")
-def _on_near(near, p, q):  # type: ignore[no-untyped-def]
-    """Where the edge from p to q meets the near plane."""
-    t = (near - p[2]) / (q[2] - p[2])
-    return p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), near
-
-
 @njit(error_model="numpy", makes_arrays=False)
 def _rasterise(
     vertices: NDArray[Any],
@@ -223,9 +207,9 @@ def _rasterise(
     m, perspective, near, per_unit, centre = projection
     for k in range(triangles.size):
         t, unit = triangles[k], unit_of[k]
-        p = _local(m, vertices, corners[t, 0])
-        q = _local(m, vertices, corners[t, 1])
-        r = _local(m, vertices, corners[t, 2])
+        p = in_camera_space(m, vertices, corners[t, 0])
+        q = in_camera_space(m, vertices, corners[t, 1])
+        r = in_camera_space(m, vertices, corners[t, 2])
         ahead = (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
         if ahead == 0:
             continue
@@ -235,20 +219,7 @@ def _rasterise(
             c = _seen_at(perspective, per_unit, centre, r)
             _fill(a, b, c, unit, marks_small, owner, nearness, behind)
             continue
-        # What is ahead of the near plane, as one or two triangles.
-        count = 0
-        for i in range(3):
-            if i > 0:
-                p, q, r = q, r, p
-            if p[2] >= near:
-                for axis in range(3):
-                    polygon[count, axis] = p[axis]
-                count += 1
-            if (p[2] >= near) != (q[2] >= near):
-                met = _on_near(near, p, q)
-                for axis in range(3):
-                    polygon[count, axis] = met[axis]
-                count += 1
+        count = cut_off(near, p, q, r, polygon)
         for i in range(1, count - 1):
             a = _seen_at(perspective, per_unit, centre, polygon[0])
             b = _seen_at(perspective, per_unit, centre, polygon[i])
