@@ -292,6 +292,8 @@ def _examine(
                 if has_area and c + gx * x + gy * y > root_key:
                     root, root_key = near, c + gx * x + gy * y
             near += 1
+            if near > most_around:
+                break
         cover[index], hide[index], gap[index], lost[index] = 0.0, np.inf, np.inf, False
         if root < 0 or near > most_around:
             lost[index] = True
