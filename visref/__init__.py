@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from visref.judging.referee import Referee
     from visref.judging.status import Exit
     from visref.registry import make_culler
-    from visref.report import write_report
+    from visref.report.writing import write_report
     from visref.runs import judge_to_folder, truth_to_file
     from visref.scene import Scene, Units
     from visref.timeline import Timeline
@@ -102,7 +102,7 @@ _MODULES = {
     "visref.judging.referee": ("Referee",),
     "visref.judging.status": ("Exit",),
     "visref.registry": ("make_culler",),
-    "visref.report": ("write_report",),
+    "visref.report.writing": ("write_report",),
     "visref.runs": ("judge_to_folder", "truth_to_file"),
     "visref.scene": ("Scene", "Units"),
     "visref.timeline": ("Timeline",),

@@ -34,7 +34,7 @@ from visref.recordings import truth_file
 from visref.recordings.truth_file import TruthTable
 from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import read_visible_sets
-from visref.report import write_report
+from visref.report.writing import write_report
 from visref.scene import Scene
 from visref.visibility import objects_seen
 

@@ -19,7 +19,7 @@ from visref.judging.outcome import RunOutcome, verdict_json
 from visref.judging.referee import Referee
 from visref.recordings.truth_reading import read_truth
 from visref.recordings.visible_sets import Replay, read_visible_sets
-from visref.report import write_report
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 from visref.runs import judge_to_folder, truth_to_file
 from visref.scene import Scene, Units

@@ -18,7 +18,7 @@ from visref.files import replacing_folder
 from visref.judging.policy import Policy, Span, Waiver
 from visref.merging import merge_into, merge_runs, merge_truths
 from visref.picking import Shard
-from visref.report import write_report
+from visref.report.writing import write_report
 from visref.run_folder.layout import RUN_FOLDER
 from visref.run_folder.read import read_run
 from visref.runs import judge_to_folder, merge_naming, truth_to_file

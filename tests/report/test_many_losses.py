@@ -13,11 +13,12 @@ from tests.report.test_report import Reader
 from tests.report.test_report_browser import ABOUT, LIST, ROWS, axe_findings, needs_axe, wait
 from tests.support import chromium
 from tests.support.many_losses import CAUSES, CULLERS, VIOLATIONS, frame_of, many_losses, name_of
-from visref.report import crop_data, write_report
+from visref.report import crop_data
 from visref.report.crop_data import CropData
 from visref.report.object_list import ObjectList
 from visref.report.pictured import PictureBudget, frame_views
 from visref.report.summary import summarise
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 
 pytestmark = pytest.mark.slow

@@ -37,10 +37,10 @@ from tests.support.report_runs import (
     write_runs,
 )
 from visref.errors import InputError
-from visref.report import write_report
 from visref.report.junit import REST
 from visref.report.plots import Series, on_scale, ticks
 from visref.report.words import percent, quantity
+from visref.report.writing import write_report
 
 pytestmark = pytest.mark.slow
 

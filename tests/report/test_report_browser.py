@@ -22,8 +22,9 @@ from tests.support.report_runs import (
     write_run,
     write_runs,
 )
-from visref.report import crop_data, crops, pictured, write_report
+from visref.report import crop_data, crops, pictured
 from visref.report.page import page_html
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 
 pytestmark = [

@@ -17,8 +17,8 @@ from tests.support.report_runs import BROKEN, HEIGHT, LOOSE, WIDTH, bench_folder
 from visref import papers
 from visref.errors import InputError
 from visref.papers.contents import Claim, Printed, Row, Sense, Table, single
-from visref.report import write_report
 from visref.report.words import percent
+from visref.report.writing import write_report
 
 
 @pytest.fixture(scope="module")

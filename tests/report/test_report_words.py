@@ -25,9 +25,9 @@ from tests.support.report_runs import (
 from visref.cli.main import main
 from visref.culler import Raster, RasterTolerance
 from visref.judging.status import Status
-from visref.report import write_report
 from visref.report.summary import summarise
 from visref.report.words import culler_sentence, decided, declared, why_inconclusive
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 
 pytestmark = pytest.mark.slow

@@ -25,9 +25,10 @@ from tests.support.report_runs import (
     write_run,
 )
 from visref.errors import InputError
-from visref.report import view3d, write_report
+from visref.report import view3d
 from visref.report.thinned import STEPS, thinned
 from visref.report.view3d import three_js, view3d_of
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 from visref.scene import Scene
 
@@ -149,7 +150,7 @@ def test_what_is_too_large_is_written_beside(folder, tmp_path, monkeypatch):
     size = len(inside.scene) + len(inside.three)
     assert not view3d_of(read_run(folder), scene(), most=size).beside
     assert view3d_of(read_run(folder), scene(), most=size - 1).beside
-    monkeypatch.setattr("visref.report.view3d_of", lambda *a: view3d_of(*a, most=size - 1))
+    monkeypatch.setattr("visref.report.writing.view3d_of", lambda *a: view3d_of(*a, most=size - 1))
     page = write_report([folder], tmp_path, scene=scene()).read_text()
     assert inside.scene not in page
     assert 'href="scene3d.js"' in page

@@ -19,7 +19,7 @@ from tests.support.report_runs import BROKEN, HIDDEN, NASTY, NASTY_ID
 from visref.culler import QueryStats
 from visref.errors import InputError
 from visref.judging.judge import Counts, MissKind
-from visref.report import write_report
+from visref.report.writing import write_report
 from visref.run_folder.explain import explain
 from visref.run_folder.layout import (
     COUNTERS,

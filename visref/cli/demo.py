@@ -13,7 +13,7 @@ from visref.doing import doing
 from visref.inputs import open_inputs
 from visref.judging.status import Exit
 from visref.registry import make_culler
-from visref.report import write_report
+from visref.report.writing import write_report
 from visref.runs import judge_to_folder
 
 SCENE = "city:scale=0.2,frames=24"

@@ -10,11 +10,11 @@ from visref.cli.terminal import OUT
 from visref.doing import doing
 from visref.errors import InputError
 from visref.judging.status import Exit
-from visref.report import write_report
 from visref.report.bench_folder import is_bench
 from visref.report.board import write_board
 from visref.report.run_tables import write_run_tables
 from visref.report.words import overall
+from visref.report.writing import write_report
 from visref.run_folder.read import read_run
 
 
