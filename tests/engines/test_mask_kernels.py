@@ -61,7 +61,7 @@ def test_the_order_in_which_masked_triangles_are_looked_at_is_seen_by_nobody(
         lambda count: rng.permutation(count),
     ]
     for order in orders:
-        monkeypatch.setattr(RayEngine, "_by_depth", lambda self, which, grid: order(len(which)))  # noqa: B023
+        monkeypatch.setattr(RayEngine, "_by_depth", lambda self, nearest: order(len(nearest)))  # noqa: B023
         other = seen()
         assert (other.buffer.triangle == usual.buffer.triangle).all()
         for one, same in zip(astuple(other.doubt), astuple(usual.doubt), strict=True):

@@ -82,6 +82,10 @@ DEPTH_SLACK = 2.0**-18
 SIGHT = 8
 
 
+# How many masked triangles, and rows of an image, a core takes at a time.
+MASKED_A_TURN, MASKED_ROWS = 1 << 13, 32
+
+
 class RayEngine(TruthEngine):
     """A truth engine over a ray library; subclasses say how rays are cast.
 
@@ -408,24 +412,27 @@ class RayEngine(TruthEngine):
 
         axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
         masks = self.scene.masks or Masks.none(self.scene.triangle_count)
-        front_to_back = self._masked[self._by_depth(self._masked, grid)]
-        limit = np.full(len(triangle), np.nan)
+        parts = self._by_turns(
+            lambda start: mask_kernels.in_view(
+                self._masked[start : start + MASKED_A_TURN], self._mesh, grid
+            ),
+            range(0, len(self._masked), MASKED_A_TURN),
+        )
+        found = mask_kernels.InView._make(np.concatenate(c) for c in zip(*parts, strict=True))
+        seen = found.taken(self._by_depth(found.nearest))
+        height = len(grid.row_b)
 
-        def work(part: tuple[int, int, int, int]) -> Layers:
-            found, state = mask_kernels.shown(
-                front_to_back, self._mesh, grid, part, triangle, masks, axes, limit
-            )
-            return mask_kernels.settle(found, state, part, self._mesh, grid, triangle)
+        def work(top: int) -> Layers:
+            rows = top, min(top + MASKED_ROWS, height)
+            return mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes)
 
-        sample, count, which, least = _joined(self._in_bands(_whole(grid), work))
+        sample, count, which, least = _joined(self._by_turns(work, range(0, height, MASKED_ROWS)))
         offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
         return Doubt(sample, offsets, which), least
 
-    def _by_depth(self, which: Int32, grid: SampleGrid) -> Int64:
-        """Triangles in the order of their nearest corners' depths, about."""
-        corners = self._mesh.vertices[self._mesh.triangles[which]]
-        depth = ((corners - grid.axes[0]) @ grid.axes[4]).min(axis=1)
-        return np.argsort(depth, kind="stable")
+    def _by_depth(self, nearest: Float64) -> Int64:
+        """The order in which masked triangles are looked at, by the least depths of each."""
+        return np.argsort(nearest, kind="stable")
 
     def _blend(
         self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]

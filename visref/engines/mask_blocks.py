@@ -1,0 +1,340 @@
+"""Compiled loops over blocks of samples: masked triangles tested in float64, many samples at once.
+
+A block knows beyond which depth none of its samples shows anything, so that what lies behind is left
+out whole. Within a block, loops hold no branches: a compiler makes vectors of them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visref.compiled import njit
+from visref.engines.ray_kernels import (
+    SampleGrid,
+    Triangles,
+    corner,
+    counts,
+    depth_interval,
+    dot,
+    facet_of,
+    minus,
+    plane,
+)
+from visref.engines.splat_kernels import Hits, at_sample, edge, window_of
+from visref.masks.by_edges import facing, reach_of, size_of, state_by_places, touched_by_edges
+from visref.masks.hits import UNIT, state_at
+from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE
+from visref.masks.store import MaskArrays
+from visref.visibility import BACKGROUND
+
+BLOCK_WIDTH, BLOCK_HEIGHT = 8, 4
+BLOCK = BLOCK_WIDTH * BLOCK_HEIGHT
+
+
+class InView(NamedTuple):
+    """Masked triangles that may cover samples: ids, the windows of samples (x0, x1, y0, y1; x1, y1
+    excluded), (k, 4), and the least depths, (k,)."""
+
+    triangle: NDArray[np.int32]
+    window: NDArray[np.int32]
+    nearest: NDArray[np.float64]
+
+    def taken(self, which: NDArray[Any]) -> InView:
+        return InView._make(column[which] for column in self)
+
+
+class Blocks(NamedTuple):
+    """The samples of some whole rows of an image, by blocks, row by row.
+
+    `a`: (c, BLOCK), by column of blocks, and `b`: (r, BLOCK), by row of them, of each sample; beyond
+    the image they go on. By block and sample: `limit`, beyond what depth nothing is seen, -inf
+    beyond the image; `depth` and `solid`, the nearest solid hit of a masked triangle before the
+    owner, else the owner's depth and `BACKGROUND`. `farthest`: of a block's limits the greatest.
+    `begun`: by block, whether anything stands in these. `owners`, `z`, `error`, `kept`: (BLOCK,)
+    each, for the block at hand.
+    """
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    top: int
+    begun: NDArray[np.bool_]
+    farthest: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    solid: NDArray[np.int32]
+    owners: NDArray[np.int32]
+    z: NDArray[np.float64]
+    error: NDArray[np.float64]
+    kept: NDArray[np.uint8]
+    places: NDArray[np.float64]
+    certain: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, grid: SampleGrid, top: int, bottom: int) -> Blocks:
+        across, down = -(-len(grid.column_a) // BLOCK_WIDTH), -(-(bottom - top) // BLOCK_HEIGHT)
+        columns = grid.column_a[0] + 2.0 * np.arange(across * BLOCK_WIDTH)
+        columns[: len(grid.column_a)] = grid.column_a
+        rows = grid.row_b[top] - 2.0 * np.arange(down * BLOCK_HEIGHT)
+        rows[: bottom - top] = grid.row_b[top:bottom]
+        a = np.tile(columns.reshape(across, 1, BLOCK_WIDTH), (1, BLOCK_HEIGHT, 1))
+        b = np.repeat(rows.reshape(down, BLOCK_HEIGHT), BLOCK_WIDTH, axis=1)
+        count = across * down
+        return cls(
+            np.ascontiguousarray(a.reshape(across, BLOCK)),
+            np.ascontiguousarray(b),
+            top,
+            np.zeros(count, np.bool_),
+            np.full(count, np.inf),
+            np.empty((count, BLOCK)),
+            np.empty((count, BLOCK)),
+            np.empty((count, BLOCK), np.int32),
+            np.empty(BLOCK, np.int32),
+            np.empty(BLOCK),
+            np.empty(BLOCK),
+            np.empty(BLOCK, np.uint8),
+            np.empty((4, BLOCK)),
+            np.empty(BLOCK, np.uint8),
+        )
+
+
+@njit(inline="always")
+def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
+    """A view depth, less what rounding may have added; in `p` too, which is relative to the eye,
+    and in the axes, with room to spare."""
+    f = grid.axes[4]
+    size = abs(p[0] * f[0]) + abs(p[1] * f[1]) + abs(p[2] * f[2])
+    return dot(p, f) - 64.0 * UNIT * size
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def find_in_view(which: NDArray[Any], mesh: Triangles, grid: SampleGrid, found: InView) -> int:
+    """Those of the triangles `which` that may cover samples, into `found`: how many."""
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    whole = (0, len(grid.column_a), 0, len(grid.row_b))
+    count = 0
+    for t in which:
+        p0 = minus(corner(mesh, t, 0), eye)
+        p1 = minus(corner(mesh, t, 1), eye)
+        p2 = minus(corner(mesh, t, 2), eye)
+        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), whole)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        found.triangle[count] = t
+        found.window[count, 0], found.window[count, 1] = x0, x1
+        found.window[count, 2], found.window[count, 3] = y0, y1
+        found.nearest[count] = min(
+            _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
+        )
+        count += 1
+    return count
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def _begin(
+    blocks: Blocks, block: int, mesh: Triangles, grid: SampleGrid, owner: NDArray[Any]
+) -> None:
+    """Let a block know its owners' depths."""
+    width, height = len(grid.column_a), len(grid.row_b)
+    row, column = block // len(blocks.a), block % len(blocks.a)
+    for k in range(BLOCK):
+        x, y = column * BLOCK_WIDTH + k % BLOCK_WIDTH, row * BLOCK_HEIGHT + k // BLOCK_WIDTH
+        y += blocks.top
+        blocks.owners[k] = BACKGROUND - 1
+        if x < width and y < height:
+            blocks.owners[k] = owner[y * width + x]
+    start = 0
+    while start < BLOCK:
+        # Neighbouring samples mostly share their owner.
+        t, end = blocks.owners[start], start + 1
+        while end < BLOCK and blocks.owners[end] == t:
+            end += 1
+        if t >= 0:
+            facet = facet_of(mesh, grid, t)
+            for k in range(start, end):
+                behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
+                blocks.depth[block, k] = behind
+                blocks.limit[block, k] = behind + slack
+        else:
+            for k in range(start, end):
+                blocks.depth[block, k] = np.inf
+                blocks.limit[block, k] = np.inf if t == BACKGROUND else -np.inf
+        start = end
+    for k in range(BLOCK):
+        blocks.solid[block, k] = BACKGROUND
+    blocks.begun[block] = True
+    _see_farthest(blocks, block)
+
+
+@njit(inline="always")
+def _see_farthest(blocks, block):  # type: ignore[no-untyped-def]
+    farthest = -np.inf
+    for k in range(BLOCK):
+        # Whoever is no number hides nothing.
+        limit = blocks.limit[block, k]
+        farthest = farthest if limit <= farthest else limit
+    blocks.farthest[block] = farthest
+
+
+@njit(inline="always")
+def _range(at_edge, low, high):  # type: ignore[no-untyped-def]
+    """Between what values an edge's function, as `at_sample` computes it, is where a and b are
+    from `low` to `high`. Rounding never turns an order round, so that the corners tell."""
+    constant, by_a, by_b = at_edge
+    a0, a1 = low[0] * by_a, high[0] * by_a
+    b0, b1 = low[1] * by_b, high[1] * by_b
+    return constant + (min(a0, a1) + min(b0, b1)), constant + (max(a0, a1) + max(b0, b1))
+
+
+@njit(inline="always")
+def _misses(edges, low, high):  # type: ignore[no-untyped-def]
+    """Whether `splat_kernels.meets` is False at all samples from `low` to `high`, (a, b) each."""
+    low0, high0 = _range(edges[0], low, high)
+    low1, high1 = _range(edges[1], low, high)
+    low2, high2 = _range(edges[2], low, high)
+    return min(high0, high1, high2) < 0.0 and max(low0, low1, low2) > 0.0
+
+
+@njit(inline="always")
+def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  # type: ignore[no-untyped-def]
+    """Depths of a triangle at a block's samples, and at which of them, with a and b `within` (least
+    and greatest a, and b), it is met (`splat_kernels.meets`) and not beyond the limit: how many."""
+    found = 0
+    a0, a1, b0, b1 = within
+    for k in range(BLOCK):
+        a, b = blocks.a[column, k], blocks.b[row, k]
+        s0, s1, s2 = at_sample(edges, a, b)
+        outside = (min(s0, s1, s2) < 0.0) & (max(s0, s1, s2) > 0.0)
+        denominator = plane(facet, grid, a, b)[1]
+        faced = (denominator < 0.0) | ((denominator > 0.0) & two_sided)
+        z, error = depth_interval(facet, grid, a, b)
+        blocks.z[k], blocks.error[k] = z, error
+        beyond = z - error > blocks.limit[block, k]
+        inside = (a >= a0) & (a <= a1) & (b >= b0) & (b <= b1)
+        kept = inside & faced & (not outside) & (not beyond)
+        blocks.kept[k] = kept
+        found += kept
+    return found
+
+
+@njit(inline="always")
+def _touch(blocks, row, column, face, size, edges):  # type: ignore[no-untyped-def]
+    """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`)."""
+    for k in range(BLOCK):
+        sides = at_sample(edges, blocks.a[column, k], blocks.b[row, k])
+        x0, x1, y0, y1, certain = touched_by_edges(face, size, sides)
+        blocks.places[0, k], blocks.places[1, k] = x0, x1
+        blocks.places[2, k], blocks.places[3, k] = y0, y1
+        blocks.certain[k] = certain
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def look_through(
+    seen: InView,
+    begin: int,
+    mesh: Triangles,
+    grid: SampleGrid,
+    bottom: int,
+    owner: NDArray[Any],
+    masks: MaskArrays,
+    row_of_triangle: NDArray[Any],
+    axes: NDArray[Any],
+    blocks: Blocks,
+    hits: Hits,
+) -> tuple[int, int]:
+    """Let masked triangles from `begin` on be met in `blocks`, of the rows before `bottom`. What is
+    BETWEEN, and not known to be hidden, goes into `hits`, as far as there is room: the index of the
+    first triangle that is left, and how many hits there are.
+
+    `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
+    then it is BETWEEN.
+    """
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    width, across = len(grid.column_a), len(blocks.a)
+    perspective = grid.perspective
+    # Of the whole image: no answer hangs on which rows are looked at together.
+    reach = reach_of(grid, (0, width, 0, len(grid.row_b)))
+    count = 0
+    for index in range(begin, len(seen.triangle)):
+        x0, x1 = seen.window[index, 0], seen.window[index, 1]
+        y0, y1 = max(seen.window[index, 2], blocks.top), min(seen.window[index, 3], bottom)
+        if y0 >= y1:
+            continue
+        if count + (x1 - x0) * (y1 - y0) > len(hits.sample):
+            return index, count
+        nearest = seen.nearest[index]
+        columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
+        rows = (y0 - blocks.top) // BLOCK_HEIGHT, (y1 - 1 - blocks.top) // BLOCK_HEIGHT + 1
+        hidden = True
+        for row in range(rows[0], rows[1]):
+            for column in range(columns[0], columns[1]):
+                hidden &= nearest > blocks.farthest[row * across + column]
+        if hidden:
+            continue
+        t = seen.triangle[index]
+        v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
+        p0, p1, p2 = minus(v0, eye), minus(v1, eye), minus(v2, eye)
+        edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
+        facet = facet_of(mesh, grid, t)
+        mask_row = row_of_triangle[t]
+        face = facing(masks, mask_row, edges, (p0, p1, p2), reach)
+        within = grid.column_a[x0], grid.column_a[x1 - 1], grid.row_b[y1 - 1], grid.row_b[y0]
+        size = size_of(masks, face[0]) if face[1] else (1.0, 1.0)
+        two_sided = not mesh.one_sided[t]
+        for row in range(rows[0], rows[1]):
+            top = blocks.top + row * BLOCK_HEIGHT
+            for column in range(columns[0], columns[1]):
+                block = row * across + column
+                if nearest > blocks.farthest[block]:
+                    continue
+                left = column * BLOCK_WIDTH
+                low = blocks.a[column, 0], blocks.b[row, BLOCK - 1]
+                high = blocks.a[column, BLOCK - 1], blocks.b[row, 0]
+                if _misses(edges, low, high):
+                    continue
+                if not blocks.begun[block]:
+                    _begin(blocks, block, mesh, grid, owner)
+                found = _keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
+                if not found:
+                    continue
+                if face[1]:
+                    _touch(blocks, row, column, face, size, edges)
+                nearer = False
+                for k in range(BLOCK):
+                    if not blocks.kept[k]:
+                        continue
+                    a, b, z, error = (
+                        blocks.a[column, k],
+                        blocks.b[row, k],
+                        blocks.z[k],
+                        blocks.error[k],
+                    )
+                    if not counts(grid, z, a, b):
+                        continue
+                    state = BETWEEN
+                    if mask_row >= 0:
+                        state = UNSURE
+                        if face[1]:
+                            of = blocks.places
+                            places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
+                            state = state_by_places(masks, face[0], places)
+                        if state == UNSURE:
+                            state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
+                    if state == SOLID:
+                        nearer = True
+                        blocks.limit[block, k] = min(blocks.limit[block, k], z + error)
+                        depth, other = blocks.depth[block, k], blocks.solid[block, k]
+                        if z < depth or (z == depth and t < other):
+                            blocks.depth[block, k], blocks.solid[block, k] = z, t
+                    elif state == BETWEEN:
+                        y, x = top + k // BLOCK_WIDTH, left + k % BLOCK_WIDTH
+                        hits.sample[count], hits.triangle[count] = y * width + x, t
+                        hits.depth[count], hits.bound[count] = z, error
+                        count += 1
+                if nearer:
+                    _see_farthest(blocks, block)
+    return len(seen.triangle), count
