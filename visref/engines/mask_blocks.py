@@ -16,7 +16,6 @@ from visref.engines.ray_kernels import (
     SampleGrid,
     Triangles,
     corner,
-    counts,
     depth_interval,
     dot,
     facet_of,
@@ -32,6 +31,8 @@ from visref.visibility import BACKGROUND
 
 BLOCK_WIDTH, BLOCK_HEIGHT = 8, 4
 BLOCK = BLOCK_WIDTH * BLOCK_HEIGHT
+# Farther than any place of a texel.
+FAR = 1 << 40
 
 
 class InView(NamedTuple):
@@ -204,6 +205,9 @@ def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  #
     and greatest a, and b), it is met (`splat_kernels.meets`) and not beyond the limit: how many."""
     found = 0
     a0, a1, b0, b1 = within
+    near, far, clips = grid.near, grid.far, grid.clips
+    c = grid.clip
+    c0, c1, c2, c3, c4, c5 = c[0], c[1], c[2], c[3], c[4], c[5]
     for k in range(BLOCK):
         a, b = blocks.a[column, k], blocks.b[row, k]
         s0, s1, s2 = at_sample(edges, a, b)
@@ -213,8 +217,11 @@ def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  #
         z, error = depth_interval(facet, grid, a, b)
         blocks.z[k], blocks.error[k] = z, error
         beyond = z - error > blocks.limit[block, k]
+        # As `ray_kernels.counts`.
+        before_plane = c0 + a * c1 + b * c2 + z * (c3 + a * c4 + b * c5) >= 0.0
+        ranged = (z >= near) & (z <= far) & (before_plane | (not clips))
         inside = (a >= a0) & (a <= a1) & (b >= b0) & (b <= b1)
-        kept = inside & faced & (not outside) & (not beyond)
+        kept = inside & ranged & faced & (not outside) & (not beyond)
         blocks.kept[k] = kept
         found += kept
     return found
@@ -222,13 +229,50 @@ def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  #
 
 @njit(inline="always")
 def _touch(blocks, row, column, face, size, edges):  # type: ignore[no-untyped-def]
-    """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`)."""
+    """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`); and
+    which the lookups at all that are kept touch together, where all are certain."""
+    x_first, x_last, y_first, y_last, open_ = FAR, -FAR, FAR, -FAR, 0
     for k in range(BLOCK):
         sides = at_sample(edges, blocks.a[column, k], blocks.b[row, k])
         x0, x1, y0, y1, certain = touched_by_edges(face, size, sides)
         blocks.places[0, k], blocks.places[1, k] = x0, x1
         blocks.places[2, k], blocks.places[3, k] = y0, y1
         blocks.certain[k] = certain
+        kept = blocks.kept[k] != 0
+        open_ += kept & (not certain)
+        # Whole numbers, of which a compiler finds the least in a vector.
+        taken = kept & certain
+        x_first = min(x_first, np.int64(x0 if taken else FAR))
+        x_last = max(x_last, np.int64(x1 if taken else -FAR))
+        y_first = min(y_first, np.int64(y0 if taken else FAR))
+        y_last = max(y_last, np.int64(y1 if taken else -FAR))
+    return x_first, x_last, y_first, y_last, open_ == 0
+
+
+@njit(inline="always")
+def _state_of_all(masks, face, size, together):  # type: ignore[no-untyped-def]
+    """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them."""
+    x0, x1, y0, y1, certain = together
+    if not certain or x1 - x0 + 1 >= size[0] or y1 - y0 + 1 >= size[1]:
+        # As many texels as a row has, and a lookup may run over an edge that this one does not.
+        return UNSURE
+    places = (np.float64(x0), np.float64(x1), np.float64(y0), np.float64(y1), True)
+    state = state_by_places(masks, face[0], places)
+    return UNSURE if state == BETWEEN else state
+
+
+@njit(inline="always")
+def _put_before(blocks, block, t):  # type: ignore[no-untyped-def]
+    """Triangle t is SOLID at all samples that are kept."""
+    for k in range(BLOCK):
+        kept = blocks.kept[k] != 0
+        z = blocks.z[k]
+        limit, depth, solid = blocks.limit[block, k], blocks.depth[block, k], blocks.solid[block, k]
+        reached = z + blocks.error[k]
+        nearer = kept & ((z < depth) | ((z == depth) & (t < solid)))
+        blocks.limit[block, k] = reached if kept & (reached < limit) else limit
+        blocks.depth[block, k] = z if nearer else depth
+        blocks.solid[block, k] = t if nearer else solid
 
 
 @njit(error_model="numpy", makes_arrays=False)
@@ -302,19 +346,19 @@ def look_through(
                 if not found:
                     continue
                 if face[1]:
-                    _touch(blocks, row, column, face, size, edges)
+                    together = _touch(blocks, row, column, face, size, edges)
+                    of_all = _state_of_all(masks, face, size, together)
+                    if of_all == HOLE:
+                        continue
+                    if of_all == SOLID:
+                        _put_before(blocks, block, t)
+                        _see_farthest(blocks, block)
+                        continue
                 nearer = False
                 for k in range(BLOCK):
                     if not blocks.kept[k]:
                         continue
-                    a, b, z, error = (
-                        blocks.a[column, k],
-                        blocks.b[row, k],
-                        blocks.z[k],
-                        blocks.error[k],
-                    )
-                    if not counts(grid, z, a, b):
-                        continue
+                    z, error = blocks.z[k], blocks.error[k]
                     state = BETWEEN
                     if mask_row >= 0:
                         state = UNSURE
@@ -323,6 +367,7 @@ def look_through(
                             places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
                             state = state_by_places(masks, face[0], places)
                         if state == UNSURE:
+                            a, b = blocks.a[column, k], blocks.b[row, k]
                             state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
                     if state == SOLID:
                         nearer = True
