@@ -25,7 +25,15 @@ from visref.engines.ray_kernels import (
 from visref.engines.splat_kernels import Hits, at_sample, edge, window_of
 from visref.masks.by_edges import facing, reach_of, size_of, state_by_places, touched_by_edges
 from visref.masks.hits import UNIT, state_at
-from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE
+from visref.masks.lookup import (
+    BETWEEN,
+    HOLE,
+    SOLID,
+    UNSURE,
+    state_of_four_squares,
+    within_four_squares,
+    words_of_row,
+)
 from visref.masks.store import MaskArrays
 from visref.visibility import BACKGROUND
 
@@ -70,6 +78,7 @@ class Blocks(NamedTuple):
     z: NDArray[np.float64]
     error: NDArray[np.float64]
     kept: NDArray[np.uint8]
+    order: NDArray[np.int64]
     places: NDArray[np.float64]
     certain: NDArray[np.uint8]
 
@@ -96,6 +105,7 @@ class Blocks(NamedTuple):
             np.empty(BLOCK),
             np.empty(BLOCK),
             np.empty(BLOCK, np.uint8),
+            np.empty(BLOCK, np.int64),
             np.empty((4, BLOCK)),
             np.empty(BLOCK, np.uint8),
         )
@@ -134,6 +144,17 @@ def find_in_view(which: NDArray[Any], mesh: Triangles, grid: SampleGrid, found: 
     return count
 
 
+@njit(inline="always")
+def _see_owner(blocks, block, row, column, mesh, grid, t):  # type: ignore[no-untyped-def]
+    """Let a block know the depths of one of its owners."""
+    facet = facet_of(mesh, grid, t)
+    for k in range(BLOCK):
+        here = blocks.owners[k] == t
+        behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
+        blocks.depth[block, k] = behind if here else blocks.depth[block, k]
+        blocks.limit[block, k] = behind + slack if here else blocks.limit[block, k]
+
+
 @njit(error_model="numpy", makes_arrays=False)
 def _begin(
     blocks: Blocks, block: int, mesh: Triangles, grid: SampleGrid, owner: NDArray[Any]
@@ -141,31 +162,31 @@ def _begin(
     """Let a block know its owners' depths."""
     width, height = len(grid.column_a), len(grid.row_b)
     row, column = block // len(blocks.a), block % len(blocks.a)
+    left, top = column * BLOCK_WIDTH, blocks.top + row * BLOCK_HEIGHT
+    for y in range(BLOCK_HEIGHT):
+        for x in range(BLOCK_WIDTH):
+            k = y * BLOCK_WIDTH + x
+            there = left + x < width and top + y < height
+            t = owner[(top + y) * width + left + x] if there else BACKGROUND
+            blocks.owners[k] = t
+            blocks.limit[block, k] = np.inf if there else -np.inf
+            blocks.depth[block, k] = np.inf
+            blocks.solid[block, k] = BACKGROUND
+    # Most blocks have one owner or two: these for all samples at once.
+    first, last = blocks.owners[0], blocks.owners[BLOCK - 1]
+    if first >= 0:
+        _see_owner(blocks, block, row, column, mesh, grid, first)
+    if last >= 0 and last != first:
+        _see_owner(blocks, block, row, column, mesh, grid, last)
+    known, facet = -1, facet_of(mesh, grid, 0)
     for k in range(BLOCK):
-        x, y = column * BLOCK_WIDTH + k % BLOCK_WIDTH, row * BLOCK_HEIGHT + k // BLOCK_WIDTH
-        y += blocks.top
-        blocks.owners[k] = BACKGROUND - 1
-        if x < width and y < height:
-            blocks.owners[k] = owner[y * width + x]
-    start = 0
-    while start < BLOCK:
-        # Neighbouring samples mostly share their owner.
-        t, end = blocks.owners[start], start + 1
-        while end < BLOCK and blocks.owners[end] == t:
-            end += 1
-        if t >= 0:
-            facet = facet_of(mesh, grid, t)
-            for k in range(start, end):
-                behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
-                blocks.depth[block, k] = behind
-                blocks.limit[block, k] = behind + slack
-        else:
-            for k in range(start, end):
-                blocks.depth[block, k] = np.inf
-                blocks.limit[block, k] = np.inf if t == BACKGROUND else -np.inf
-        start = end
-    for k in range(BLOCK):
-        blocks.solid[block, k] = BACKGROUND
+        t = blocks.owners[k]
+        if t < 0 or t == first or t == last:
+            continue
+        if t != known:
+            known, facet = t, facet_of(mesh, grid, t)
+        behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
+        blocks.depth[block, k], blocks.limit[block, k] = behind, behind + slack
     blocks.begun[block] = True
     _see_farthest(blocks, block)
 
@@ -273,6 +294,35 @@ def _put_before(blocks, block, t):  # type: ignore[no-untyped-def]
         blocks.limit[block, k] = reached if kept & (reached < limit) else limit
         blocks.depth[block, k] = z if nearer else depth
         blocks.solid[block, k] = t if nearer else solid
+    _see_farthest(blocks, block)
+
+
+@njit(inline="always")
+def _within_texture(together, size):  # type: ignore[no-untyped-def]
+    """Whether the texels of all lookups are certain, and none beyond the texture's edges."""
+    x0, x1, y0, y1, certain = together
+    return certain and x0 >= 0 and y0 >= 0 and x1 < size[0] and y1 < size[1]
+
+
+@njit(inline="always")
+def _list_kept(blocks):  # type: ignore[no-untyped-def]
+    """Which samples are kept, in order: how many."""
+    count = 0
+    for k in range(BLOCK):
+        blocks.order[count] = k
+        count += blocks.kept[k] != 0
+    return count
+
+
+@njit(inline="always")
+def _first_before(blocks, nearest, rows, columns):  # type: ignore[no-untyped-def]
+    """The first row of blocks in which what begins at a depth may be seen; their end for none."""
+    for row in range(rows[0], rows[1]):
+        start = row * len(blocks.a)
+        for block in range(start + columns[0], start + columns[1]):
+            if nearest <= blocks.farthest[block]:
+                return row
+    return rows[1]
 
 
 @njit(error_model="numpy", makes_arrays=False)
@@ -313,11 +363,8 @@ def look_through(
         nearest = seen.nearest[index]
         columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
         rows = (y0 - blocks.top) // BLOCK_HEIGHT, (y1 - 1 - blocks.top) // BLOCK_HEIGHT + 1
-        hidden = True
-        for row in range(rows[0], rows[1]):
-            for column in range(columns[0], columns[1]):
-                hidden &= nearest > blocks.farthest[row * across + column]
-        if hidden:
+        first = _first_before(blocks, nearest, rows, columns)
+        if first == rows[1]:
             continue
         t = seen.triangle[index]
         v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
@@ -327,9 +374,12 @@ def look_through(
         mask_row = row_of_triangle[t]
         face = facing(masks, mask_row, edges, (p0, p1, p2), reach)
         within = grid.column_a[x0], grid.column_a[x1 - 1], grid.row_b[y1 - 1], grid.row_b[y0]
-        size = size_of(masks, face[0]) if face[1] else (1.0, 1.0)
+        size, start, stride = (1.0, 1.0), np.int64(-1), np.int64(0)
+        if face[1]:
+            size, start = size_of(masks, face[0]), masks.bits_of_material[face[0]]
+            stride = words_of_row(np.int64(size[0]))
         two_sided = not mesh.one_sided[t]
-        for row in range(rows[0], rows[1]):
+        for row in range(first, rows[1]):
             top = blocks.top + row * BLOCK_HEIGHT
             for column in range(columns[0], columns[1]):
                 block = row * across + column
@@ -345,6 +395,7 @@ def look_through(
                 found = _keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
                 if not found:
                     continue
+                plain = False
                 if face[1]:
                     together = _touch(blocks, row, column, face, size, edges)
                     of_all = _state_of_all(masks, face, size, together)
@@ -352,34 +403,32 @@ def look_through(
                         continue
                     if of_all == SOLID:
                         _put_before(blocks, block, t)
-                        _see_farthest(blocks, block)
                         continue
-                nearer = False
-                for k in range(BLOCK):
-                    if not blocks.kept[k]:
-                        continue
-                    z, error = blocks.z[k], blocks.error[k]
-                    state = BETWEEN
-                    if mask_row >= 0:
-                        state = UNSURE
-                        if face[1]:
-                            of = blocks.places
-                            places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
-                            state = state_by_places(masks, face[0], places)
-                        if state == UNSURE:
-                            a, b = blocks.a[column, k], blocks.b[row, k]
-                            state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
-                    if state == SOLID:
-                        nearer = True
-                        blocks.limit[block, k] = min(blocks.limit[block, k], z + error)
-                        depth, other = blocks.depth[block, k], blocks.solid[block, k]
-                        if z < depth or (z == depth and t < other):
-                            blocks.depth[block, k], blocks.solid[block, k] = z, t
-                    elif state == BETWEEN:
-                        y, x = top + k // BLOCK_WIDTH, left + k % BLOCK_WIDTH
-                        hits.sample[count], hits.triangle[count] = y * width + x, t
-                        hits.depth[count], hits.bound[count] = z, error
-                        count += 1
-                if nearer:
-                    _see_farthest(blocks, block)
+                    plain = start >= 0 and _within_texture(together, size)
+                first_sample = top * width + left
+                for i in range(_list_kept(blocks)):
+                    k, z, error = blocks.order[i], blocks.z[blocks.order[i]], blocks.error[blocks.order[i]]
+                    of, state = blocks.places, UNSURE
+                    x0, x1, y0, y1 = of[0, k], of[1, k], of[2, k], of[3, k]
+                    if plain:
+                        i0, i1, j0, j1 = np.int64(x0), np.int64(x1), np.int64(y0), np.int64(y1)
+                        if within_four_squares(i0, i1, j0, j1):
+                            state = state_of_four_squares(masks.bits, start, stride, i0, i1, j0, j1)
+                    if state == UNSURE:
+                        state = BETWEEN
+                        if mask_row >= 0:
+                            state = UNSURE
+                            if face[1]:
+                                places = (x0, x1, y0, y1, blocks.certain[k])
+                                state = state_by_places(masks, face[0], places)
+                            if state == UNSURE:
+                                a, b = blocks.a[column, k], blocks.b[row, k]
+                                state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
+                    # Written in any case, and counted only where it is to stay.
+                    hits.sample[count] = first_sample + k // BLOCK_WIDTH * width + k % BLOCK_WIDTH
+                    hits.triangle[count] = t
+                    hits.depth[count], hits.bound[count] = z, error
+                    count += state == BETWEEN
+                    blocks.kept[k] = state == SOLID
+                _put_before(blocks, block, t)
     return len(seen.triangle), count

@@ -43,7 +43,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks, words_of_row
+from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks
+from visref.masks.store import words_of_row as _words_of_row
 
 HOLE, SOLID, BETWEEN = 0, 1, 2
 # In place of these: what a short way leaves to the long one.
@@ -141,35 +142,74 @@ def _blocks(spans, k):  # type: ignore[no-untyped-def]
     return count
 
 
-_words_of_row = njit(inline="always")(words_of_row)
+words_of_row = njit(inline="always")(_words_of_row)
+
+
+@njit(inline="always")
+def _across(first, last, square):  # type: ignore[no-untyped-def]
+    """Of a word of `MaskArrays.bits` the bits of columns `first` to `last`; `square` is the word's
+    column. Of these, some are there."""
+    low = np.uint64(max(first - 8 * square, 0))
+    high = np.uint64(7 - min(last - 8 * square, 7))
+    byte = (np.uint64(0xFF) << low) & (np.uint64(0xFF) >> high)
+    return byte * np.uint64(0x0101010101010101)
+
+
+@njit(inline="always")
+def _down(first, last, square):  # type: ignore[no-untyped-def]
+    """As `_across`, of rows."""
+    low = np.uint64(8 * max(first - 8 * square, 0))
+    high = np.uint64(8 * (7 - min(last - 8 * square, 7)))
+    return (~np.uint64(0) << low) & (~np.uint64(0) >> high)
+
+
+@njit(inline="always")
+def within_four_squares(x0, x1, y0, y1):  # type: ignore[no-untyped-def]
+    """Whether these texels are in no more than two squares of `MaskArrays.bits` each way."""
+    return ((x1 >> 3) - (x0 >> 3) <= 1) & ((y1 >> 3) - (y0 >> 3) <= 1)
+
+
+@njit(inline="always")
+def state_of_four_squares(bits, start, stride, x0, x1, y0, y1):  # type: ignore[no-untyped-def]
+    """`state_of_bits` of texels that are `within_four_squares`, without a branch: `start` and
+    `stride` are the material's first word and `words_of_row`."""
+    column0, column1, row0, row1 = x0 >> 3, x1 >> 3, y0 >> 3, y1 >> 3
+    left, right = _across(x0, x1, column0), _across(x0, x1, column1)
+    above, below = _down(y0, y1, row0), _down(y0, y1, row1)
+    upper, lower = start + row0 * stride, start + row1 * stride
+    a, b = bits[upper + column0], bits[upper + column1]
+    c, d = bits[lower + column0], bits[lower + column1]
+    solids = (((a & left) | (b & right)) & above) | (((c & left) | (d & right)) & below)
+    holes = (((~a & left) | (~b & right)) & above) | (((~c & left) | (~d & right)) & below)
+    one, other = np.int64(solids != 0), np.int64(holes != 0)
+    # HOLE, SOLID and BETWEEN are 0, 1 and 2.
+    return one + (one & other)
 
 
 @njit(inline="always")
 def state_of_bits(m, material, columns, rows):  # type: ignore[no-untyped-def]
     """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by
-    `MaskArrays.bits`; `UNSURE` where they are too many, or not one rectangle."""
+    `MaskArrays.bits`; `UNSURE` where they are too many."""
     start = m.bits_of_material[material]
-    x0, x1, _, x_last = columns
-    y0, y1, _, y_last = rows
-    across = x1 - x0 + 1
-    few = across <= 64 and across * (y1 - y0 + 1) <= FINEST_ENTRIES
-    if start < 0 or x_last >= 0 or y_last >= 0 or not few:
+    if start < 0 or _blocks(columns, 0) * _blocks(rows, 0) > FINEST_ENTRIES:
         return UNSURE
-    stride = _words_of_row(m.textures[m.materials[material].texture].width)
-    mask = ~np.uint64(0) >> np.uint64(64 - across)
-    shift = np.uint64(x0 & 63)
-    rest = np.uint64(64) - shift
-    every, any_ = mask, np.uint64(0)
-    for y in range(y0, y1 + 1):
-        at = start + y * stride + (x0 >> 6)
-        bits = m.bits[at] >> shift
-        if shift:
-            bits |= m.bits[at + 1] << rest
-        every &= bits
-        any_ |= bits & mask
-    if every == mask:
-        return SOLID
-    return BETWEEN if any_ else HOLE
+    stride = words_of_row(m.textures[m.materials[material].texture].width)
+    holes, solids = np.uint64(0), np.uint64(0)
+    for part in range(4):
+        x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
+        y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
+        if x1 < x0:
+            continue
+        for row in range(y0 >> 3, (y1 >> 3) + 1):
+            down = _down(y0, y1, row)
+            for column in range(x0 >> 3, (x1 >> 3) + 1):
+                mask = down & _across(x0, x1, column)
+                word = m.bits[start + row * stride + column]
+                solids |= word & mask
+                holes |= ~word & mask
+    if holes:
+        return BETWEEN if solids else HOLE
+    return SOLID
 
 
 @njit(makes_arrays=False)
