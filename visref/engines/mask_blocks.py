@@ -23,7 +23,7 @@ from visref.engines.ray_kernels import (
     plane,
 )
 from visref.engines.splat_kernels import Hits, at_sample, edge, window_of
-from visref.masks.by_edges import facing, reach_of, size_of, state_by_places, touched_by_edges
+from visref.masks.by_edges import extent_of, facing, reach_of, state_by_places, touched_by_edges
 from visref.masks.hits import UNIT, state_at
 from visref.masks.lookup import (
     BETWEEN,
@@ -193,10 +193,16 @@ def _begin(
 
 @njit(inline="always")
 def _see_farthest(blocks, block):  # type: ignore[no-untyped-def]
+    # In two steps, of which the first makes vectors. What is no number hides nothing.
+    half = BLOCK // 4
+    for k in range(half):
+        one, two = blocks.limit[block, k], blocks.limit[block, half + k]
+        three, four = blocks.limit[block, 2 * half + k], blocks.limit[block, 3 * half + k]
+        one, three = (one if two <= one else two), (three if four <= three else four)
+        blocks.z[k] = one if three <= one else three
     farthest = -np.inf
-    for k in range(BLOCK):
-        # Whoever is no number hides nothing.
-        limit = blocks.limit[block, k]
+    for k in range(half):
+        limit = blocks.z[k]
         farthest = farthest if limit <= farthest else limit
     blocks.farthest[block] = farthest
 
@@ -249,13 +255,13 @@ def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  #
 
 
 @njit(inline="always")
-def _touch(blocks, row, column, face, size, edges):  # type: ignore[no-untyped-def]
+def _touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-def]
     """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`); and
     which the lookups at all that are kept touch together, where all are certain."""
     x_first, x_last, y_first, y_last, open_ = FAR, -FAR, FAR, -FAR, 0
     for k in range(BLOCK):
         sides = at_sample(edges, blocks.a[column, k], blocks.b[row, k])
-        x0, x1, y0, y1, certain = touched_by_edges(face, size, sides)
+        x0, x1, y0, y1, certain = touched_by_edges(face, extent, sides)
         blocks.places[0, k], blocks.places[1, k] = x0, x1
         blocks.places[2, k], blocks.places[3, k] = y0, y1
         blocks.certain[k] = certain
@@ -352,6 +358,7 @@ def look_through(
     perspective = grid.perspective
     # Of the whole image: no answer hangs on which rows are looked at together.
     reach = reach_of(grid, (0, width, 0, len(grid.row_b)))
+    nowhere = ((1.0, 1.0), ((0.0, 0.0), (0.0, 0.0)))
     count = 0
     for index in range(begin, len(seen.triangle)):
         x0, x1 = seen.window[index, 0], seen.window[index, 1]
@@ -374,10 +381,10 @@ def look_through(
         mask_row = row_of_triangle[t]
         face = facing(masks, mask_row, edges, (p0, p1, p2), reach)
         within = grid.column_a[x0], grid.column_a[x1 - 1], grid.row_b[y1 - 1], grid.row_b[y0]
-        size, start, stride = (1.0, 1.0), np.int64(-1), np.int64(0)
+        extent, start, stride = nowhere, np.int64(-1), np.int64(0)
         if face[1]:
-            size, start = size_of(masks, face[0]), masks.bits_of_material[face[0]]
-            stride = words_of_row(np.int64(size[0]))
+            extent, start = extent_of(masks, face[0]), masks.bits_of_material[face[0]]
+            stride = words_of_row(np.int64(extent[0][0]))
         two_sided = not mesh.one_sided[t]
         for row in range(first, rows[1]):
             top = blocks.top + row * BLOCK_HEIGHT
@@ -397,14 +404,14 @@ def look_through(
                     continue
                 plain = False
                 if face[1]:
-                    together = _touch(blocks, row, column, face, size, edges)
-                    of_all = _state_of_all(masks, face, size, together)
+                    together = _touch(blocks, row, column, face, extent, edges)
+                    of_all = _state_of_all(masks, face, extent[0], together)
                     if of_all == HOLE:
                         continue
                     if of_all == SOLID:
                         _put_before(blocks, block, t)
                         continue
-                    plain = start >= 0 and _within_texture(together, size)
+                    plain = start >= 0 and _within_texture(together, extent[0])
                 first_sample = top * width + left
                 for i in range(_list_kept(blocks)):
                     k, z, error = blocks.order[i], blocks.z[blocks.order[i]], blocks.error[blocks.order[i]]

@@ -23,7 +23,8 @@ from __future__ import annotations
 import numpy as np
 
 from visref.compiled import njit
-from visref.masks.lookup import UNSURE, state_of_bits, wrapped
+from visref.masks.lookup import UNSURE, state_of_bits, state_of_texels, wrapped
+from visref.masks.store import CLAMP
 
 UNIT = 2.0**-53
 # An edge function: two roundings of the vertices less the eye, a cross product of them (4 u) and
@@ -130,17 +131,27 @@ def _places(along, size, s0, s2, over_w, towards, over_corners, off):  # type: i
 
 
 @njit(inline="always")
-def size_of(m, material):  # type: ignore[no-untyped-def]
-    """Texels of a material's texture, across and down."""
-    texture = m.textures[m.materials[material].texture]
-    return np.float64(texture.width), np.float64(texture.height)
+def _ends(size, wrap):  # type: ignore[no-untyped-def]
+    return (0.0, size - 1.0) if wrap == CLAMP else (-MOST, MOST)
 
 
 @njit(inline="always")
-def touched_by_edges(face, size, sides):  # type: ignore[no-untyped-def]
+def extent_of(m, material):  # type: ignore[no-untyped-def]
+    """Of a material's texture, across and down: how many texels it has, and the places, first and
+    last, at which a texel of its own stands, as far as places go; elsewhere stands that of an end."""
+    of = m.materials[material]
+    texture = m.textures[of.texture]
+    width, height = np.float64(texture.width), np.float64(texture.height)
+    return (width, height), (_ends(width, of.wrap_s), _ends(height, of.wrap_t))
+
+
+@njit(inline="always")
+def touched_by_edges(face, extent, sides):  # type: ignore[no-untyped-def]
     """Of a triangle (`facing`) for which the short way serves, at a sample that it covers, by the
     values of its edge functions: first and last place of the texels that a lookup touches, across
-    and down, and whether these are certain. Without a branch, so that many samples make a vector."""
+    and down, and whether these are certain. Without a branch, so that many samples make a vector.
+    `extent`: `extent_of` its material."""
+    size, (ends_x, ends_y) = extent
     _, _, u, v, wp, wm, rounding = face
     s0, s1, s2 = sides
     w = s0 + s1 + s2
@@ -150,7 +161,10 @@ def touched_by_edges(face, size, sides):  # type: ignore[no-untyped-def]
     off = PER_EDGE * rounding * max(over_p, over_m)
     x0, x1, sure_x = _places(u, size[0], s0, s2, over_w, (wp, wm), (over_p, over_m), off)
     y0, y1, sure_y = _places(v, size[1], s0, s2, over_w, (wp, wm), (over_p, over_m), off)
-    return x0, x1, y0, y1, sure_x & sure_y & (min(to_p, to_m) > NEAR_HORIZON * most)
+    certain = sure_x & sure_y & (min(to_p, to_m) > NEAR_HORIZON * most)
+    x0, x1 = min(max(x0, ends_x[0]), ends_x[1]), min(max(x1, ends_x[0]), ends_x[1])
+    y0, y1 = min(max(y0, ends_y[0]), ends_y[1]), min(max(y1, ends_y[0]), ends_y[1])
+    return x0, x1, y0, y1, certain
 
 
 @njit(inline="always")
@@ -163,7 +177,8 @@ def state_by_places(m, material, places):  # type: ignore[no-untyped-def]
     texture = m.textures[of.texture]
     columns = wrapped(x0, x1, texture.width, of.wrap_s)
     rows = wrapped(y0, y1, texture.height, of.wrap_t)
-    return state_of_bits(m, material, columns, rows)
+    state = state_of_bits(m, material, columns, rows)
+    return state_of_texels(m, material, columns, rows, 1.0, 1.0) if state == UNSURE else state
 
 
 @njit(inline="always")
@@ -172,4 +187,4 @@ def state_by_edges(m, face, sides):  # type: ignore[no-untyped-def]
     its edge functions; `UNSURE` where these do not tell."""
     if not face[1]:
         return UNSURE
-    return state_by_places(m, face[0], touched_by_edges(face, size_of(m, face[0]), sides))
+    return state_by_places(m, face[0], touched_by_edges(face, extent_of(m, face[0]), sides))

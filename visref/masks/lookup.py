@@ -255,6 +255,26 @@ def _decide(
 
 
 @njit(error_model="numpy", makes_arrays=False)
+def state_of_texels(
+    m: MaskArrays, material: int, columns: Any, rows: Any, low: float, high: float
+) -> int:
+    """SOLID, HOLE or BETWEEN where a lookup under vertex alphas low…high takes these texels."""
+    of = m.materials[material]
+    texture, factor, cutoff = of.texture, of.factor, of.cutoff
+    scale = np.float64(m.textures[texture].scale)
+    first = level_for(columns, rows, FIRST_ENTRIES)
+    least, greatest = extremes(m, texture, columns, rows, first)
+    state = _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+    if state != BETWEEN or first == 0:
+        return state
+    finest = level_for(columns, rows, FINEST_ENTRIES)
+    if finest == first:
+        return state
+    least, greatest = extremes(m, texture, columns, rows, finest)
+    return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+
+
+@njit(error_model="numpy", makes_arrays=False)
 def mask_state(
     m: MaskArrays,
     row: int,
@@ -287,18 +307,8 @@ def mask_state(
     # A box without a number in it: a sum with NaN, or of infinities, is NaN or infinite.
     if not (np.isfinite(u + v) and du + dv >= 0.0 and eu + ev >= 0.0):
         return _decide(0.0, 1.0, factor, low, high, cutoff)
-    scale = np.float64(m.textures[texture].scale)
     columns, rows = touched(m, material, u, v, du, dv, eu, ev)
-    first = level_for(columns, rows, FIRST_ENTRIES)
-    least, greatest = extremes(m, texture, columns, rows, first)
-    state = _decide(least / scale, greatest / scale, factor, low, high, cutoff)
-    if state != BETWEEN or first == 0:
-        return state
-    finest = level_for(columns, rows, FINEST_ENTRIES)
-    if finest == first:
-        return state
-    least, greatest = extremes(m, texture, columns, rows, finest)
-    return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+    return state_of_texels(m, material, columns, rows, low, high)
 
 
 @njit(makes_arrays=False)
