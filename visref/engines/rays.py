@@ -83,7 +83,7 @@ SIGHT = 8
 
 
 # How many masked triangles, and rows of an image, a core takes at a time.
-MASKED_A_TURN, MASKED_ROWS = 1 << 13, 32
+MASKED_A_TURN, MASKED_ROWS = 1 << 13, 64
 
 
 class RayEngine(TruthEngine):

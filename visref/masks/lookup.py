@@ -221,23 +221,24 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
     return k
 
 
-@njit(makes_arrays=False)
-def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> Any:
+@njit(inline="always")
+def extremes(m, texture, columns, rows, k):  # type: ignore[no-untyped-def]
     """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
     image = m.textures[texture]
     level = m.levels[image.level + min(k, image.levels - 1)]
-    low_start, high_start, width = level.least, level.greatest, level.width
-    least: Any = 65535
-    greatest: Any = 0
+    least, greatest = np.int64(65535), np.int64(0)
     for part in range(4):
         x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
         y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
-        if x1 < x0 or y1 < y0:
+        if x1 < x0:
             continue
         for y in range(y0 >> k, (y1 >> k) + 1):
-            for x in range(x0 >> k, (x1 >> k) + 1):
-                least = min(least, np.int64(m.alpha[low_start + y * width + x]))
-                greatest = max(greatest, np.int64(m.alpha[high_start + y * width + x]))
+            start = y * level.width + (x0 >> k)
+            # Indices without a sign: none counts from the end, and a row is one stretch.
+            low, high = np.uint64(level.least + start), np.uint64(level.greatest + start)
+            for i in range(np.uint64((x1 >> k) - (x0 >> k) + 1)):
+                least = min(least, np.int64(m.alpha[low + i]))
+                greatest = max(greatest, np.int64(m.alpha[high + i]))
     return least, greatest
 
 
@@ -255,23 +256,39 @@ def _decide(
 
 
 @njit(error_model="numpy", makes_arrays=False)
+def _state_at_level(
+    m: MaskArrays, material: int, columns: Any, rows: Any, k: int, low: float, high: float
+) -> int:
+    """`state_of_texels`, by the least and the greatest alpha of blocks of level k."""
+    of = m.materials[material]
+    scale = np.float64(m.textures[of.texture].scale)
+    least, greatest, state = 65535, 0, BETWEEN
+    for part in range(2):
+        y0, y1 = (rows[2], rows[3]) if part else (rows[0], rows[1])
+        for y in range(y0 >> k, (y1 >> k) + 1):
+            row = (y << k, y << k, 0, -1)
+            lesser, greater = extremes(m, of.texture, columns, row, k)
+            least, greatest = min(least, lesser), max(greatest, greater)
+            state = _decide(least / scale, greatest / scale, of.factor, low, high, of.cutoff)
+            if state == BETWEEN:
+                # More texels leave it so.
+                return BETWEEN
+    return state
+
+
+@njit(error_model="numpy", makes_arrays=False)
 def state_of_texels(
     m: MaskArrays, material: int, columns: Any, rows: Any, low: float, high: float
 ) -> int:
     """SOLID, HOLE or BETWEEN where a lookup under vertex alphas low…high takes these texels."""
-    of = m.materials[material]
-    texture, factor, cutoff = of.texture, of.factor, of.cutoff
-    scale = np.float64(m.textures[texture].scale)
     first = level_for(columns, rows, FIRST_ENTRIES)
-    least, greatest = extremes(m, texture, columns, rows, first)
-    state = _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+    state = _state_at_level(m, material, columns, rows, first, low, high)
     if state != BETWEEN or first == 0:
         return state
     finest = level_for(columns, rows, FINEST_ENTRIES)
     if finest == first:
         return state
-    least, greatest = extremes(m, texture, columns, rows, finest)
-    return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+    return _state_at_level(m, material, columns, rows, finest, low, high)
 
 
 @njit(error_model="numpy", makes_arrays=False)
