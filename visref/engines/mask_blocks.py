@@ -22,7 +22,7 @@ from visref.engines.ray_kernels import (
     minus,
     plane,
 )
-from visref.engines.splat_kernels import Hits, at_sample, edge, window_of
+from visref.engines.splat_kernels import at_sample, edge, window_of
 from visref.masks.by_edges import extent_of, facing, reach_of, state_by_places, touched_by_edges
 from visref.masks.hits import UNIT, state_at
 from visref.masks.lookup import (
@@ -62,8 +62,8 @@ class Blocks(NamedTuple):
     the image they go on. By block and sample: `limit`, beyond what depth nothing is seen, -inf
     beyond the image; `depth` and `solid`, the nearest solid hit of a masked triangle before the
     owner, else the owner's depth and `BACKGROUND`. `farthest`: of a block's limits the greatest.
-    `begun`: by block, whether anything stands in these. `owners`, `z`, `error`, `kept`: (BLOCK,)
-    each, for the block at hand.
+    `begun`: by block, whether anything stands in these. `owners`, `z`, `error`, `kept`, `order`,
+    `places`, `certain`: for the block at hand. `last`: by block and sample, the last of its `Found`.
     """
 
     a: NDArray[np.float64]
@@ -81,6 +81,7 @@ class Blocks(NamedTuple):
     order: NDArray[np.int64]
     places: NDArray[np.float64]
     certain: NDArray[np.uint8]
+    last: NDArray[np.int32]
 
     @classmethod
     def of(cls, grid: SampleGrid, top: int, bottom: int) -> Blocks:
@@ -108,7 +109,31 @@ class Blocks(NamedTuple):
             np.empty(BLOCK, np.int64),
             np.empty((4, BLOCK)),
             np.empty(BLOCK, np.uint8),
+            np.empty((count, BLOCK), np.int32),
         )
+
+
+class Found(NamedTuple):
+    """Hits of masked triangles that are BETWEEN: triangle, view depth, a bound of its error, and the
+    sample's next, in the order in which they were met; after its last (`Blocks.last`) its first."""
+
+    triangle: NDArray[np.int32]
+    depth: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    next: NDArray[np.int32]
+
+    @classmethod
+    def room(cls, count: int) -> Found:
+        return cls(
+            np.empty(count, np.int32), np.empty(count), np.empty(count), np.empty(count, np.int32)
+        )
+
+    def larger(self, count: int) -> Found:
+        """The same with more room."""
+        result = Found.room(count)
+        for new, old in zip(result, self, strict=True):
+            new[: len(old)] = old
+        return result
 
 
 @njit(inline="always")
@@ -171,7 +196,7 @@ def _begin(
             blocks.owners[k] = t
             blocks.limit[block, k] = np.inf if there else -np.inf
             blocks.depth[block, k] = np.inf
-            blocks.solid[block, k] = BACKGROUND
+            blocks.solid[block, k] = blocks.last[block, k] = BACKGROUND
     # Most blocks have one owner or two: these for all samples at once.
     first, last = blocks.owners[0], blocks.owners[BLOCK - 1]
     if first >= 0:
@@ -343,11 +368,12 @@ def look_through(
     row_of_triangle: NDArray[Any],
     axes: NDArray[Any],
     blocks: Blocks,
-    hits: Hits,
+    hits: Found,
+    count: int,
 ) -> tuple[int, int]:
     """Let masked triangles from `begin` on be met in `blocks`, of the rows before `bottom`. What is
-    BETWEEN, and not known to be hidden, goes into `hits`, as far as there is room: the index of the
-    first triangle that is left, and how many hits there are.
+    BETWEEN, and not known to be hidden, goes into `hits`, which holds `count`, as far as there is
+    room: the index of the first triangle that is left, and how many hits there are then.
 
     `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
     then it is BETWEEN.
@@ -359,13 +385,12 @@ def look_through(
     # Of the whole image: no answer hangs on which rows are looked at together.
     reach = reach_of(grid, (0, width, 0, len(grid.row_b)))
     nowhere = ((1.0, 1.0), ((0.0, 0.0), (0.0, 0.0)))
-    count = 0
     for index in range(begin, len(seen.triangle)):
         x0, x1 = seen.window[index, 0], seen.window[index, 1]
         y0, y1 = max(seen.window[index, 2], blocks.top), min(seen.window[index, 3], bottom)
         if y0 >= y1:
             continue
-        if count + (x1 - x0) * (y1 - y0) > len(hits.sample):
+        if count + (x1 - x0) * (y1 - y0) > len(hits.triangle):
             return index, count
         nearest = seen.nearest[index]
         columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
@@ -387,12 +412,10 @@ def look_through(
             stride = words_of_row(np.int64(extent[0][0]))
         two_sided = not mesh.one_sided[t]
         for row in range(first, rows[1]):
-            top = blocks.top + row * BLOCK_HEIGHT
             for column in range(columns[0], columns[1]):
                 block = row * across + column
                 if nearest > blocks.farthest[block]:
                     continue
-                left = column * BLOCK_WIDTH
                 low = blocks.a[column, 0], blocks.b[row, BLOCK - 1]
                 high = blocks.a[column, BLOCK - 1], blocks.b[row, 0]
                 if _misses(edges, low, high):
@@ -412,7 +435,6 @@ def look_through(
                         _put_before(blocks, block, t)
                         continue
                     plain = start >= 0 and _within_texture(together, extent[0])
-                first_sample = top * width + left
                 for i in range(_list_kept(blocks)):
                     k, z, error = blocks.order[i], blocks.z[blocks.order[i]], blocks.error[blocks.order[i]]
                     of, state = blocks.places, UNSURE
@@ -431,11 +453,15 @@ def look_through(
                             if state == UNSURE:
                                 a, b = blocks.a[column, k], blocks.b[row, k]
                                 state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
-                    # Written in any case, and counted only where it is to stay.
-                    hits.sample[count] = first_sample + k // BLOCK_WIDTH * width + k % BLOCK_WIDTH
-                    hits.triangle[count] = t
-                    hits.depth[count], hits.bound[count] = z, error
-                    count += state == BETWEEN
+                    if state == BETWEEN:
+                        hits.triangle[count], hits.depth[count], hits.bound[count] = t, z, error
+                        before = blocks.last[block, k]
+                        if before < 0:
+                            hits.next[count] = count
+                        else:
+                            hits.next[count], hits.next[before] = hits.next[before], count
+                        blocks.last[block, k] = count
+                        count += 1
                     blocks.kept[k] = state == SOLID
                 _put_before(blocks, block, t)
     return len(seen.triangle), count
