@@ -31,6 +31,7 @@ from visref.masks.lookup import (
     SOLID,
     UNSURE,
     state_of_four_squares,
+    state_of_places,
     within_four_squares,
     words_of_row,
 )
@@ -180,13 +181,10 @@ def _see_owner(blocks, block, row, column, mesh, grid, t):  # type: ignore[no-un
         blocks.limit[block, k] = behind + slack if here else blocks.limit[block, k]
 
 
-@njit(error_model="numpy", makes_arrays=False)
-def _begin(
-    blocks: Blocks, block: int, mesh: Triangles, grid: SampleGrid, owner: NDArray[Any]
-) -> None:
+@njit(inline="always")
+def _begin(blocks, block, row, column, mesh, grid, owner):  # type: ignore[no-untyped-def]
     """Let a block know its owners' depths."""
     width, height = len(grid.column_a), len(grid.row_b)
-    row, column = block // len(blocks.a), block % len(blocks.a)
     left, top = column * BLOCK_WIDTH, blocks.top + row * BLOCK_HEIGHT
     for y in range(BLOCK_HEIGHT):
         for x in range(BLOCK_WIDTH):
@@ -421,7 +419,7 @@ def look_through(
                 if _misses(edges, low, high):
                     continue
                 if not blocks.begun[block]:
-                    _begin(blocks, block, mesh, grid, owner)
+                    _begin(blocks, block, row, column, mesh, grid, owner)
                 found = _keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
                 if not found:
                     continue
@@ -443,6 +441,8 @@ def look_through(
                         i0, i1, j0, j1 = np.int64(x0), np.int64(x1), np.int64(y0), np.int64(y1)
                         if within_four_squares(i0, i1, j0, j1):
                             state = state_of_four_squares(masks.bits, start, stride, i0, i1, j0, j1)
+                        else:
+                            state = state_of_places(masks, face[0], (i0, i1, 0, -1), (j0, j1, 0, -1))
                     if state == UNSURE:
                         state = BETWEEN
                         if mask_row >= 0:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from visref.compiled import njit
-from visref.masks.lookup import UNSURE, state_of_bits, state_of_texels, wrapped
+from visref.masks.lookup import UNSURE, state_of_places, wrapped
 from visref.masks.store import CLAMP
 
 UNIT = 2.0**-53
@@ -177,8 +177,7 @@ def state_by_places(m, material, places):  # type: ignore[no-untyped-def]
     texture = m.textures[of.texture]
     columns = wrapped(x0, x1, texture.width, of.wrap_s)
     rows = wrapped(y0, y1, texture.height, of.wrap_t)
-    state = state_of_bits(m, material, columns, rows)
-    return state_of_texels(m, material, columns, rows, 1.0, 1.0) if state == UNSURE else state
+    return state_of_places(m, material, columns, rows)
 
 
 @njit(inline="always")

@@ -262,12 +262,14 @@ def _state_at_level(
     """`state_of_texels`, by the least and the greatest alpha of blocks of level k."""
     of = m.materials[material]
     scale = np.float64(m.textures[of.texture].scale)
-    least, greatest, state = 65535, 0, BETWEEN
+    least, greatest, state = 65536, -1, BETWEEN
     for part in range(2):
         y0, y1 = (rows[2], rows[3]) if part else (rows[0], rows[1])
         for y in range(y0 >> k, (y1 >> k) + 1):
             row = (y << k, y << k, 0, -1)
             lesser, greater = extremes(m, of.texture, columns, row, k)
+            if lesser >= least and greater <= greatest:
+                continue
             least, greatest = min(least, lesser), max(greatest, greater)
             state = _decide(least / scale, greatest / scale, of.factor, low, high, of.cutoff)
             if state == BETWEEN:
@@ -276,10 +278,8 @@ def _state_at_level(
     return state
 
 
-@njit(error_model="numpy", makes_arrays=False)
-def state_of_texels(
-    m: MaskArrays, material: int, columns: Any, rows: Any, low: float, high: float
-) -> int:
+@njit(inline="always")
+def state_of_texels(m, material, columns, rows, low, high):  # type: ignore[no-untyped-def]
     """SOLID, HOLE or BETWEEN where a lookup under vertex alphas low…high takes these texels."""
     first = level_for(columns, rows, FIRST_ENTRIES)
     state = _state_at_level(m, material, columns, rows, first, low, high)
@@ -289,6 +289,13 @@ def state_of_texels(
     if finest == first:
         return state
     return _state_at_level(m, material, columns, rows, finest, low, high)
+
+
+@njit(inline="always")
+def state_of_places(m, material, columns, rows):  # type: ignore[no-untyped-def]
+    """`state_of_texels` under a vertex alpha of one, by bits where these serve."""
+    state = state_of_bits(m, material, columns, rows)
+    return state_of_texels(m, material, columns, rows, 1.0, 1.0) if state == UNSURE else state
 
 
 @njit(error_model="numpy", makes_arrays=False)
