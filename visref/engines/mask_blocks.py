@@ -63,7 +63,7 @@ class Blocks(NamedTuple):
     the image they go on. By block and sample: `limit`, beyond what depth nothing is seen, -inf
     beyond the image; `depth` and `solid`, the nearest solid hit of a masked triangle before the
     owner, else the owner's depth and `BACKGROUND`. `farthest`: of a block's limits the greatest.
-    `begun`: by block, whether anything stands in these. `owners`, `z`, `error`, `kept`, `order`,
+    `begun`: by block, whether anything stands in these; `open`, whether any of its hits is BETWEEN. `owners`, `z`, `error`, `kept`, `order`,
     `places`, `certain`: for the block at hand. `last`: by block and sample, the last of its `Found`.
     """
 
@@ -71,6 +71,7 @@ class Blocks(NamedTuple):
     b: NDArray[np.float64]
     top: int
     begun: NDArray[np.bool_]
+    open: NDArray[np.bool_]
     farthest: NDArray[np.float64]
     limit: NDArray[np.float64]
     depth: NDArray[np.float64]
@@ -98,6 +99,7 @@ class Blocks(NamedTuple):
             np.ascontiguousarray(a.reshape(across, BLOCK)),
             np.ascontiguousarray(b),
             top,
+            np.zeros(count, np.bool_),
             np.zeros(count, np.bool_),
             np.full(count, np.inf),
             np.empty((count, BLOCK)),
@@ -461,6 +463,7 @@ def look_through(
                         else:
                             hits.next[count], hits.next[before] = hits.next[before], count
                         blocks.last[block, k] = count
+                        blocks.open[block] = True
                         count += 1
                     blocks.kept[k] = state == SOLID
                 _put_before(blocks, block, t)

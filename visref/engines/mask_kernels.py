@@ -118,11 +118,14 @@ def _settle(
             if not blocks.begun[block]:
                 continue
             first = column * BLOCK_WIDTH
-            for x in range(min(BLOCK_WIDTH, width - first)):
-                k, s = in_block * BLOCK_WIDTH + x, y * width + first + x
-                solid = blocks.solid[block, k]
-                if solid != BACKGROUND:
-                    owner[s] = solid
+            start, there = y * width + first, min(BLOCK_WIDTH, width - first)
+            for x in range(there):
+                solid = blocks.solid[block, in_block * BLOCK_WIDTH + x]
+                owner[start + x] = owner[start + x] if solid == BACKGROUND else solid
+            if not blocks.open[block]:
+                continue
+            for x in range(there):
+                k = in_block * BLOCK_WIDTH + x
                 last = blocks.last[block, k]
                 if last < 0:
                     continue
@@ -137,7 +140,7 @@ def _settle(
                         break
                 if count > begin:
                     _sort(depth, left.triangle, begin, count)
-                    left.sample[samples], left.many[samples] = s, count - begin
+                    left.sample[samples], left.many[samples] = start + x, count - begin
                     left.least[samples] = least
                     samples += 1
     return samples, count

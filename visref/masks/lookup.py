@@ -57,6 +57,9 @@ UNSURE = -1
 FINEST_ENTRIES = 256
 FIRST_ENTRIES = 16
 
+# How many squares of `MaskArrays.bits` are looked at before levels are.
+MOST_SQUARES = 64
+
 # Rounding of (u ± (half + error)) * size ± reach, as a multiple of (|u| + half + error) * size
 # + 1: two sums, a product and two sums make at most 5 u, u = 2^-53. 8 u also holds the rounding
 # of the bound itself and the second-order terms.
@@ -186,32 +189,6 @@ def state_of_four_squares(bits, start, stride, x0, x1, y0, y1):  # type: ignore[
     return one + (one & other)
 
 
-@njit(inline="always")
-def state_of_bits(m, material, columns, rows):  # type: ignore[no-untyped-def]
-    """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by
-    `MaskArrays.bits`; `UNSURE` where they are too many."""
-    start = m.bits_of_material[material]
-    if start < 0 or _blocks(columns, 0) * _blocks(rows, 0) > FINEST_ENTRIES:
-        return UNSURE
-    stride = words_of_row(m.textures[m.materials[material].texture].width)
-    holes, solids = np.uint64(0), np.uint64(0)
-    for part in range(4):
-        x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
-        y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
-        if x1 < x0:
-            continue
-        for row in range(y0 >> 3, (y1 >> 3) + 1):
-            down = _down(y0, y1, row)
-            for column in range(x0 >> 3, (x1 >> 3) + 1):
-                mask = down & _across(x0, x1, column)
-                word = m.bits[start + row * stride + column]
-                solids |= word & mask
-                holes |= ~word & mask
-    if holes:
-        return BETWEEN if solids else HOLE
-    return SOLID
-
-
 @njit(makes_arrays=False)
 def level_for(columns: Any, rows: Any, entries: int) -> int:
     """The finest level in which the texels take at most so many entries."""
@@ -219,6 +196,45 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
     while _blocks(columns, k) * _blocks(rows, k) > entries:
         k += 1
     return k
+
+
+@njit(inline="always")
+def _whole_blocks(first, last, size, k):  # type: ignore[no-untyped-def]
+    """From which texel to which the blocks of level k reach that these texels touch."""
+    return (first >> k) << k, min((((last >> k) + 1) << k) - 1, size - 1)
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def state_of_bits(
+    bits: NDArray[Any], start: int, size: Any, columns: Any, rows: Any
+) -> int:
+    """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by a
+    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where they are too many. `size`:
+    the texture's, (2,) integers."""
+    # Of the level that decides, all texels of the blocks count.
+    k = level_for(columns, rows, FINEST_ENTRIES)
+    stride = words_of_row(size[0])
+    squares = (_blocks(columns, k) << k >> 3) * (_blocks(rows, k) << k >> 3)
+    if squares > MOST_SQUARES:
+        return UNSURE
+    holes, solids = np.uint64(0), np.uint64(0)
+    for part in range(4):
+        x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
+        y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
+        if x1 < x0 or y1 < y0:
+            continue
+        x0, x1 = _whole_blocks(x0, x1, size[0], k)
+        y0, y1 = _whole_blocks(y0, y1, size[1], k)
+        for row in range(y0 >> 3, (y1 >> 3) + 1):
+            down = _down(y0, y1, row)
+            for column in range(x0 >> 3, (x1 >> 3) + 1):
+                mask = down & _across(x0, x1, column)
+                word = bits[start + row * stride + column]
+                solids |= word & mask
+                holes |= ~word & mask
+            if holes and solids:
+                return BETWEEN
+    return HOLE if holes else SOLID
 
 
 @njit(inline="always")
@@ -294,7 +310,9 @@ def state_of_texels(m, material, columns, rows, low, high):  # type: ignore[no-u
 @njit(inline="always")
 def state_of_places(m, material, columns, rows):  # type: ignore[no-untyped-def]
     """`state_of_texels` under a vertex alpha of one, by bits where these serve."""
-    state = state_of_bits(m, material, columns, rows)
+    texture = m.textures[m.materials[material].texture]
+    size = texture.width, texture.height
+    state = state_of_bits(m.bits, m.bits_of_material[material], size, columns, rows)
     return state_of_texels(m, material, columns, rows, 1.0, 1.0) if state == UNSURE else state
 
 
