@@ -64,7 +64,7 @@ class Blocks(NamedTuple):
     beyond the image; `depth` and `solid`, the nearest solid hit of a masked triangle before the
     owner, else the owner's depth and `BACKGROUND`. `farthest`: of a block's limits the greatest.
     `begun`: by block, whether anything stands in these; `open`, whether any of its hits is BETWEEN. `owners`, `z`, `error`, `kept`, `order`,
-    `places`, `certain`: for the block at hand. `last`: by block and sample, the last of its `Found`.
+    `places`, `certain`: for the block at hand. `last`: by block and sample, the last of its FOUND.
     """
 
     a: NDArray[np.float64]
@@ -116,27 +116,9 @@ class Blocks(NamedTuple):
         )
 
 
-class Found(NamedTuple):
-    """Hits of masked triangles that are BETWEEN: triangle, view depth, a bound of its error, and the
-    sample's next, in the order in which they were met; after its last (`Blocks.last`) its first."""
-
-    triangle: NDArray[np.int32]
-    depth: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    next: NDArray[np.int32]
-
-    @classmethod
-    def room(cls, count: int) -> Found:
-        return cls(
-            np.empty(count, np.int32), np.empty(count), np.empty(count), np.empty(count, np.int32)
-        )
-
-    def larger(self, count: int) -> Found:
-        """The same with more room."""
-        result = Found.room(count)
-        for new, old in zip(result, self, strict=True):
-            new[: len(old)] = old
-        return result
+# A hit of a masked triangle that is BETWEEN: `bound` is that of the depth's error, `next` the
+# sample's next, in the order in which they were met; after its last (`Blocks.last`) its first.
+FOUND = np.dtype([("depth", "f8"), ("bound", "f8"), ("triangle", "i4"), ("next", "i4")])
 
 
 @njit(inline="always")
@@ -368,11 +350,11 @@ def look_through(
     row_of_triangle: NDArray[Any],
     axes: NDArray[Any],
     blocks: Blocks,
-    hits: Found,
+    hits: NDArray[Any],
     count: int,
 ) -> tuple[int, int]:
     """Let masked triangles from `begin` on be met in `blocks`, of the rows before `bottom`. What is
-    BETWEEN, and not known to be hidden, goes into `hits`, which holds `count`, as far as there is
+    BETWEEN, and not known to be hidden, goes into `hits`, FOUND, which holds `count`, as far as there is
     room: the index of the first triangle that is left, and how many hits there are then.
 
     `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
@@ -390,7 +372,7 @@ def look_through(
         y0, y1 = max(seen.window[index, 2], blocks.top), min(seen.window[index, 3], bottom)
         if y0 >= y1:
             continue
-        if count + (x1 - x0) * (y1 - y0) > len(hits.triangle):
+        if count + (x1 - x0) * (y1 - y0) > len(hits):
             return index, count
         nearest = seen.nearest[index]
         columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
@@ -456,12 +438,12 @@ def look_through(
                                 a, b = blocks.a[column, k], blocks.b[row, k]
                                 state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
                     if state == BETWEEN:
-                        hits.triangle[count], hits.depth[count], hits.bound[count] = t, z, error
-                        before = blocks.last[block, k]
-                        if before < 0:
-                            hits.next[count] = count
-                        else:
-                            hits.next[count], hits.next[before] = hits.next[before], count
+                        hit, before = hits[count], blocks.last[block, k]
+                        hit.triangle, hit.depth, hit.bound = t, z, error
+                        hit.next = count
+                        if before >= 0:
+                            hit.next = hits[before].next
+                            hits[before].next = count
                         blocks.last[block, k] = count
                         blocks.open[block] = True
                         count += 1

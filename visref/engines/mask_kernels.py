@@ -11,8 +11,8 @@ from visref.compiled import njit
 from visref.engines.mask_blocks import (
     BLOCK_HEIGHT,
     BLOCK_WIDTH,
+    FOUND,
     Blocks,
-    Found,
     InView,
     find_in_view,
     look_through,
@@ -79,14 +79,14 @@ def shown(
     width = len(grid.column_a)
     # A triangle may have a hit at each sample of the rows.
     room = (bottom - top) * width
-    hits, begin, count = Found.room(room), 0, 0
+    hits, begin, count = np.empty(room, FOUND), 0, 0
     while True:
         begin, count = look_through(
             seen, begin, mesh, grid, bottom, owner, masks.arrays, masks.row, axes, blocks, hits, count
         )
         if begin == len(seen.triangle):
             break
-        hits = hits.larger(2 * len(hits.triangle))
+        hits = np.concatenate([hits, np.empty(len(hits), FOUND)])
     most = min(count, room)
     left = Open(
         np.empty(most, np.int64), np.empty(most, np.int64), np.empty(count, np.int32), np.empty(most)
@@ -99,7 +99,7 @@ def shown(
 
 @njit(error_model="numpy", makes_arrays=False)
 def _settle(
-    hits: Found,
+    hits: NDArray[Any],
     blocks: Blocks,
     width: int,
     bottom: int,
@@ -131,10 +131,11 @@ def _settle(
                     continue
                 begin, least, limit, h = count, np.inf, blocks.limit[block, k], last
                 while True:
-                    h = hits.next[h]
-                    if not hits.depth[h] - hits.bound[h] > limit:
-                        left.triangle[count], depth[count] = hits.triangle[h], hits.depth[h]
-                        least = min(least, hits.depth[h] - hits.bound[h])
+                    h = hits[h].next
+                    hit = hits[h]
+                    if not hit.depth - hit.bound > limit:
+                        left.triangle[count], depth[count] = hit.triangle, hit.depth
+                        least = min(least, hit.depth - hit.bound)
                         count += 1
                     if h == last:
                         break
