@@ -209,14 +209,13 @@ def state_of_bits(
     bits: NDArray[Any], start: int, size: Any, columns: Any, rows: Any
 ) -> int:
     """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by a
-    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where they are too many. `size`:
+    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where that takes too
+    many words. `size`:
     the texture's, (2,) integers."""
     # Of the level that decides, all texels of the blocks count.
     k = level_for(columns, rows, FINEST_ENTRIES)
     stride = words_of_row(size[0])
-    squares = (_blocks(columns, k) << k >> 3) * (_blocks(rows, k) << k >> 3)
-    if squares > MOST_SQUARES:
-        return UNSURE
+    seen = 0
     holes, solids = np.uint64(0), np.uint64(0)
     for part in range(4):
         x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
@@ -225,15 +224,21 @@ def state_of_bits(
             continue
         x0, x1 = _whole_blocks(x0, x1, size[0], k)
         y0, y1 = _whole_blocks(y0, y1, size[1], k)
-        for row in range(y0 >> 3, (y1 >> 3) + 1):
+        first, count = y0 >> 3, (y1 >> 3) - (y0 >> 3) + 1
+        for i in range(count):
+            # From the middle on: a picture's margins are often of one kind.
+            row = first + (i + (count >> 1)) % count
             down = _down(y0, y1, row)
             for column in range(x0 >> 3, (x1 >> 3) + 1):
                 mask = down & _across(x0, x1, column)
                 word = bits[start + row * stride + column]
                 solids |= word & mask
                 holes |= ~word & mask
-            if holes and solids:
-                return BETWEEN
+                if holes and solids:
+                    return BETWEEN
+                seen += 1
+                if seen > MOST_SQUARES:
+                    return UNSURE
     return HOLE if holes else SOLID
 
 
