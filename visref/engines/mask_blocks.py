@@ -30,10 +30,12 @@ from visref.masks.lookup import (
     HOLE,
     SOLID,
     UNSURE,
+    state_of_bits,
     state_of_four_squares,
     state_of_places,
     within_four_squares,
     words_of_row,
+    wrapped,
 )
 from visref.masks.store import MaskArrays
 from visref.visibility import BACKGROUND
@@ -284,14 +286,17 @@ def _touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped
 
 
 @njit(inline="always")
-def _state_of_all(masks, face, size, together):  # type: ignore[no-untyped-def]
+def _state_of_all(masks, material, size, together):  # type: ignore[no-untyped-def]
     """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them."""
     x0, x1, y0, y1, certain = together
     if not certain or x1 - x0 + 1 >= size[0] or y1 - y0 + 1 >= size[1]:
         # As many texels as a row has, and a lookup may run over an edge that this one does not.
         return UNSURE
-    places = (np.float64(x0), np.float64(x1), np.float64(y0), np.float64(y1), True)
-    state = state_by_places(masks, face[0], places)
+    of = masks.materials[material]
+    texels = np.int64(size[0]), np.int64(size[1])
+    columns = wrapped(np.float64(x0), np.float64(x1), texels[0], of.wrap_s)
+    rows = wrapped(np.float64(y0), np.float64(y1), texels[1], of.wrap_t)
+    state = state_of_bits(masks.bits, masks.bits_of_material[material], texels, columns, rows)
     return UNSURE if state == BETWEEN else state
 
 
@@ -410,7 +415,7 @@ def look_through(
                 plain = False
                 if face[1]:
                     together = _touch(blocks, row, column, face, extent, edges)
-                    of_all = _state_of_all(masks, face, extent[0], together)
+                    of_all = _state_of_all(masks, face[0], extent[0], together)
                     if of_all == HOLE:
                         continue
                     if of_all == SOLID:

@@ -227,7 +227,8 @@ def state_of_bits(
         first, count = y0 >> 3, (y1 >> 3) - (y0 >> 3) + 1
         for i in range(count):
             # From the middle on: a picture's margins are often of one kind.
-            row = first + (i + (count >> 1)) % count
+            row = first + i + (count >> 1)
+            row -= count if row >= first + count else 0
             down = _down(y0, y1, row)
             for column in range(x0 >> 3, (x1 >> 3) + 1):
                 mask = down & _across(x0, x1, column)
