@@ -88,22 +88,20 @@ class Blocks(NamedTuple):
     last: NDArray[np.int32]
 
     @classmethod
-    def of(cls, grid: SampleGrid, top: int, bottom: int) -> Blocks:
-        across, down = -(-len(grid.column_a) // BLOCK_WIDTH), -(-(bottom - top) // BLOCK_HEIGHT)
+    def of(cls, grid: SampleGrid, rows: int) -> Blocks:
+        """For so many rows of an image, which `at` places."""
+        across, down = -(-len(grid.column_a) // BLOCK_WIDTH), -(-rows // BLOCK_HEIGHT)
         columns = grid.column_a[0] + 2.0 * np.arange(across * BLOCK_WIDTH)
         columns[: len(grid.column_a)] = grid.column_a
-        rows = grid.row_b[top] - 2.0 * np.arange(down * BLOCK_HEIGHT)
-        rows[: bottom - top] = grid.row_b[top:bottom]
         a = np.tile(columns.reshape(across, 1, BLOCK_WIDTH), (1, BLOCK_HEIGHT, 1))
-        b = np.repeat(rows.reshape(down, BLOCK_HEIGHT), BLOCK_WIDTH, axis=1)
         count = across * down
         return cls(
             np.ascontiguousarray(a.reshape(across, BLOCK)),
-            np.ascontiguousarray(b),
-            top,
-            np.zeros(count, np.bool_),
-            np.zeros(count, np.bool_),
-            np.full(count, np.inf),
+            np.empty((down, BLOCK)),
+            0,
+            np.empty(count, np.bool_),
+            np.empty(count, np.bool_),
+            np.empty(count),
             np.empty((count, BLOCK)),
             np.empty((count, BLOCK)),
             np.empty((count, BLOCK), np.int32),
@@ -116,6 +114,16 @@ class Blocks(NamedTuple):
             np.empty(BLOCK, np.uint8),
             np.empty((count, BLOCK), np.int32),
         )
+
+    def at(self, grid: SampleGrid, top: int, bottom: int) -> Blocks:
+        """The same arrays for the rows from `top` to `bottom`, with nothing in them."""
+        rows = grid.row_b[top] - 2.0 * np.arange(len(self.b) * BLOCK_HEIGHT)
+        rows[: bottom - top] = grid.row_b[top:bottom]
+        self.b[:] = np.repeat(rows.reshape(-1, BLOCK_HEIGHT), BLOCK_WIDTH, axis=1)
+        self.begun.fill(False)
+        self.open.fill(False)
+        self.farthest.fill(np.inf)
+        return self._replace(top=top)
 
 
 # A hit of a masked triangle that is BETWEEN: `bound` is that of the depth's error, `next` the

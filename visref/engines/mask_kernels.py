@@ -32,6 +32,19 @@ class Open(NamedTuple):
     least: NDArray[np.float64]
 
 
+class Scratch(NamedTuple):
+    """What a thread needs of its own while it looks through some rows of an image: it may serve for
+    other rows afterwards, no more than so many."""
+
+    blocks: Blocks
+    hits: NDArray[Any]
+
+    @classmethod
+    def of(cls, grid: SampleGrid, rows: int) -> Scratch:
+        # A triangle may have a hit at each sample.
+        return cls(Blocks.of(grid, rows), np.empty(rows * len(grid.column_a), FOUND))
+
+
 @njit(inline="always")
 def _sort(depth, triangle, begin, end):  # type: ignore[no-untyped-def]
     """Put the hits of a sample, some places of two arrays, in order: by depth, then triangle."""
@@ -67,6 +80,7 @@ def shown(
     owner: NDArray[np.int32],
     masks: Masks,
     axes: NDArray[np.float64],
+    scratch: Scratch,
 ) -> Open:
     """Let the nearest SOLID hit of masked triangles own its sample, where it lies before the `owner`,
     (samples,) int32, changed in place, in some rows of the image; and say what BETWEEN leaves open.
@@ -75,11 +89,8 @@ def shown(
     3) float64, e, F, R, U.
     """
     top, bottom = rows
-    blocks = Blocks.of(grid, top, bottom)
+    blocks, hits, begin, count = scratch.blocks.at(grid, top, bottom), scratch.hits, 0, 0
     width = len(grid.column_a)
-    # A triangle may have a hit at each sample of the rows.
-    room = (bottom - top) * width
-    hits, begin, count = np.empty(room, FOUND), 0, 0
     while True:
         begin, count = look_through(
             seen, begin, mesh, grid, bottom, owner, masks.arrays, masks.row, axes, blocks, hits, count
@@ -87,7 +98,7 @@ def shown(
         if begin == len(seen.triangle):
             break
         hits = np.concatenate([hits, np.empty(len(hits), FOUND)])
-    most = min(count, room)
+    most = min(count, (bottom - top) * width)
     left = Open(
         np.empty(most, np.int64), np.empty(most, np.int64), np.empty(count, np.int32), np.empty(most)
     )

@@ -83,7 +83,7 @@ SIGHT = 8
 
 
 # How many masked triangles, and rows of an image, a core takes at a time.
-MASKED_A_TURN, MASKED_ROWS = 1 << 13, 64
+MASKED_A_TURN, MASKED_ROWS = 1 << 13, 32
 
 
 class RayEngine(TruthEngine):
@@ -422,9 +422,16 @@ class RayEngine(TruthEngine):
         seen = found.taken(self._by_depth(found.nearest))
         height = len(grid.row_b)
 
+        free: list[mask_kernels.Scratch] = []
+
         def work(top: int) -> Layers:
+            scratch = free.pop() if free else mask_kernels.Scratch.of(grid, MASKED_ROWS)
             rows = top, min(top + MASKED_ROWS, height)
-            return mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes)
+            found = mask_kernels.shown(
+                seen, self._mesh, grid, rows, triangle, masks, axes, scratch
+            )
+            free.append(scratch)
+            return found
 
         sample, count, which, least = _joined(self._by_turns(work, range(0, height, MASKED_ROWS)))
         offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
