@@ -38,11 +38,14 @@ class Scratch(NamedTuple):
 
     blocks: Blocks
     hits: NDArray[Any]
+    left: Open
 
     @classmethod
     def of(cls, grid: SampleGrid, rows: int) -> Scratch:
         # A triangle may have a hit at each sample.
-        return cls(Blocks.of(grid, rows), np.empty(rows * len(grid.column_a), FOUND))
+        room = rows * len(grid.column_a)
+        left = Open(np.empty(room, np.int64), np.empty(room, np.int64), np.empty(0, np.int32), np.empty(room))
+        return cls(Blocks.of(grid, rows), np.empty(room, FOUND), left)
 
 
 @njit(inline="always")
@@ -98,13 +101,14 @@ def shown(
         if begin == len(seen.triangle):
             break
         hits = np.concatenate([hits, np.empty(len(hits), FOUND)])
-    most = min(count, (bottom - top) * width)
-    left = Open(
-        np.empty(most, np.int64), np.empty(most, np.int64), np.empty(count, np.int32), np.empty(most)
-    )
+    left = scratch.left._replace(triangle=np.empty(count, np.int32))
     samples, kept = _settle(hits, blocks, width, bottom, owner, left, np.empty(count))
+    # Copies: the room is that of all that could be, and serves again.
     return Open(
-        left.sample[:samples], left.many[:samples], left.triangle[:kept], left.least[:samples]
+        left.sample[:samples].copy(),
+        left.many[:samples].copy(),
+        left.triangle[:kept].copy(),
+        left.least[:samples].copy(),
     )
 
 

@@ -434,7 +434,8 @@ class RayEngine(TruthEngine):
             return found
 
         sample, count, which, least = _joined(self._by_turns(work, range(0, height, MASKED_ROWS)))
-        offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
+        offsets = np.zeros(len(count) + 1, np.int64)
+        np.cumsum(count, out=offsets[1:])
         return Doubt(sample, offsets, which), least
 
     def _by_depth(self, nearest: Float64) -> Int64:
