@@ -1,7 +1,7 @@
-"""Compiled loops over blocks of samples: masked triangles tested in float64, many samples at once.
+"""Compiled loops over a block of samples: masked triangles tested in float64, many samples at once.
 
-A block knows beyond which depth none of its samples shows anything, so that what lies behind is left
-out whole. Within a block, loops hold no branches: a compiler makes vectors of them.
+A block knows beyond which depth none of its samples shows anything: what lies behind is left out
+whole. Loops over its samples hold no branches, so that a compiler makes vectors of them.
 """
 
 from __future__ import annotations
@@ -12,32 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.engines.ray_kernels import (
-    SampleGrid,
-    Triangles,
-    corner,
-    depth_interval,
-    dot,
-    facet_of,
-    minus,
-    plane,
-)
-from visref.engines.splat_kernels import at_sample, edge, window_of
-from visref.masks.by_edges import extent_of, facing, reach_of, state_by_places, touched_by_edges
-from visref.masks.hits import UNIT, state_at
+from visref.engines.ray_kernels import SampleGrid, depth_interval, facet_of, plane
+from visref.engines.splat_kernels import at_sample
+from visref.masks.by_edges import state_by_places, touched_by_edges
 from visref.masks.lookup import (
     BETWEEN,
-    HOLE,
-    SOLID,
     UNSURE,
     state_of_bits,
     state_of_four_squares,
     state_of_places,
     within_four_squares,
-    words_of_row,
     wrapped,
 )
-from visref.masks.store import MaskArrays
 from visref.visibility import BACKGROUND
 
 BLOCK_WIDTH, BLOCK_HEIGHT = 8, 4
@@ -46,27 +32,20 @@ BLOCK = BLOCK_WIDTH * BLOCK_HEIGHT
 FAR = 1 << 40
 
 
-class InView(NamedTuple):
-    """Masked triangles that may cover samples: ids, the windows of samples (x0, x1, y0, y1; x1, y1
-    excluded), (k, 4), and the least depths, (k,)."""
-
-    triangle: NDArray[np.int32]
-    window: NDArray[np.int32]
-    nearest: NDArray[np.float64]
-
-    def taken(self, which: NDArray[Any]) -> InView:
-        return InView._make(column[which] for column in self)
-
-
 class Blocks(NamedTuple):
     """The samples of some whole rows of an image, by blocks, row by row.
 
     `a`: (c, BLOCK), by column of blocks, and `b`: (r, BLOCK), by row of them, of each sample; beyond
-    the image they go on. By block and sample: `limit`, beyond what depth nothing is seen, -inf
-    beyond the image; `depth` and `solid`, the nearest solid hit of a masked triangle before the
-    owner, else the owner's depth and `BACKGROUND`. `farthest`: of a block's limits the greatest.
-    `begun`: by block, whether anything stands in these; `open`, whether any of its hits is BETWEEN. `owners`, `z`, `error`, `kept`, `order`,
-    `places`, `certain`: for the block at hand. `last`: by block and sample, the last of its FOUND.
+    the image they go on. `begun`: by block, whether anything stands in what follows; `open`, whether
+    a mask leaves any of its samples open. `farthest`: of a block's limits the greatest.
+
+    By block and sample: `limit`, beyond what depth nothing is seen, -inf beyond the image; `depth`
+    and `solid`, the nearest solid hit of a masked triangle before the owner, else the owner's depth
+    and `BACKGROUND`; `last`, the last of the sample's FOUND, negative for none.
+
+    The rest is for the block at hand, by sample: `owners`; `z` and `error`, a triangle's depths
+    there, and whether it is `kept`; in `order`, those that are; in `places`, and whether `certain`,
+    which texels a lookup touches.
     """
 
     a: NDArray[np.float64]
@@ -132,39 +111,6 @@ FOUND = np.dtype([("depth", "f8"), ("bound", "f8"), ("triangle", "i4"), ("next",
 
 
 @njit(inline="always")
-def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
-    """A view depth, less what rounding may have added; in `p` too, which is relative to the eye,
-    and in the axes, with room to spare."""
-    f = grid.axes[4]
-    size = abs(p[0] * f[0]) + abs(p[1] * f[1]) + abs(p[2] * f[2])
-    return dot(p, f) - 64.0 * UNIT * size
-
-
-@njit(error_model="numpy", makes_arrays=False)
-def find_in_view(which: NDArray[Any], mesh: Triangles, grid: SampleGrid, found: InView) -> int:
-    """Those of the triangles `which` that may cover samples, into `found`: how many."""
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    whole = (0, len(grid.column_a), 0, len(grid.row_b))
-    count = 0
-    for t in which:
-        p0 = minus(corner(mesh, t, 0), eye)
-        p1 = minus(corner(mesh, t, 1), eye)
-        p2 = minus(corner(mesh, t, 2), eye)
-        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), whole)
-        if x0 >= x1 or y0 >= y1:
-            continue
-        found.triangle[count] = t
-        found.window[count, 0], found.window[count, 1] = x0, x1
-        found.window[count, 2], found.window[count, 3] = y0, y1
-        found.nearest[count] = min(
-            _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
-        )
-        count += 1
-    return count
-
-
-@njit(inline="always")
 def _see_owner(blocks, block, row, column, mesh, grid, t):  # type: ignore[no-untyped-def]
     """Let a block know the depths of one of its owners."""
     facet = facet_of(mesh, grid, t)
@@ -176,7 +122,7 @@ def _see_owner(blocks, block, row, column, mesh, grid, t):  # type: ignore[no-un
 
 
 @njit(inline="always")
-def _begin(blocks, block, row, column, mesh, grid, owner):  # type: ignore[no-untyped-def]
+def begin_block(blocks, block, row, column, mesh, grid, owner):  # type: ignore[no-untyped-def]
     """Let a block know its owners' depths."""
     width, height = len(grid.column_a), len(grid.row_b)
     left, top = column * BLOCK_WIDTH, blocks.top + row * BLOCK_HEIGHT
@@ -198,7 +144,7 @@ def _begin(blocks, block, row, column, mesh, grid, owner):  # type: ignore[no-un
     known, facet = -1, facet_of(mesh, grid, 0)
     for k in range(BLOCK):
         t = blocks.owners[k]
-        if t < 0 or t == first or t == last:
+        if t < 0 or t in (first, last):
             continue
         if t != known:
             known, facet = t, facet_of(mesh, grid, t)
@@ -235,7 +181,7 @@ def _range(at_edge, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _misses(edges, low, high):  # type: ignore[no-untyped-def]
+def misses(edges, low, high):  # type: ignore[no-untyped-def]
     """Whether `splat_kernels.meets` is False at all samples from `low` to `high`, (a, b) each."""
     low0, high0 = _range(edges[0], low, high)
     low1, high1 = _range(edges[1], low, high)
@@ -244,7 +190,7 @@ def _misses(edges, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  # type: ignore[no-untyped-def]
+def keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  # type: ignore[no-untyped-def]
     """Depths of a triangle at a block's samples, and at which of them, with a and b `within` (least
     and greatest a, and b), it is met (`splat_kernels.meets`) and not beyond the limit: how many."""
     found = 0
@@ -272,7 +218,7 @@ def _keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  #
 
 
 @njit(inline="always")
-def _touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-def]
+def touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-def]
     """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`); and
     which the lookups at all that are kept touch together, where all are certain."""
     x_first, x_last, y_first, y_last, open_ = FAR, -FAR, FAR, -FAR, 0
@@ -294,7 +240,7 @@ def _touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped
 
 
 @njit(inline="always")
-def _state_of_all(masks, material, size, together):  # type: ignore[no-untyped-def]
+def state_of_all(masks, material, size, together):  # type: ignore[no-untyped-def]
     """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them."""
     x0, x1, y0, y1, certain = together
     if not certain or x1 - x0 + 1 >= size[0] or y1 - y0 + 1 >= size[1]:
@@ -309,7 +255,7 @@ def _state_of_all(masks, material, size, together):  # type: ignore[no-untyped-d
 
 
 @njit(inline="always")
-def _put_before(blocks, block, t):  # type: ignore[no-untyped-def]
+def put_before(blocks, block, t):  # type: ignore[no-untyped-def]
     """Triangle t is SOLID at all samples that are kept."""
     for k in range(BLOCK):
         kept = blocks.kept[k] != 0
@@ -324,142 +270,42 @@ def _put_before(blocks, block, t):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def _within_texture(together, size):  # type: ignore[no-untyped-def]
+def within_texture(together, size):  # type: ignore[no-untyped-def]
     """Whether the texels of all lookups are certain, and none beyond the texture's edges."""
     x0, x1, y0, y1, certain = together
     return certain and x0 >= 0 and y0 >= 0 and x1 < size[0] and y1 < size[1]
 
 
 @njit(inline="always")
-def _list_kept(blocks):  # type: ignore[no-untyped-def]
+def state_of_one(blocks, k, plain, masks, material, start, stride):  # type: ignore[no-untyped-def]
+    """SOLID, HOLE or BETWEEN at one of the samples (`touch`), else `UNSURE`. `plain`: whether the
+    block is `within_texture`. `start`, `stride`: see `lookup.state_of_four_squares`."""
+    of = blocks.places
+    if not plain:
+        places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
+        return state_by_places(masks, material, places)
+    x0, x1, y0, y1 = np.int64(of[0, k]), np.int64(of[1, k]), np.int64(of[2, k]), np.int64(of[3, k])
+    if within_four_squares(x0, x1, y0, y1):
+        return state_of_four_squares(masks.bits, start, stride, x0, x1, y0, y1)
+    return state_of_places(masks, material, (x0, x1, 0, -1), (y0, y1, 0, -1))
+
+
+@njit(inline="always")
+def leave_open(blocks, block, k, t, hits, count):  # type: ignore[no-untyped-def]
+    """Triangle t is BETWEEN at a sample: that is one of FOUND more than `count`."""
+    hit, before = hits[count], blocks.last[block, k]
+    hit.triangle, hit.depth, hit.bound, hit.next = t, blocks.z[k], blocks.error[k], count
+    if before >= 0:
+        hit.next, hits[before].next = hits[before].next, count
+    blocks.last[block, k] = count
+    blocks.open[block] = True
+
+
+@njit(inline="always")
+def list_kept(blocks):  # type: ignore[no-untyped-def]
     """Which samples are kept, in order: how many."""
     count = 0
     for k in range(BLOCK):
         blocks.order[count] = k
         count += blocks.kept[k] != 0
     return count
-
-
-@njit(inline="always")
-def _first_before(blocks, nearest, rows, columns):  # type: ignore[no-untyped-def]
-    """The first row of blocks in which what begins at a depth may be seen; their end for none."""
-    for row in range(rows[0], rows[1]):
-        start = row * len(blocks.a)
-        for block in range(start + columns[0], start + columns[1]):
-            if nearest <= blocks.farthest[block]:
-                return row
-    return rows[1]
-
-
-@njit(error_model="numpy", makes_arrays=False)
-def look_through(
-    seen: InView,
-    begin: int,
-    mesh: Triangles,
-    grid: SampleGrid,
-    bottom: int,
-    owner: NDArray[Any],
-    masks: MaskArrays,
-    row_of_triangle: NDArray[Any],
-    axes: NDArray[Any],
-    blocks: Blocks,
-    hits: NDArray[Any],
-    count: int,
-) -> tuple[int, int]:
-    """Let masked triangles from `begin` on be met in `blocks`, of the rows before `bottom`. What is
-    BETWEEN, and not known to be hidden, goes into `hits`, FOUND, which holds `count`, as far as there is
-    room: the index of the first triangle that is left, and how many hits there are then.
-
-    `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
-    then it is BETWEEN.
-    """
-    m = grid.axes
-    eye = (m[0, 0], m[0, 1], m[0, 2])
-    width, across = len(grid.column_a), len(blocks.a)
-    perspective = grid.perspective
-    # Of the whole image: no answer hangs on which rows are looked at together.
-    reach = reach_of(grid, (0, width, 0, len(grid.row_b)))
-    nowhere = ((1.0, 1.0), ((0.0, 0.0), (0.0, 0.0)))
-    for index in range(begin, len(seen.triangle)):
-        x0, x1 = seen.window[index, 0], seen.window[index, 1]
-        y0, y1 = max(seen.window[index, 2], blocks.top), min(seen.window[index, 3], bottom)
-        if y0 >= y1:
-            continue
-        if count + (x1 - x0) * (y1 - y0) > len(hits):
-            return index, count
-        nearest = seen.nearest[index]
-        columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
-        rows = (y0 - blocks.top) // BLOCK_HEIGHT, (y1 - 1 - blocks.top) // BLOCK_HEIGHT + 1
-        first = _first_before(blocks, nearest, rows, columns)
-        if first == rows[1]:
-            continue
-        t = seen.triangle[index]
-        v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
-        p0, p1, p2 = minus(v0, eye), minus(v1, eye), minus(v2, eye)
-        edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
-        facet = facet_of(mesh, grid, t)
-        mask_row = row_of_triangle[t]
-        face = facing(masks, mask_row, edges, (p0, p1, p2), reach)
-        within = grid.column_a[x0], grid.column_a[x1 - 1], grid.row_b[y1 - 1], grid.row_b[y0]
-        extent, start, stride = nowhere, np.int64(-1), np.int64(0)
-        if face[1]:
-            extent, start = extent_of(masks, face[0]), masks.bits_of_material[face[0]]
-            stride = words_of_row(np.int64(extent[0][0]))
-        two_sided = not mesh.one_sided[t]
-        for row in range(first, rows[1]):
-            for column in range(columns[0], columns[1]):
-                block = row * across + column
-                if nearest > blocks.farthest[block]:
-                    continue
-                low = blocks.a[column, 0], blocks.b[row, BLOCK - 1]
-                high = blocks.a[column, BLOCK - 1], blocks.b[row, 0]
-                if _misses(edges, low, high):
-                    continue
-                if not blocks.begun[block]:
-                    _begin(blocks, block, row, column, mesh, grid, owner)
-                found = _keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
-                if not found:
-                    continue
-                plain = False
-                if face[1]:
-                    together = _touch(blocks, row, column, face, extent, edges)
-                    of_all = _state_of_all(masks, face[0], extent[0], together)
-                    if of_all == HOLE:
-                        continue
-                    if of_all == SOLID:
-                        _put_before(blocks, block, t)
-                        continue
-                    plain = start >= 0 and _within_texture(together, extent[0])
-                for i in range(_list_kept(blocks)):
-                    k, z, error = blocks.order[i], blocks.z[blocks.order[i]], blocks.error[blocks.order[i]]
-                    of, state = blocks.places, UNSURE
-                    x0, x1, y0, y1 = of[0, k], of[1, k], of[2, k], of[3, k]
-                    if plain:
-                        i0, i1, j0, j1 = np.int64(x0), np.int64(x1), np.int64(y0), np.int64(y1)
-                        if within_four_squares(i0, i1, j0, j1):
-                            state = state_of_four_squares(masks.bits, start, stride, i0, i1, j0, j1)
-                        else:
-                            state = state_of_places(masks, face[0], (i0, i1, 0, -1), (j0, j1, 0, -1))
-                    if state == UNSURE:
-                        state = BETWEEN
-                        if mask_row >= 0:
-                            state = UNSURE
-                            if face[1]:
-                                places = (x0, x1, y0, y1, blocks.certain[k])
-                                state = state_by_places(masks, face[0], places)
-                            if state == UNSURE:
-                                a, b = blocks.a[column, k], blocks.b[row, k]
-                                state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
-                    if state == BETWEEN:
-                        hit, before = hits[count], blocks.last[block, k]
-                        hit.triangle, hit.depth, hit.bound = t, z, error
-                        hit.next = count
-                        if before >= 0:
-                            hit.next = hits[before].next
-                            hits[before].next = count
-                        blocks.last[block, k] = count
-                        blocks.open[block] = True
-                        count += 1
-                    blocks.kept[k] = state == SOLID
-                _put_before(blocks, block, t)
-    return len(seen.triangle), count

@@ -418,7 +418,7 @@ class RayEngine(TruthEngine):
             ),
             range(0, len(self._masked), MASKED_A_TURN),
         )
-        found = mask_kernels.InView._make(np.concatenate(c) for c in zip(*parts, strict=True))
+        found = mask_kernels.InView._make(_joined(parts))
         seen = found.taken(self._by_depth(found.nearest))
         height = len(grid.row_b)
 
@@ -427,9 +427,7 @@ class RayEngine(TruthEngine):
         def work(top: int) -> Layers:
             scratch = free.pop() if free else mask_kernels.Scratch.of(grid, MASKED_ROWS)
             rows = top, min(top + MASKED_ROWS, height)
-            found = mask_kernels.shown(
-                seen, self._mesh, grid, rows, triangle, masks, axes, scratch
-            )
+            found = mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes, scratch)
             free.append(scratch)
             return found
 

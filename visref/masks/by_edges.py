@@ -137,8 +137,8 @@ def _ends(size, wrap):  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def extent_of(m, material):  # type: ignore[no-untyped-def]
-    """Of a material's texture, across and down: how many texels it has, and the places, first and
-    last, at which a texel of its own stands, as far as places go; elsewhere stands that of an end."""
+    """Of a material's texture, across and down: how many texels it has; and the first and last
+    place at which any but an end's own texel stands, as far as places go."""
     of = m.materials[material]
     texture = m.textures[of.texture]
     width, height = np.float64(texture.width), np.float64(texture.height)
