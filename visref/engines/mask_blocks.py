@@ -6,7 +6,7 @@ whole. Loops over its samples hold no branches, so that a compiler makes vectors
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,9 @@ FAR = 1 << 40
 class Blocks(NamedTuple):
     """The samples of some whole rows of an image, by blocks, row by row.
 
-    `a`: (c, BLOCK), by column of blocks, and `b`: (r, BLOCK), by row of them, of each sample; beyond
-    the image they go on. `begun`: by block, whether anything stands in what follows; `open`, whether
-    a mask leaves any of its samples open. `farthest`: of a block's limits the greatest.
+    `a`: (c, BLOCK), by column of blocks, and `b`: (r, BLOCK), by row of them, of each sample;
+    beyond the image they go on. `begun`: by block, whether anything stands in what follows; `open`,
+    whether a mask leaves any of its samples open. `farthest`: of a block's limits the greatest.
 
     By block and sample: `limit`, beyond what depth nothing is seen, -inf beyond the image; `depth`
     and `solid`, the nearest solid hit of a masked triangle before the owner, else the owner's depth
@@ -117,8 +117,11 @@ def _see_owner(blocks, block, row, column, mesh, grid, t):  # type: ignore[no-un
     for k in range(BLOCK):
         here = blocks.owners[k] == t
         behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
+        # What is no number hides nothing.
+        reached = behind + slack
+        limited = here & (reached < np.inf)
         blocks.depth[block, k] = behind if here else blocks.depth[block, k]
-        blocks.limit[block, k] = behind + slack if here else blocks.limit[block, k]
+        blocks.limit[block, k] = reached if limited else blocks.limit[block, k]
 
 
 @njit(inline="always")
@@ -149,14 +152,16 @@ def begin_block(blocks, block, row, column, mesh, grid, owner):  # type: ignore[
         if t != known:
             known, facet = t, facet_of(mesh, grid, t)
         behind, slack = depth_interval(facet, grid, blocks.a[column, k], blocks.b[row, k])
-        blocks.depth[block, k], blocks.limit[block, k] = behind, behind + slack
+        blocks.depth[block, k] = behind
+        if behind + slack < np.inf:
+            blocks.limit[block, k] = behind + slack
     blocks.begun[block] = True
     _see_farthest(blocks, block)
 
 
 @njit(inline="always")
 def _see_farthest(blocks, block):  # type: ignore[no-untyped-def]
-    # In two steps, of which the first makes vectors. What is no number hides nothing.
+    # In two steps, of which the first makes vectors.
     half = BLOCK // 4
     for k in range(half):
         one, two = blocks.limit[block, k], blocks.limit[block, half + k]
@@ -221,7 +226,9 @@ def keep(blocks, block, row, column, within, edges, facet, grid, two_sided):  # 
 def touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-def]
     """Which texels a lookup touches at each of a block's samples (`by_edges.touched_by_edges`); and
     which the lookups at all that are kept touch together, where all are certain."""
-    x_first, x_last, y_first, y_last, open_ = FAR, -FAR, FAR, -FAR, 0
+    x_first, y_first = np.int64(FAR), np.int64(FAR)
+    x_last, y_last = np.int64(-FAR), np.int64(-FAR)
+    open_ = 0
     for k in range(BLOCK):
         sides = at_sample(edges, blocks.a[column, k], blocks.b[row, k])
         x0, x1, y0, y1, certain = touched_by_edges(face, extent, sides)

@@ -223,7 +223,7 @@ def look_through(
                 found = keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
                 if not found:
                     continue
-                plain = False
+                plain: Any = False
                 if face[1]:
                     together = touch(blocks, row, column, face, extent, edges)
                     of_all = state_of_all(masks, face[0], extent[0], together)
@@ -258,8 +258,9 @@ def shown(
     axes: NDArray[np.float64],
     scratch: Scratch,
 ) -> Open:
-    """In some rows of the image, let the nearest SOLID hit of masked triangles own its sample, where
-    it lies before the `owner`, (samples,) int32, changed in place; and say what BETWEEN leaves open.
+    """In some rows of the image, let the nearest SOLID hit of masked triangles own its sample,
+    where it lies before the `owner`, (samples,) int32, changed in place; and say what BETWEEN
+    leaves open.
 
     `seen`: the triangles, best from near to far: in whatever order, the same is found. `axes`: (4,
     3) float64, e, F, R, U.

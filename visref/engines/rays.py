@@ -4,8 +4,8 @@ For each camera, tile by tile over all cores: rays are made in float64 and round
 library names the nearest triangle, and `ray_kernels.resolve` computes its view depth in
 float64 and asks whether it counts. What is kept is the owner: its depth is computed again where
 somebody looks at it. The few samples whose hit does not count but may hide one
-that does, the masked triangles and the blended layers go to `splat_kernels.splat`, which tests
-triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
+that does, the masked triangles and the blended layers go to `splat_kernels` and `mask_kernels`,
+which test triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
 
 Numeric policy: owners are the library's, good to its float32 rounding, so a sample within that
 of an edge, or of a crossing of two surfaces, may go to a neighbour. Depths, near, far and sides
@@ -412,7 +412,7 @@ class RayEngine(TruthEngine):
 
         axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
         masks = self.scene.masks or Masks.none(self.scene.triangle_count)
-        parts = self._by_turns(
+        parts: list[Layers] = self._by_turns(
             lambda start: mask_kernels.in_view(
                 self._masked[start : start + MASKED_A_TURN], self._mesh, grid
             ),
@@ -420,18 +420,23 @@ class RayEngine(TruthEngine):
         )
         found = mask_kernels.InView._make(_joined(parts))
         seen = found.taken(self._by_depth(found.nearest))
-        height = len(grid.row_b)
-
+        if not len(seen.triangle):
+            return Doubt(), np.zeros(0)
+        top, bottom = int(seen.window[:, 2].min()), int(seen.window[:, 3].max())
         free: list[mask_kernels.Scratch] = []
 
-        def work(top: int) -> Layers:
-            scratch = free.pop() if free else mask_kernels.Scratch.of(grid, MASKED_ROWS)
-            rows = top, min(top + MASKED_ROWS, height)
+        def work(row: int) -> Layers:
+            try:
+                scratch = free.pop()
+            except IndexError:
+                scratch = mask_kernels.Scratch.of(grid, MASKED_ROWS)
+            rows = row, min(row + MASKED_ROWS, bottom)
             found = mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes, scratch)
             free.append(scratch)
             return found
 
-        sample, count, which, least = _joined(self._by_turns(work, range(0, height, MASKED_ROWS)))
+        bands = self._by_turns(work, range(top, bottom, MASKED_ROWS))
+        sample, count, which, least = _joined(bands)
         offsets = np.zeros(len(count) + 1, np.int64)
         np.cumsum(count, out=offsets[1:])
         return Doubt(sample, offsets, which), least
