@@ -36,7 +36,6 @@ from visref.visibility import BACKGROUND, FrameTruth
 from visref_datasets_gen.dataset import scene_of
 from visref_datasets_gen.leaf_cards import leaves
 
-
 WIDTH, HEIGHT = 37, 21
 OPAQUE, MASKED = 3, 14
 
@@ -164,7 +163,7 @@ def test_random_scenes_hold_all_that_matters() -> None:
     # Else nothing was compared.
     owned, left = 0, 0
     for seed in range(40):
-        scene, camera, owner = random_scene(seed)
+        scene, camera, _ = random_scene(seed)
         engine = make_engine("embree", scene, threads=1)
         truth = engine.frame(camera)
         owned += np.count_nonzero(truth.buffer.triangle >= OPAQUE)
