@@ -247,12 +247,16 @@ def touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-
 
 
 @njit(inline="always")
-def state_of_all(masks, material, size, together):  # type: ignore[no-untyped-def]
-    """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them."""
+def state_of_all(masks, material, size, together, plain, start, stride):  # type: ignore[no-untyped-def]
+    """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them.
+    `plain`, `start`, `stride`: as of `state_of_one`."""
     x0, x1, y0, y1, certain = together
     if not certain or x1 - x0 + 1 >= size[0] or y1 - y0 + 1 >= size[1]:
         # As many texels as a row has, and a lookup may run over an edge that this one does not.
         return UNSURE
+    if plain and within_four_squares(x0, x1, y0, y1):
+        state = state_of_four_squares(masks.bits, start, stride, x0, x1, y0, y1)
+        return UNSURE if state == BETWEEN else state
     of = masks.materials[material]
     texels = np.int64(size[0]), np.int64(size[1])
     columns = wrapped(np.float64(x0), np.float64(x1), texels[0], of.wrap_s)

@@ -226,13 +226,13 @@ def look_through(
                 plain: Any = False
                 if face[1]:
                     together = touch(blocks, row, column, face, extent, edges)
-                    of_all = state_of_all(masks, face[0], extent[0], together)
+                    plain = start >= 0 and within_texture(together, extent[0])
+                    of_all = state_of_all(masks, face[0], extent[0], together, plain, start, stride)
                     if of_all == HOLE:
                         continue
                     if of_all == SOLID:
                         put_before(blocks, block, t)
                         continue
-                    plain = start >= 0 and within_texture(together, extent[0])
                 for i in range(list_kept(blocks)):
                     k, state = blocks.order[i], BETWEEN
                     if face[1]:
