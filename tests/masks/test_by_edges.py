@@ -11,7 +11,20 @@ from visref.engines.ray_kernels import SampleGrid, minus
 from visref.engines.splat_kernels import at_sample, edge
 from visref.masks.by_edges import facing, reach_of, state_by_edges
 from visref.masks.hits import state_at
-from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE, state_of_bits
+from visref.masks.lookup import (
+    BETWEEN,
+    FINEST_ENTRIES,
+    HOLE,
+    SOLID,
+    UNSURE,
+    extremes,
+    level_for,
+    state_of_bits,
+    state_of_four_squares,
+    state_of_places,
+    within_four_squares,
+    words_of_row,
+)
 from visref.masks.materials import MaskMaterial, Sampler, Wrap
 from visref.masks.store import Masks
 from visref.masks.textures import AlphaImage
@@ -28,7 +41,19 @@ def by_edges(m, row, grid, v0, v1, v2):
 
 @njit()
 def by_bits(m, material, columns, rows):
-    return state_of_bits(m, material, columns, rows)
+    of = m.textures[m.materials[material].texture]
+    size = of.width, of.height
+    return state_of_bits(m.bits, m.bits_of_material[material], size, columns, rows)
+
+
+@njit()
+def by_places(m, material, columns, rows):
+    return state_of_places(m, material, columns, rows)
+
+
+@njit()
+def by_four(bits, start, stride, x0, x1, y0, y1):
+    return state_of_four_squares(bits, start, stride, x0, x1, y0, y1)
 
 
 def blobs(rng: np.random.Generator, height: int, width: int) -> AlphaImage:
@@ -106,20 +131,59 @@ def test_bits_are_the_texels_over_any_rectangle_of_a_row_of_words() -> None:
     assert seen == {SOLID, HOLE, BETWEEN}
 
 
-@pytest.mark.parametrize(
-    ("columns", "rows"),
-    [
-        ((0, 64, 0, -1), (0, 0, 0, -1)),  # More than a word.
-        ((0, 19, 0, -1), (0, 19, 0, -1)),  # More than the finest level has entries.
-        ((149, 150, 0, 1), (0, 0, 0, -1)),  # Over the edge of what repeats.
-        ((0, 0, 0, -1), (22, 22, 0, 0)),
-    ],
-)
-def test_other_boxes_are_left_to_the_long_way(
-    columns: tuple[int, ...], rows: tuple[int, ...]
-) -> None:
-    masks = masks_of(blobs(np.random.default_rng(1), 23, 151), np.zeros((3, 2)))
-    assert by_bits(masks.arrays, 0, columns, rows) == UNSURE
+def random_span(rng: np.random.Generator, size: int, most: int) -> tuple[int, int, int, int]:
+    """Texels along an axis, sometimes over the edge of what repeats."""
+    first, count = int(rng.integers(size)), min(1 + int(rng.integers(most)), size)
+    if first + count <= size:
+        return first, first + count - 1, 0, -1
+    return first, size - 1, 0, first + count - 1 - size
+
+
+def test_bits_say_what_the_level_that_decides_says_of_any_box() -> None:
+    rng = np.random.default_rng(4)
+    seen = set()
+    for _ in range(3000):
+        image = blobs(rng, int(rng.integers(2, 90)), int(rng.integers(2, 151)))
+        if rng.random() < 0.5:
+            # Large patches: boxes of many texels, all alike.
+            alpha = np.kron(image.alpha[:20, :20], np.ones((8, 8), np.uint8))
+            image = AlphaImage(alpha, 255)
+        masks = masks_of(image, np.zeros((3, 2)))
+        height, width = (int(masks.arrays.textures[side][0]) for side in ("height", "width"))
+        most = int(rng.choice([3, 12, 40, 151]))
+        columns, rows = random_span(rng, width, most), random_span(rng, height, most)
+        k = level_for(columns, rows, FINEST_ENTRIES)
+        least, greatest = extremes(masks.arrays, 0, columns, rows, k)
+        right = SOLID if least >= 127.5 else HOLE if greatest < 127.5 else BETWEEN
+        said = by_bits(masks.arrays, 0, columns, rows)
+        assert said in (right, UNSURE)
+        assert by_places(masks.arrays, 0, columns, rows) == right
+        seen.add((said, k > 0, columns[3] >= 0))
+    every = {(state, large) for state in (SOLID, HOLE, BETWEEN) for large in (False, True)}
+    assert every <= {(state, large) for state, large, _ in seen}
+    assert {split for *_, split in seen} == {False, True}
+
+
+def test_four_squares_say_what_all_bits_say() -> None:
+    rng = np.random.default_rng(5)
+    image = blobs(rng, 43, 61)
+    masks = masks_of(image, np.zeros((3, 2)))
+    seen = set()
+    for _ in range(4000):
+        y0, x0 = int(rng.integers(43)), int(rng.integers(61))
+        y1, x1 = min(y0 + int(rng.integers(16)), 42), min(x0 + int(rng.integers(16)), 60)
+        if not within_four_squares(x0, x1, y0, y1):
+            continue
+        said = by_four(masks.arrays.bits, 0, words_of_row(61), x0, x1, y0, y1)
+        assert said == by_bits(masks.arrays, 0, (x0, x1, 0, -1), (y0, y1, 0, -1))
+        seen.add(said)
+    assert seen == {SOLID, HOLE, BETWEEN}
+
+
+def test_many_words_of_one_kind_are_left_to_levels() -> None:
+    masks = masks_of(AlphaImage(np.eye(300, dtype=np.uint8), 1), np.zeros((3, 2)))
+    assert by_bits(masks.arrays, 0, (180, 299, 0, -1), (0, 90, 0, -1)) == UNSURE
+    assert by_places(masks.arrays, 0, (180, 299, 0, -1), (0, 90, 0, -1)) == HOLE
 
 
 def test_another_vertex_alpha_is_left_to_the_long_way() -> None:

@@ -1,4 +1,10 @@
-"""Compiled loops that look through masked triangles, front to back, as far as anything shows."""
+"""Masked triangles are looked through, front to back, as far as anything shows.
+
+Where they are solid they own samples, where a mask is in between they leave them open. Both hang on
+nothing but the triangles: an owner is the nearest solid hit, and open is what is not behind one for
+certain. So the order in which triangles are met, and which rows of an image are looked at together,
+changes how long it takes, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +14,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.engines.ray_kernels import (
-    SampleGrid,
-    Triangles,
-    corner,
-    counts,
-    depth_interval,
-    dot,
-    facet_of,
-    minus,
-    plane,
+from visref.engines.mask_blocks import (
+    BLOCK,
+    BLOCK_HEIGHT,
+    BLOCK_WIDTH,
+    FOUND,
+    Blocks,
+    begin_block,
+    keep,
+    leave_open,
+    list_kept,
+    misses,
+    put_before,
+    state_of_all,
+    state_of_one,
+    touch,
+    within_texture,
 )
-from visref.engines.splat_kernels import Hits, at_sample, edge, meets, window_of
-from visref.masks.by_edges import facing, reach_of, state_by_edges
+from visref.engines.ray_kernels import SampleGrid, Triangles, corner, dot, facet_of, minus
+from visref.engines.splat_kernels import edge, window_of
+from visref.masks.by_edges import extent_of, facing, reach_of
 from visref.masks.hits import UNIT, state_at
-from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE
+from visref.masks.lookup import BETWEEN, HOLE, SOLID, UNSURE, words_of_row
 from visref.masks.store import MaskArrays, Masks
+from visref.visibility import BACKGROUND
+
+
+class InView(NamedTuple):
+    """Masked triangles that may cover samples: ids, the windows of samples (x0, x1, y0, y1; x1, y1
+    excluded), (k, 4), and the least depths, (k,)."""
+
+    triangle: NDArray[np.int32]
+    window: NDArray[np.int32]
+    nearest: NDArray[np.float64]
+
+    def taken(self, which: NDArray[Any]) -> InView:
+        return InView._make(column[which] for column in self)
 
 
 class Open(NamedTuple):
@@ -36,170 +62,43 @@ class Open(NamedTuple):
     least: NDArray[np.float64]
 
 
-@njit()
-def front_to_back(
-    hits: Hits, window: tuple[int, int, int, int], width: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The hits of a window (`splat_kernels.splat`) in order: by sample, depth, then triangle; and
-    where each of the window's samples begins among them. (h,) and (samples of the window + 1,)
-    int64, its samples row by row; `width` is the image's."""
-    sample, triangle, depth, _ = hits
-    x0, x1, y0, y1 = window
-    across = x1 - x0
-    starts = np.zeros(across * (y1 - y0) + 1, np.int64)
-    place = np.empty(len(sample), np.int64)
-    for k in range(len(sample)):
-        place[k] = (sample[k] // width - y0) * across + sample[k] % width - x0
-        starts[place[k] + 1] += 1
-    for i in range(len(starts) - 1):
-        starts[i + 1] += starts[i]
-    order, filled = np.empty(len(sample), np.int64), starts[:-1].copy()
-    for k in range(len(sample)):
-        order[filled[place[k]]] = k
-        filled[place[k]] += 1
-    for i in range(len(starts) - 1):
-        begin, end = starts[i], starts[i + 1]
-        # Shell's method: a sample has a few hits, rarely hundreds.
-        gap = (end - begin) // 2
-        while gap > 0:
-            for j in range(begin + gap, end):
-                k, at = order[j], j
-                while at - gap >= begin:
-                    other = order[at - gap]
-                    if depth[other] < depth[k] or (
-                        depth[other] == depth[k] and triangle[other] < triangle[k]
-                    ):
-                        break
-                    order[at] = other
-                    at -= gap
-                order[at] = k
-            gap //= 2
-    return order, starts
+class Scratch(NamedTuple):
+    """What a thread needs of its own while it looks through some rows of an image: it may serve for
+    other rows afterwards, no more than so many."""
 
+    blocks: Blocks
+    hits: NDArray[Any]
+    left: Open
 
-def shown(
-    which: NDArray[np.int32],
-    mesh: Triangles,
-    grid: SampleGrid,
-    window: tuple[int, int, int, int],
-    owner: NDArray[np.int32],
-    masks: Masks,
-    axes: NDArray[np.float64],
-    limit: NDArray[np.float64],
-) -> tuple[Hits, NDArray[np.uint8]]:
-    """Hits of masked triangles in `window` (as of `splat_kernels.splat`) that are SOLID or BETWEEN,
-    and which: all of them that may be seen, and of those that lie behind a SOLID one or the
-    opaque `owner`, (samples,) int32, for certain such as were met too early.
-
-    `which`: (k,) int32, the triangles, best from near to far. `axes`: (4, 3) float64, e, F, R, U.
-    `limit`: (samples,) float64, NaN in the window: beyond what depth nothing is seen, in the end.
-    """
-    parts: list[tuple[Hits, NDArray[np.uint8]]] = []
-    begin, room = 0, 1 << 14
-    while True:
-        hits = Hits(
-            np.empty(room, np.int64), np.empty(room, np.int32), np.empty(room), np.empty(room)
+    @classmethod
+    def of(cls, grid: SampleGrid, rows: int) -> Scratch:
+        # A triangle may have a hit at each sample.
+        room = rows * len(grid.column_a)
+        left = Open(
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty(0, np.int32),
+            np.empty(room),
         )
-        state = np.empty(room, np.uint8)
-        begin, count = _shown(
-            which,
-            begin,
-            mesh,
-            grid,
-            window,
-            owner,
-            masks.arrays,
-            masks.row,
-            axes,
-            limit,
-            hits,
-            state,
-        )
-        parts.append((Hits._make(column[:count] for column in hits), state[:count]))
-        if begin == len(which):
-            break
-        # A triangle may have a hit at each sample of the window.
-        room = max(2 * room, (window[1] - window[0]) * (window[3] - window[2]))
-    columns = zip(*(hits for hits, _ in parts), strict=True)
-    return (
-        Hits._make(np.concatenate(column) for column in columns),
-        np.concatenate([state for _, state in parts]),
-    )
+        return cls(Blocks.of(grid, rows), np.empty(room, FOUND), left)
 
 
-def settle(
-    hits: Hits,
-    state: NDArray[np.uint8],
-    window: tuple[int, int, int, int],
-    mesh: Triangles,
-    grid: SampleGrid,
-    triangle: NDArray[np.int32],
-) -> Open:
-    """Let the nearest SOLID of a window's hits (`shown`) own its sample, where it lies before the
-    owner in `triangle`, (samples,) int32, changed in place; and say what BETWEEN leaves open."""
-    order, starts = front_to_back(hits, window, len(grid.column_a))
-    most = np.count_nonzero(state == BETWEEN)
-    room = Open(
-        np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int32), np.empty(most)
-    )
-    samples, count = _settle(hits, state, order, starts, window, mesh, grid, triangle, room)
-    return Open(
-        room.sample[:samples], room.many[:samples], room.triangle[:count], room.least[:samples]
-    )
-
-
-@njit(error_model="numpy", makes_arrays=False)
-def _settle(
-    hits: Hits,
-    state: NDArray[Any],
-    order: NDArray[Any],
-    starts: NDArray[Any],
-    window: tuple[int, int, int, int],
-    mesh: Triangles,
-    grid: SampleGrid,
-    triangle: NDArray[Any],
-    left: Open,
-) -> tuple[int, int]:
-    """`settle`, into `left`: how many samples, and how many hits, are left open."""
-    x0, x1, y0, _ = window
-    width = len(grid.column_a)
-    last, facet = -1, facet_of(mesh, grid, 0)
-    samples, count = 0, 0
-    for place in range(len(starts) - 1):
-        begin, end = starts[place], starts[place + 1]
-        if begin == end:
-            continue
-        x, y = x0 + place % (x1 - x0), y0 + place // (x1 - x0)
-        s = y * width + x
-        nearest, behind = -1, np.inf
-        for at in range(begin, end):
-            k = order[at]
-            if state[k] == SOLID:
-                if nearest < 0:
-                    nearest = k
-                # In whatever order they were met, nothing beyond this was left out too soon.
-                behind = min(behind, hits.depth[k] + hits.bound[k])
-        if nearest >= 0:
-            owner, depth = triangle[s], np.inf
-            if owner >= 0:
-                if owner != last:
-                    last, facet = owner, facet_of(mesh, grid, owner)
-                numerator, denominator = plane(facet, grid, grid.column_a[x], grid.row_b[y])
-                depth = numerator / denominator
-            if hits.depth[nearest] < depth:
-                triangle[s] = hits.triangle[nearest]
-        before, least = count, np.inf
-        for at in range(begin, end):
-            k = order[at]
-            if state[k] == BETWEEN and hits.depth[k] - hits.bound[k] <= behind:
-                left.triangle[count] = hits.triangle[k]
-                least = min(least, hits.depth[k] - hits.bound[k])
-                count += 1
-        if count > before:
-            left.sample[samples], left.many[samples] = s, count - before
-            left.least[samples] = least
-            samples += 1
-    return samples, count
+@njit(inline="always")
+def _sort(depth, triangle, begin, end):  # type: ignore[no-untyped-def]
+    """Put the hits of a sample, some places of two arrays, in order: by depth, then triangle."""
+    # Shell's method: a sample has a few hits, rarely hundreds.
+    gap = (end - begin) // 2
+    while gap > 0:
+        for j in range(begin + gap, end):
+            z, t, at = depth[j], triangle[j], j
+            while at - gap >= begin:
+                other = at - gap
+                if depth[other] < z or (depth[other] == z and triangle[other] < t):
+                    break
+                depth[at], triangle[at] = depth[other], triangle[other]
+                at = other
+            depth[at], triangle[at] = z, t
+        gap //= 2
 
 
 @njit(inline="always")
@@ -212,83 +111,237 @@ def _depth_at_least(grid, p):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", makes_arrays=False)
-def _shown(
-    which: NDArray[Any],
+def find_in_view(which: NDArray[Any], mesh: Triangles, grid: SampleGrid, found: InView) -> int:
+    """Those of the triangles `which` that may cover samples, into `found`: how many."""
+    m = grid.axes
+    eye = (m[0, 0], m[0, 1], m[0, 2])
+    whole = (0, len(grid.column_a), 0, len(grid.row_b))
+    count = 0
+    for t in which:
+        p0 = minus(corner(mesh, t, 0), eye)
+        p1 = minus(corner(mesh, t, 1), eye)
+        p2 = minus(corner(mesh, t, 2), eye)
+        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), whole)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        found.triangle[count] = t
+        found.window[count, 0], found.window[count, 1] = x0, x1
+        found.window[count, 2], found.window[count, 3] = y0, y1
+        found.nearest[count] = min(
+            _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
+        )
+        count += 1
+    return count
+
+
+def in_view(which: NDArray[np.int32], mesh: Triangles, grid: SampleGrid) -> InView:
+    """Those of the triangles `which`, (k,), that may cover samples, in their order."""
+    room = InView(
+        np.empty(len(which), np.int32), np.empty((len(which), 4), np.int32), np.empty(len(which))
+    )
+    count = find_in_view(which, mesh, grid, room)
+    return InView._make(column[:count] for column in room)
+
+
+@njit(inline="always")
+def _first_before(blocks, nearest, rows, columns):  # type: ignore[no-untyped-def]
+    """The first row of blocks in which what begins at a depth may be seen; their end for none."""
+    for row in range(rows[0], rows[1]):
+        start = row * len(blocks.a)
+        for block in range(start + columns[0], start + columns[1]):
+            if nearest <= blocks.farthest[block]:
+                return row
+    return rows[1]
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def look_through(
+    seen: InView,
     begin: int,
     mesh: Triangles,
     grid: SampleGrid,
-    window: tuple[int, int, int, int],
+    bottom: int,
     owner: NDArray[Any],
     masks: MaskArrays,
     row_of_triangle: NDArray[Any],
     axes: NDArray[Any],
-    limit: NDArray[Any],
-    hits: Hits,
-    state: NDArray[Any],
+    blocks: Blocks,
+    hits: NDArray[Any],
+    count: int,
 ) -> tuple[int, int]:
-    """`shown` of the triangles from `begin` on, into `hits` and `state`, as far as there is room:
-    the index of the first triangle that is left, and how many hits there are.
+    """Let masked triangles from `begin` on be met in `blocks`, of the rows before `bottom`. What is
+    BETWEEN, and not known to be hidden, goes into `hits`, FOUND, which holds `count`, as far as
+    there is room: the index of the first triangle that is left, and how many hits there are then.
 
     `row_of_triangle`: (t,) int, which of `masks` a triangle has, negative where that is not known:
     then it is BETWEEN.
     """
     m = grid.axes
     eye = (m[0, 0], m[0, 1], m[0, 2])
-    width = len(grid.column_a)
+    width, across = len(grid.column_a), len(blocks.a)
     perspective = grid.perspective
-    reach = reach_of(grid, window)
-    count = 0
-    last, behind_of = -1, facet_of(mesh, grid, 0)
-    for index in range(begin, len(which)):
-        t = which[index]
+    # Of the whole image: no answer hangs on which rows are looked at together.
+    reach = reach_of(grid, (0, width, 0, len(grid.row_b)))
+    nowhere = ((1.0, 1.0), ((0.0, 0.0), (0.0, 0.0)))
+    for index in range(begin, len(seen.triangle)):
+        x0, x1 = seen.window[index, 0], seen.window[index, 1]
+        y0, y1 = max(seen.window[index, 2], blocks.top), min(seen.window[index, 3], bottom)
+        if y0 >= y1:
+            continue
+        if count + (x1 - x0) * (y1 - y0) > len(hits):
+            return index, count
+        nearest = seen.nearest[index]
+        columns = x0 // BLOCK_WIDTH, (x1 - 1) // BLOCK_WIDTH + 1
+        rows = (y0 - blocks.top) // BLOCK_HEIGHT, (y1 - 1 - blocks.top) // BLOCK_HEIGHT + 1
+        first = _first_before(blocks, nearest, rows, columns)
+        if first == rows[1]:
+            continue
+        t = seen.triangle[index]
         v0, v1, v2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
         p0, p1, p2 = minus(v0, eye), minus(v1, eye), minus(v2, eye)
-        x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
-        if x0 >= x1 or y0 >= y1:
-            continue
-        if count + (x1 - x0) * (y1 - y0) > len(state):
-            return index, count
         edges = (edge(grid, p0, p1), edge(grid, p1, p2), edge(grid, p2, p0))
         facet = facet_of(mesh, grid, t)
-        row = row_of_triangle[t]
-        face = facing(masks, row, edges, (p0, p1, p2), reach)
-        nearest = min(
-            _depth_at_least(grid, p0), _depth_at_least(grid, p1), _depth_at_least(grid, p2)
+        mask_row = row_of_triangle[t]
+        face = facing(masks, mask_row, edges, (p0, p1, p2), reach)
+        within = grid.column_a[x0], grid.column_a[x1 - 1], grid.row_b[y1 - 1], grid.row_b[y0]
+        extent, start, stride = nowhere, np.int64(-1), np.int64(0)
+        if face[1]:
+            extent, start = extent_of(masks, face[0]), masks.bits_of_material[face[0]]
+            stride = words_of_row(np.int64(extent[0][0]))
+        two_sided = not mesh.one_sided[t]
+        for row in range(first, rows[1]):
+            for column in range(columns[0], columns[1]):
+                block = row * across + column
+                if nearest > blocks.farthest[block]:
+                    continue
+                low = blocks.a[column, 0], blocks.b[row, BLOCK - 1]
+                high = blocks.a[column, BLOCK - 1], blocks.b[row, 0]
+                if misses(edges, low, high):
+                    continue
+                if not blocks.begun[block]:
+                    begin_block(blocks, block, row, column, mesh, grid, owner)
+                found = keep(blocks, block, row, column, within, edges, facet, grid, two_sided)
+                if not found:
+                    continue
+                plain: Any = False
+                if face[1]:
+                    together = touch(blocks, row, column, face, extent, edges)
+                    plain = start >= 0 and within_texture(together, extent[0])
+                    of_all = state_of_all(masks, face[0], extent[0], together, plain, start, stride)
+                    if of_all == HOLE:
+                        continue
+                    if of_all == SOLID:
+                        put_before(blocks, block, t)
+                        continue
+                for i in range(list_kept(blocks)):
+                    k, state = blocks.order[i], BETWEEN
+                    if face[1]:
+                        state = state_of_one(blocks, k, plain, masks, face[0], start, stride)
+                    if mask_row >= 0 and (state == UNSURE or not face[1]):
+                        a, b = blocks.a[column, k], blocks.b[row, k]
+                        state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)
+                    if state == BETWEEN:
+                        leave_open(blocks, block, k, t, hits, count)
+                        count += 1
+                    blocks.kept[k] = state == SOLID
+                put_before(blocks, block, t)
+    return len(seen.triangle), count
+
+
+def shown(
+    seen: InView,
+    mesh: Triangles,
+    grid: SampleGrid,
+    rows: tuple[int, int],
+    owner: NDArray[np.int32],
+    masks: Masks,
+    axes: NDArray[np.float64],
+    scratch: Scratch,
+) -> Open:
+    """In some rows of the image, let the nearest SOLID hit of masked triangles own its sample,
+    where it lies before the `owner`, (samples,) int32, changed in place; and say what BETWEEN
+    leaves open.
+
+    `seen`: the triangles, best from near to far: in whatever order, the same is found. `axes`: (4,
+    3) float64, e, F, R, U.
+    """
+    top, bottom = rows
+    blocks, hits, begin, count = scratch.blocks.at(grid, top, bottom), scratch.hits, 0, 0
+    width = len(grid.column_a)
+    while True:
+        begin, count = look_through(
+            seen,
+            begin,
+            mesh,
+            grid,
+            bottom,
+            owner,
+            masks.arrays,
+            masks.row,
+            axes,
+            blocks,
+            hits,
+            count,
         )
-        for y in range(y0, y1):
-            b = grid.row_b[y]
-            for x in range(x0, x1):
-                s = y * width + x
-                least = limit[s]
-                if nearest > least:
+        if begin == len(seen.triangle):
+            break
+        hits = np.concatenate([hits, np.empty(len(hits), FOUND)])
+    left = scratch.left._replace(triangle=np.empty(count, np.int32))
+    samples, kept = _settle(hits, blocks, width, bottom, owner, left, np.empty(count))
+    # Copies: the room is that of all that could be, and serves again.
+    return Open(
+        left.sample[:samples].copy(),
+        left.many[:samples].copy(),
+        left.triangle[:kept].copy(),
+        left.least[:samples].copy(),
+    )
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def _settle(
+    hits: NDArray[Any],
+    blocks: Blocks,
+    width: int,
+    bottom: int,
+    owner: NDArray[Any],
+    left: Open,
+    depth: NDArray[Any],
+) -> tuple[int, int]:
+    """Write down who owns the samples of `blocks`; and into `left` what is not hidden of the hits,
+    FOUND, in order: how many samples, and hits. `depth`: room for as many."""
+    across = len(blocks.a)
+    samples, count = 0, 0
+    for y in range(blocks.top, bottom):
+        row, in_block = (y - blocks.top) // BLOCK_HEIGHT, (y - blocks.top) % BLOCK_HEIGHT
+        for column in range(across):
+            block = row * across + column
+            if not blocks.begun[block]:
+                continue
+            first = column * BLOCK_WIDTH
+            start, there = y * width + first, min(BLOCK_WIDTH, width - first)
+            for x in range(there):
+                solid = blocks.solid[block, in_block * BLOCK_WIDTH + x]
+                owner[start + x] = owner[start + x] if solid == BACKGROUND else solid
+            if not blocks.open[block]:
+                continue
+            for x in range(there):
+                k = in_block * BLOCK_WIDTH + x
+                last = blocks.last[block, k]
+                if last < 0:
                     continue
-                a = grid.column_a[x]
-                sides = at_sample(edges, a, b)
-                if not meets(sides, facet, mesh, grid, t, a, b):
-                    continue
-                z, error = depth_interval(facet, grid, a, b)
-                if least != least:
-                    least = np.inf
-                    if owner[s] >= 0:
-                        # Neighbouring samples mostly share their owner.
-                        if owner[s] != last:
-                            last, behind_of = owner[s], facet_of(mesh, grid, owner[s])
-                        behind, slack = depth_interval(behind_of, grid, a, b)
-                        least = behind + slack
-                    limit[s] = least
-                if z - error > least or not counts(grid, z, a, b):
-                    continue
-                found = BETWEEN
-                if row >= 0:
-                    found = state_by_edges(masks, face, sides)
-                    if found == UNSURE:
-                        found = state_at(masks, row, axes, a, b, perspective, v0, v1, v2)
-                if found == HOLE:
-                    continue
-                if found == SOLID:
-                    limit[s] = min(least, z + error)
-                hits.sample[count], hits.triangle[count] = s, t
-                hits.depth[count], hits.bound[count] = z, error
-                state[count] = found
-                count += 1
-    return len(which), count
+                begin, least, limit, h = count, np.inf, blocks.limit[block, k], last
+                while True:
+                    h = hits[h].next
+                    hit = hits[h]
+                    if not hit.depth - hit.bound > limit:
+                        left.triangle[count], depth[count] = hit.triangle, hit.depth
+                        least = min(least, hit.depth - hit.bound)
+                        count += 1
+                    if h == last:
+                        break
+                if count > begin:
+                    _sort(depth, left.triangle, begin, count)
+                    left.sample[samples], left.many[samples] = start + x, count - begin
+                    left.least[samples] = least
+                    samples += 1
+    return samples, count

@@ -4,8 +4,8 @@ For each camera, tile by tile over all cores: rays are made in float64 and round
 library names the nearest triangle, and `ray_kernels.resolve` computes its view depth in
 float64 and asks whether it counts. What is kept is the owner: its depth is computed again where
 somebody looks at it. The few samples whose hit does not count but may hide one
-that does, the masked triangles and the blended layers go to `splat_kernels.splat`, which tests
-triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
+that does, the masked triangles and the blended layers go to `splat_kernels` and `mask_kernels`,
+which test triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
 
 Numeric policy: owners are the library's, good to its float32 rounding, so a sample within that
 of an edge, or of a crossing of two surfaces, may go to a neighbour. Depths, near, far and sides
@@ -80,6 +80,10 @@ DEPTH_SLACK = 2.0**-18
 # An engine that gets known samples of one in so many triangles of some size wrong does not see
 # such triangles.
 SIGHT = 8
+
+
+# How many masked triangles, and rows of an image, a core takes at a time.
+MASKED_A_TURN, MASKED_ROWS = 1 << 13, 32
 
 
 class RayEngine(TruthEngine):
@@ -413,24 +417,38 @@ class RayEngine(TruthEngine):
 
         axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
         masks = self.scene.masks or Masks.none(self.scene.triangle_count)
-        front_to_back = self._masked[self._by_depth(self._masked, grid)]
-        limit = np.full(len(triangle), np.nan)
+        parts: list[Layers] = self._by_turns(
+            lambda start: mask_kernels.in_view(
+                self._masked[start : start + MASKED_A_TURN], self._mesh, grid
+            ),
+            range(0, len(self._masked), MASKED_A_TURN),
+        )
+        found = mask_kernels.InView._make(_joined(parts))
+        seen = found.taken(self._by_depth(found.nearest))
+        if not len(seen.triangle):
+            return Doubt(), np.zeros(0)
+        top, bottom = int(seen.window[:, 2].min()), int(seen.window[:, 3].max())
+        free: list[mask_kernels.Scratch] = []
 
-        def work(part: tuple[int, int, int, int]) -> Layers:
-            found, state = mask_kernels.shown(
-                front_to_back, self._mesh, grid, part, triangle, masks, axes, limit
-            )
-            return mask_kernels.settle(found, state, part, self._mesh, grid, triangle)
+        def work(row: int) -> Layers:
+            try:
+                scratch = free.pop()
+            except IndexError:
+                scratch = mask_kernels.Scratch.of(grid, MASKED_ROWS)
+            rows = row, min(row + MASKED_ROWS, bottom)
+            found = mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes, scratch)
+            free.append(scratch)
+            return found
 
-        sample, count, which, least = _joined(self._in_bands(_whole(grid), work))
-        offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(count)])
+        bands = self._by_turns(work, range(top, bottom, MASKED_ROWS))
+        sample, count, which, least = _joined(bands)
+        offsets = np.zeros(len(count) + 1, np.int64)
+        np.cumsum(count, out=offsets[1:])
         return Doubt(sample, offsets, which), least
 
-    def _by_depth(self, which: Int32, grid: SampleGrid) -> Int64:
-        """Triangles in the order of their nearest corners' depths, about."""
-        corners = self._mesh.vertices[self._mesh.triangles[which]]
-        depth = ((corners - grid.axes[0]) @ grid.axes[4]).min(axis=1)
-        return np.argsort(depth, kind="stable")
+    def _by_depth(self, nearest: Float64) -> Int64:
+        """The order in which masked triangles are looked at, by the least depths of each."""
+        return np.argsort(nearest, kind="stable")
 
     def _blend(
         self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]

@@ -23,7 +23,8 @@ from __future__ import annotations
 import numpy as np
 
 from visref.compiled import njit
-from visref.masks.lookup import UNSURE, state_of_bits, wrapped
+from visref.masks.lookup import UNSURE, state_of_places, wrapped
+from visref.masks.store import CLAMP
 
 UNIT = 2.0**-53
 # An edge function: two roundings of the vertices less the eye, a cross product of them (4 u) and
@@ -119,35 +120,70 @@ def _places(along, size, s0, s2, over_w, towards, over_corners, off):  # type: i
     slack = error * size + FEW
     first, last = np.floor(low), np.floor(high)
     certain = (
-        np.floor(low - slack) == first
-        and np.floor(low + slack) == first
-        and np.floor(high - slack) == last
-        and np.floor(high + slack) == last
-        and first > -MOST
-        and last < MOST
+        (low - slack >= first)
+        & (low + slack < first + 1.0)
+        & (high - slack >= last)
+        & (high + slack < last + 1.0)
+        & (first > -MOST)
+        & (last < MOST)
     )
     return first, last, certain
+
+
+@njit(inline="always")
+def _ends(size, wrap):  # type: ignore[no-untyped-def]
+    return (0.0, size - 1.0) if wrap == CLAMP else (-MOST, MOST)
+
+
+@njit(inline="always")
+def extent_of(m, material):  # type: ignore[no-untyped-def]
+    """Of a material's texture, across and down: how many texels it has; and the first and last
+    place at which any but an end's own texel stands, as far as places go."""
+    of = m.materials[material]
+    texture = m.textures[of.texture]
+    width, height = np.float64(texture.width), np.float64(texture.height)
+    return (width, height), (_ends(width, of.wrap_s), _ends(height, of.wrap_t))
+
+
+@njit(inline="always")
+def touched_by_edges(face, extent, sides):  # type: ignore[no-untyped-def]
+    """Of a triangle (`facing`) for which the short way serves, at a sample that it covers, by the
+    values of its edge functions: first and last place of the texels that a lookup touches, across
+    and down, and whether these are certain. Without a branch, so that many samples make a vector.
+    `extent`: `extent_of` its material."""
+    size, (ends_x, ends_y) = extent
+    _, _, u, v, wp, wm, rounding = face
+    s0, s1, s2 = sides
+    w = s0 + s1 + s2
+    most = abs(w)
+    to_p, to_m = most - abs(wp), most - abs(wm)
+    over_w, over_p, over_m = 1.0 / w, 1.0 / to_p, 1.0 / to_m
+    off = PER_EDGE * rounding * max(over_p, over_m)
+    x0, x1, sure_x = _places(u, size[0], s0, s2, over_w, (wp, wm), (over_p, over_m), off)
+    y0, y1, sure_y = _places(v, size[1], s0, s2, over_w, (wp, wm), (over_p, over_m), off)
+    certain = sure_x & sure_y & (min(to_p, to_m) > NEAR_HORIZON * most)
+    x0, x1 = min(max(x0, ends_x[0]), ends_x[1]), min(max(x1, ends_x[0]), ends_x[1])
+    y0, y1 = min(max(y0, ends_y[0]), ends_y[1]), min(max(y1, ends_y[0]), ends_y[1])
+    return x0, x1, y0, y1, certain
+
+
+@njit(inline="always")
+def state_by_places(m, material, places):  # type: ignore[no-untyped-def]
+    """SOLID, HOLE or BETWEEN of what `touched_by_edges` is certain of, else `UNSURE`."""
+    x0, x1, y0, y1, certain = places
+    if not certain:
+        return UNSURE
+    of = m.materials[material]
+    texture = m.textures[of.texture]
+    columns = wrapped(x0, x1, texture.width, of.wrap_s)
+    rows = wrapped(y0, y1, texture.height, of.wrap_t)
+    return state_of_places(m, material, columns, rows)
 
 
 @njit(inline="always")
 def state_by_edges(m, face, sides):  # type: ignore[no-untyped-def]
     """SOLID, HOLE or BETWEEN of a triangle (`facing`) at a sample that it covers, by the values of
     its edge functions; `UNSURE` where these do not tell."""
-    material, short, u, v, wp, wm, rounding = face
-    s0, s1, s2 = sides
-    w = s0 + s1 + s2
-    size = abs(w)
-    to_p, to_m = size - abs(wp), size - abs(wm)
-    if not (short and min(to_p, to_m) > NEAR_HORIZON * size):
+    if not face[1]:
         return UNSURE
-    over_w, over_p, over_m = 1.0 / w, 1.0 / to_p, 1.0 / to_m
-    off = PER_EDGE * rounding * max(over_p, over_m)
-    of = m.materials[material]
-    texture = m.textures[of.texture]
-    x0, x1, sure_x = _places(u, texture.width, s0, s2, over_w, (wp, wm), (over_p, over_m), off)
-    y0, y1, sure_y = _places(v, texture.height, s0, s2, over_w, (wp, wm), (over_p, over_m), off)
-    if not (sure_x and sure_y):
-        return UNSURE
-    columns = wrapped(x0, x1, texture.width, of.wrap_s)
-    rows = wrapped(y0, y1, texture.height, of.wrap_t)
-    return state_of_bits(m, material, columns, rows)
+    return state_by_places(m, face[0], touched_by_edges(face, extent_of(m, face[0]), sides))

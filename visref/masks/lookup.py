@@ -43,7 +43,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.compiled import njit
-from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks, words_of_row
+from visref.masks.store import CLAMP, MIRROR, REPEAT, MaskArrays, Masks
+from visref.masks.store import words_of_row as _words_of_row
 
 HOLE, SOLID, BETWEEN = 0, 1, 2
 # In place of these: what a short way leaves to the long one.
@@ -55,6 +56,9 @@ UNSURE = -1
 # slanted card takes 24 times as long as with 256.
 FINEST_ENTRIES = 256
 FIRST_ENTRIES = 16
+
+# How many squares of `MaskArrays.bits` are looked at before levels are.
+MOST_SQUARES = 64
 
 # Rounding of (u ± (half + error)) * size ± reach, as a multiple of (|u| + half + error) * size
 # + 1: two sums, a product and two sums make at most 5 u, u = 2^-53. 8 u also holds the rounding
@@ -141,35 +145,48 @@ def _blocks(spans, k):  # type: ignore[no-untyped-def]
     return count
 
 
-_words_of_row = njit(inline="always")(words_of_row)
+words_of_row = njit(inline="always")(_words_of_row)
 
 
 @njit(inline="always")
-def state_of_bits(m, material, columns, rows):  # type: ignore[no-untyped-def]
-    """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by
-    `MaskArrays.bits`; `UNSURE` where they are too many, or not one rectangle."""
-    start = m.bits_of_material[material]
-    x0, x1, _, x_last = columns
-    y0, y1, _, y_last = rows
-    across = x1 - x0 + 1
-    few = across <= 64 and across * (y1 - y0 + 1) <= FINEST_ENTRIES
-    if start < 0 or x_last >= 0 or y_last >= 0 or not few:
-        return UNSURE
-    stride = _words_of_row(m.textures[m.materials[material].texture].width)
-    mask = ~np.uint64(0) >> np.uint64(64 - across)
-    shift = np.uint64(x0 & 63)
-    rest = np.uint64(64) - shift
-    every, any_ = mask, np.uint64(0)
-    for y in range(y0, y1 + 1):
-        at = start + y * stride + (x0 >> 6)
-        bits = m.bits[at] >> shift
-        if shift:
-            bits |= m.bits[at + 1] << rest
-        every &= bits
-        any_ |= bits & mask
-    if every == mask:
-        return SOLID
-    return BETWEEN if any_ else HOLE
+def _across(first, last, square):  # type: ignore[no-untyped-def]
+    """Of a word of `MaskArrays.bits` the bits of columns `first` to `last`; `square` is the word's
+    column. Of these, some are there."""
+    low = np.uint64(max(first - 8 * square, 0))
+    high = np.uint64(7 - min(last - 8 * square, 7))
+    byte = (np.uint64(0xFF) << low) & (np.uint64(0xFF) >> high)
+    return byte * np.uint64(0x0101010101010101)
+
+
+@njit(inline="always")
+def _down(first, last, square):  # type: ignore[no-untyped-def]
+    """As `_across`, of rows."""
+    low = np.uint64(8 * max(first - 8 * square, 0))
+    high = np.uint64(8 * (7 - min(last - 8 * square, 7)))
+    return (~np.uint64(0) << low) & (~np.uint64(0) >> high)
+
+
+@njit(inline="always")
+def within_four_squares(x0, x1, y0, y1):  # type: ignore[no-untyped-def]
+    """Whether these texels are in no more than two squares of `MaskArrays.bits` each way."""
+    return ((x1 >> 3) - (x0 >> 3) <= 1) & ((y1 >> 3) - (y0 >> 3) <= 1)
+
+
+@njit(inline="always")
+def state_of_four_squares(bits, start, stride, x0, x1, y0, y1):  # type: ignore[no-untyped-def]
+    """`state_of_bits` of texels that are `within_four_squares`, without a branch: `start` and
+    `stride` are the material's first word and `words_of_row`."""
+    column0, column1, row0, row1 = x0 >> 3, x1 >> 3, y0 >> 3, y1 >> 3
+    left, right = _across(x0, x1, column0), _across(x0, x1, column1)
+    above, below = _down(y0, y1, row0), _down(y0, y1, row1)
+    upper, lower = start + row0 * stride, start + row1 * stride
+    a, b = bits[upper + column0], bits[upper + column1]
+    c, d = bits[lower + column0], bits[lower + column1]
+    solids = (((a & left) | (b & right)) & above) | (((c & left) | (d & right)) & below)
+    holes = (((~a & left) | (~b & right)) & above) | (((~c & left) | (~d & right)) & below)
+    one, other = np.int64(solids != 0), np.int64(holes != 0)
+    # HOLE, SOLID and BETWEEN are 0, 1 and 2.
+    return one + (one & other)
 
 
 @njit(makes_arrays=False)
@@ -181,23 +198,67 @@ def level_for(columns: Any, rows: Any, entries: int) -> int:
     return k
 
 
-@njit(makes_arrays=False)
-def extremes(m: MaskArrays, texture: int, columns: Any, rows: Any, k: int) -> Any:
-    """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
-    image = m.textures[texture]
-    level = m.levels[image.level + min(k, image.levels - 1)]
-    low_start, high_start, width = level.least, level.greatest, level.width
-    least: Any = 65535
-    greatest: Any = 0
+@njit(inline="always")
+def _whole_blocks(first, last, size, k):  # type: ignore[no-untyped-def]
+    """From which texel to which the blocks of level k reach that these texels touch."""
+    return (first >> k) << k, min((((last >> k) + 1) << k) - 1, size - 1)
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def state_of_bits(bits: NDArray[Any], start: int, size: Any, columns: Any, rows: Any) -> int:
+    """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by a
+    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where that takes too
+    many words. `size`:
+    the texture's, (2,) integers."""
+    # Of the level that decides, all texels of the blocks count.
+    k = level_for(columns, rows, FINEST_ENTRIES)
+    stride = words_of_row(size[0])
+    seen = 0
+    holes, solids = np.uint64(0), np.uint64(0)
     for part in range(4):
         x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
         y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
         if x1 < x0 or y1 < y0:
             continue
+        x0, x1 = _whole_blocks(x0, x1, size[0], k)
+        y0, y1 = _whole_blocks(y0, y1, size[1], k)
+        first, count = y0 >> 3, (y1 >> 3) - (y0 >> 3) + 1
+        for i in range(count):
+            # From the middle on: a picture's margins are often of one kind.
+            row = first + i + (count >> 1)
+            row -= count if row >= first + count else 0
+            down = _down(y0, y1, row)
+            for column in range(x0 >> 3, (x1 >> 3) + 1):
+                mask = down & _across(x0, x1, column)
+                word = bits[start + row * stride + column]
+                solids |= word & mask
+                holes |= ~word & mask
+                if holes and solids:
+                    return BETWEEN
+                seen += 1
+                if seen > MOST_SQUARES:
+                    return UNSURE
+    return HOLE if holes else SOLID
+
+
+@njit(inline="always")
+def extremes(m, texture, columns, rows, k):  # type: ignore[no-untyped-def]
+    """Least and greatest alpha, as stored, of the blocks of level k that the texels touch."""
+    image = m.textures[texture]
+    level = m.levels[image.level + min(k, image.levels - 1)]
+    least, greatest = np.int64(65535), np.int64(0)
+    for part in range(4):
+        x0, x1 = (columns[2], columns[3]) if part & 1 else (columns[0], columns[1])
+        y0, y1 = (rows[2], rows[3]) if part & 2 else (rows[0], rows[1])
+        if x1 < x0:
+            continue
         for y in range(y0 >> k, (y1 >> k) + 1):
-            for x in range(x0 >> k, (x1 >> k) + 1):
-                least = min(least, np.int64(m.alpha[low_start + y * width + x]))
-                greatest = max(greatest, np.int64(m.alpha[high_start + y * width + x]))
+            start = y * level.width + (x0 >> k)
+            # Indices without a sign: none counts from the end, and a row is one stretch.
+            low, high = np.uint64(level.least + start), np.uint64(level.greatest + start)
+            for i in range(np.uint64((x1 >> k) - (x0 >> k) + 1)):
+                least = min(least, np.int64(m.alpha[low + i]))
+                greatest = max(greatest, np.int64(m.alpha[high + i]))
     return least, greatest
 
 
@@ -212,6 +273,51 @@ def _decide(
     if (greatest if high >= 0.0 else least) * factor * high < cutoff:
         return HOLE
     return BETWEEN
+
+
+@njit(error_model="numpy", makes_arrays=False)
+def _state_at_level(
+    m: MaskArrays, material: int, columns: Any, rows: Any, k: int, low: float, high: float
+) -> int:
+    """`state_of_texels`, by the least and the greatest alpha of blocks of level k."""
+    of = m.materials[material]
+    scale = np.float64(m.textures[of.texture].scale)
+    least, greatest, state = 65536, -1, BETWEEN
+    for part in range(2):
+        y0, y1 = (rows[2], rows[3]) if part else (rows[0], rows[1])
+        for y in range(y0 >> k, (y1 >> k) + 1):
+            row = (y << k, y << k, 0, -1)
+            lesser, greater = extremes(m, of.texture, columns, row, k)
+            if lesser >= least and greater <= greatest:
+                continue
+            least, greatest = min(least, lesser), max(greatest, greater)
+            state = _decide(least / scale, greatest / scale, of.factor, low, high, of.cutoff)
+            if state == BETWEEN:
+                # More texels leave it so.
+                return BETWEEN
+    return state
+
+
+@njit(inline="always")
+def state_of_texels(m, material, columns, rows, low, high):  # type: ignore[no-untyped-def]
+    """SOLID, HOLE or BETWEEN where a lookup under vertex alphas low…high takes these texels."""
+    first = level_for(columns, rows, FIRST_ENTRIES)
+    state = _state_at_level(m, material, columns, rows, first, low, high)
+    if state != BETWEEN or first == 0:
+        return state
+    finest = level_for(columns, rows, FINEST_ENTRIES)
+    if finest == first:
+        return state
+    return _state_at_level(m, material, columns, rows, finest, low, high)
+
+
+@njit(inline="always")
+def state_of_places(m, material, columns, rows):  # type: ignore[no-untyped-def]
+    """`state_of_texels` under a vertex alpha of one, by bits where these serve."""
+    texture = m.textures[m.materials[material].texture]
+    size = texture.width, texture.height
+    state = state_of_bits(m.bits, m.bits_of_material[material], size, columns, rows)
+    return state_of_texels(m, material, columns, rows, 1.0, 1.0) if state == UNSURE else state
 
 
 @njit(error_model="numpy", makes_arrays=False)
@@ -247,18 +353,8 @@ def mask_state(
     # A box without a number in it: a sum with NaN, or of infinities, is NaN or infinite.
     if not (np.isfinite(u + v) and du + dv >= 0.0 and eu + ev >= 0.0):
         return _decide(0.0, 1.0, factor, low, high, cutoff)
-    scale = np.float64(m.textures[texture].scale)
     columns, rows = touched(m, material, u, v, du, dv, eu, ev)
-    first = level_for(columns, rows, FIRST_ENTRIES)
-    least, greatest = extremes(m, texture, columns, rows, first)
-    state = _decide(least / scale, greatest / scale, factor, low, high, cutoff)
-    if state != BETWEEN or first == 0:
-        return state
-    finest = level_for(columns, rows, FINEST_ENTRIES)
-    if finest == first:
-        return state
-    least, greatest = extremes(m, texture, columns, rows, finest)
-    return _decide(least / scale, greatest / scale, factor, low, high, cutoff)
+    return state_of_texels(m, material, columns, rows, low, high)
 
 
 @njit(makes_arrays=False)

@@ -57,9 +57,10 @@ class MaskArrays(NamedTuple):
     size and scale, its first level's index, how many it has. `levels`: (l,) LEVEL: where its
     least and greatest alphas start in `alpha`, and its width. `alpha`: uint16, all pyramids.
 
-    From these follow `bits`: uint64, a bit per texel and material, row by row, the first texel's
-    the lowest: whether it is solid under a vertex alpha of one. A row takes `words_of_row`.
-    `bits_of_material`: (k,) int64, where a material's begin, -1 where it has no texture.
+    From these follow `bits`: uint64, a bit per texel and material: whether it is solid under a
+    vertex alpha of one. A word holds a square of 8 x 8 texels, row by row, the first texel's the
+    lowest; squares stand row by row too, `words_of_row` in each. `bits_of_material`: (k,) int64,
+    where a material's begin, -1 where it has no texture.
     """
 
     triangles: NDArray[Any]
@@ -75,8 +76,8 @@ DECIDING = ("triangles", "materials", "textures", "levels", "alpha")
 
 
 def words_of_row(width: int) -> int:
-    """Of `MaskArrays.bits`: one more than are needed, so that the next is always there."""
-    return (width + 63) // 64 + 1
+    """Of `MaskArrays.bits`."""
+    return (width + 7) // 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,11 +216,13 @@ def _solid(
         key = int(of["texture"]), solid.tobytes()
         if key not in known:
             flags = solid[_one_texel(image.alpha)]
-            words = np.zeros((len(flags), words_of_row(flags.shape[1])), "<u8")
-            packed = np.packbits(flags, axis=1, bitorder="little")
-            words.view(np.uint8)[:, : packed.shape[1]] = packed
+            across, down = words_of_row(flags.shape[1]), -(-len(flags) // 8)
+            squares = np.zeros((8 * down, 8 * across), np.bool_)
+            squares[: len(flags), : flags.shape[1]] = flags
+            by_square = squares.reshape(down, 8, across, 8).transpose(0, 2, 1, 3)
+            words = np.packbits(by_square, axis=3, bitorder="little").reshape(-1).view("<u8")
             known[key] = end
-            parts.append(words.astype(np.uint64).reshape(-1))
+            parts.append(words.astype(np.uint64))
             end += words.size
         starts[index] = known[key]
     return np.concatenate(parts) if parts else np.zeros(0, np.uint64), starts
