@@ -66,14 +66,6 @@ def random_truth(seed: int) -> FrameTruth:
     )
 
 
-def owns_at(truth: FrameTruth, sample: int) -> set[int]:
-    """The objects that own or share a sample in the visibility buffer."""
-    triangle = truth.buffer.triangle.ravel()[sample]
-    found = {int(SCENE.object_of_triangle[triangle])} if triangle >= 0 else set()
-    tied = truth.ties.triangle[truth.ties.sample == sample]
-    return found | set(SCENE.object_of_triangle[tied].tolist())
-
-
 def brute_force(truth: FrameTruth) -> ObjectVisibility:
     count = SCENE.object_count
     owners_at: dict[int, set[int]] = {}
@@ -109,7 +101,7 @@ def brute_force(truth: FrameTruth) -> ObjectVisibility:
                 ),
                 strict=True,
             )
-            if SCENE.object_of_triangle[t] == o and o not in owns_at(truth, s)
+            if SCENE.object_of_triangle[t] == o and o not in owners_at.get(s, set())
         )
         if beside:
             more = len({s for _, _, s in beside})

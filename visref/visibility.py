@@ -268,16 +268,24 @@ def objects_seen(truth: FrameTruth, scene: Scene) -> ObjectVisibility:
     return ObjectVisibility(samples, alone, sample, at, least, int(owned))
 
 
-def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
-    """The frame's blended hits at samples that their object does not own or share besides."""
+def own_besides(truth: FrameTruth, scene: Scene) -> NDArray[np.bool_]:
+    """(h,) bool, one per blended hit: whether its object owns or shares the sample besides, be it
+    that a mask leaves that open."""
     blend, objects = truth.blend, scene.object_of_triangle
-    if not len(blend.object):
-        return blend
     owner = truth.buffer.triangle.reshape(-1)[blend.sample]
     own = (owner >= 0) & (objects[owner] == blend.object)
     count = scene.object_count
     tied = truth.ties.sample * count + objects[truth.ties.triangle]
-    return blend.where(~own & ~np.isin(blend.sample * count + blend.object, tied))
+    result: NDArray[np.bool_] = own | np.isin(blend.sample * count + blend.object, tied)
+    return result
+
+
+def blended_beside(truth: FrameTruth, scene: Scene) -> BlendVisibility:
+    """The frame's blended hits at samples that their object does not own or share besides for
+    certain: before a mask that leaves it open, the glass is what is seen of it."""
+    if not len(truth.blend.object):
+        return truth.blend
+    return truth.blend.where(~(own_besides(truth, scene) & truth.decided[truth.blend.sample]))
 
 
 def _add_blended(

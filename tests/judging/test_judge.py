@@ -319,6 +319,26 @@ def test_glass_before_its_own_wall_is_lost_though_the_wall_is_drawn():
     assert [(m.samples, m.owned, m.partly) for m in whole.misses] == [(2, 2, True)]
 
 
+def test_glass_before_what_a_mask_leaves_open_is_seen_whoever_stands_behind():
+    """Object 0 is a pane and a wall; before the wall a leaf of object 1 may be solid or not."""
+    scene = replace(soup([2, 1]), alpha=np.array([0, 2, 1], np.uint8))
+    blend = BlendVisibility.of(scene, np.array([0]), np.array([1]), np.array([3.0]))
+    frame = replace(truth([[0, 0]], doubt=[(0, 2), (1, 2)]), blend=blend)
+
+    def told(*drawn):
+        found = verdict(scene, frame, drawn, units=triangle_units(scene))
+        return found.counts.visible, [
+            (m.object, m.samples, m.owned, m.partly) for m in found.misses
+        ]
+
+    # The pane is seen for certain, the wall behind the leaf is not.
+    assert told(0, 1, 2) == (1, [])
+    assert told(0, 2) == told(2) == (1, [(0, 1, 1, False)])
+    # With nothing drawn, wall or leaf is lost at both samples; the pane's sample counts once.
+    assert told() == (1, [(0, 2, 2, False)])
+    assert told(1) == (1, [(0, 2, 2, True)])
+
+
 def test_disputes_are_the_samples_that_no_drawn_triangle_shows_and_those_left_open():
     scene = soup([1, 1, 1, 1])
     frame = truth([[0, 1, 2, -1]], ties=[(1, 0)], doubt=[(2, 3)])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from visref import kernels
 from visref.picking import distinct
 from visref.scene import Int64, Scene
-from visref.visibility import BlendVisibility, FrameTruth, ObjectVisibility, blended_beside
+from visref.visibility import FrameTruth, ObjectVisibility, own_besides
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class SampleWalk:
     `lost_sample` int64: the first of them, -1 if none. `lost_blended` int64: further samples at
     which it is seen as glass and none of its glass there was drawn, `blended_hit` int64: the
     nearest such hit in `truth.blend`, -1 if none. `charged` int64: those of `lost` at which a
-    mask leaves open whether the object or a leaf before it is seen.
+    mask leaves open whether the object or a leaf before it is seen, and it is not seen as glass.
 
     `lost_triangle`: (t,) bool, the triangles that own a lost sample, or are glass of an object
     that loses one by it. `lost_samples`, `lost_blended_samples` (where glass is lost, whoever owns
@@ -122,15 +122,10 @@ def _walk_blended(
     objects, first = np.unique(blend.object[order], return_index=True)
     blended_hit[objects] = order[first]
     # A sample that the object loses as an opaque owner besides is counted there.
-    counted = (lost_at[blend.sample] == kernels.LOST) & ~_beside(truth, scene)
+    counted = (lost_at[blend.sample] == kernels.LOST) & own_besides(truth, scene)
+    # And one that a mask leaves open is among those at which the object is seen, as glass.
+    seen_twice = starts[(counted & ~truth.decided[blend.sample])[starts]]
+    tally.charged[:] -= np.bincount(blend.object[seen_twice], minlength=len(tally.charged))
     where = starts[~any_drawn & ~counted[starts]]
     lost_blended += np.bincount(blend.object[where], minlength=len(lost_blended))
     return distinct(blend.sample[lost])
-
-
-def _beside(truth: FrameTruth, scene: Scene) -> NDArray[np.bool_]:
-    """(h,) bool: which blended hits lie at samples that their object does not own besides."""
-    kept: BlendVisibility = blended_beside(truth, scene)
-    count = scene.object_count
-    pairs = truth.blend.sample * count + truth.blend.object
-    return np.isin(pairs, kept.sample * count + kept.object)
