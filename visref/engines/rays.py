@@ -352,8 +352,11 @@ class RayEngine(TruthEngine):
 
         return sum(self._by_turns(work, range(0, samples, tile)))
 
-    def _by_turns(self, work: Callable[[int], T], parts: range) -> list[T]:
-        """What `work` gives for each part, in order: whichever core is free takes the next."""
+    def _by_turns(
+        self, work: Callable[[int], T], parts: range, workers: int | None = None
+    ) -> list[T]:
+        """What `work` gives for each part, in order: whichever core is free takes the next.
+        `workers`: how many may be at it, by default as many as may cast."""
         turn = count()
         found: dict[int, T] = {}
 
@@ -361,7 +364,7 @@ class RayEngine(TruthEngine):
             while (index := next(turn)) < len(parts):
                 found[index] = work(parts[index])
 
-        self._on_all(take, min(self._casting_workers, len(parts)))
+        self._on_all(take, min(workers or self._casting_workers, len(parts)))
         return [found[index] for index in range(len(parts))]
 
     @cached_property
@@ -422,6 +425,7 @@ class RayEngine(TruthEngine):
                 self._masked[start : start + MASKED_A_TURN], self._mesh, grid
             ),
             range(0, len(self._masked), MASKED_A_TURN),
+            self._workers,
         )
         found = mask_kernels.InView._make(_joined(parts))
         seen = found.taken(self._by_depth(found.nearest))
@@ -440,7 +444,7 @@ class RayEngine(TruthEngine):
             free.append(scratch)
             return found
 
-        bands = self._by_turns(work, range(top, bottom, MASKED_ROWS))
+        bands = self._by_turns(work, range(top, bottom, MASKED_ROWS), self._workers)
         sample, count, which, least = _joined(bands)
         offsets = np.zeros(len(count) + 1, np.int64)
         np.cumsum(count, out=offsets[1:])
