@@ -452,7 +452,7 @@ class RayEngine(TruthEngine):
 
     def _by_depth(self, nearest: Float64) -> Int64:
         """The order in which masked triangles are looked at, by the least depths of each."""
-        return np.argsort(nearest, kind="stable")
+        return np.argsort(nearest)
 
     def _blend(
         self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]
