@@ -62,9 +62,9 @@ for (const root of document.querySelectorAll(".list")) {
     for (const head of root.querySelectorAll("[role=columnheader]")) {
       head.setAttribute("aria-sort", head.dataset.by !== order.by ? "none" : order.up ? "ascending" : "descending");
     }
-    const all = columns.object.length;
+    const all = columns.object.length, noun = all === 1 ? "object" : "objects";
     told.textContent = rows.length === all
-      ? `${page.number.format(all)} objects` : `${page.number.format(rows.length)} of ${page.number.format(all)} objects`;
+      ? `${page.number.format(all)} ${noun}` : `${page.number.format(rows.length)} of ${page.number.format(all)} ${noun}`;
     scroller.setAttribute("aria-rowcount", String(rows.length + 1));
     active = rows.indexOf(chosen);
     scroller.scrollTop = 0;
