@@ -6,7 +6,7 @@ from visref.compiled import njit
 
 
 @njit(inline="always")
-def in_camera_space(pose, vertices, v):  # type: ignore[no-untyped-def]
+def _in_camera_space(pose, vertices, v):  # type: ignore[no-untyped-def]
     """Vertex `v` of (v, 3) `vertices`: how far to the right, up and ahead of a camera whose
     `world_from_camera` is `pose`, (4, 4) float64."""
     dx = vertices[v, 0] - pose[0, 3]
@@ -16,6 +16,16 @@ def in_camera_space(pose, vertices, v):  # type: ignore[no-untyped-def]
     y = pose[0, 1] * dx + pose[1, 1] * dy + pose[2, 1] * dz
     z = pose[0, 2] * dx + pose[1, 2] * dy + pose[2, 2] * dz
     return x, y, -z
+
+
+@njit(inline="always")
+def in_camera_space(pose, near, vertices, triangle):  # type: ignore[no-untyped-def]
+    """The corners of a `triangle`, (3,) of (v, 3) `vertices`: how far to the right, up and ahead of
+    a camera each is; and how many are at the near plane or beyond."""
+    p = _in_camera_space(pose, vertices, triangle[0])
+    q = _in_camera_space(pose, vertices, triangle[1])
+    r = _in_camera_space(pose, vertices, triangle[2])
+    return p, q, r, (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
 
 
 @njit(inline="always")

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.masks.test_by_edges import blobs
+from tests.support.mask_by_edges import state_by_edges
 from visref.camera import Camera
 from visref.compiled import njit
 from visref.engines import make_engine
@@ -26,7 +27,7 @@ from visref.engines.ray_kernels import (
 )
 from visref.engines.rays import OwnerDepths, RayEngine
 from visref.engines.splat_kernels import at_sample, edge, meets, window_of
-from visref.masks.by_edges import facing, reach_of, state_by_edges
+from visref.masks.by_edges import facing, reach_of
 from visref.masks.hits import state_at
 from visref.masks.lookup import BETWEEN, SOLID, UNSURE
 from visref.masks.materials import MaskMaterial, Sampler, Wrap

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.masks.test_hits import random_case
+from tests.support.mask_by_edges import state_by_edges
 from visref.compiled import njit
 from visref.engines.ray_kernels import SampleGrid, minus
 from visref.engines.splat_kernels import at_sample, edge
-from visref.masks.by_edges import facing, reach_of, state_by_edges
+from visref.masks.by_edges import facing, reach_of
 from visref.masks.hits import state_at
 from visref.masks.lookup import (
     BETWEEN,

@@ -321,15 +321,12 @@ def _draw(
     for k in range(triangles.size):
         t = triangles[k]
         unit = unit_of[t]
-        p = in_camera_space(pose, vertices, corners[t, 0])
-        q = in_camera_space(pose, vertices, corners[t, 1])
-        r = in_camera_space(pose, vertices, corners[t, 2])
-        ahead = (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
+        p, q, r, ahead = in_camera_space(pose, near, vertices, corners[t])
         if ahead == 0:
             continue
-        a, b = _on_image(perspective, lens, p), _on_image(perspective, lens, q)
-        c = _on_image(perspective, lens, r)
         if ahead == 3:
+            a, b = _on_image(perspective, lens, p), _on_image(perspective, lens, q)
+            c = _on_image(perspective, lens, r)
             _fill(a, b, c, unit, pose, perspective, lens, plane, cut, nearest, owner, second)
             continue
         count = cut_off(near, p, q, r, polygon)

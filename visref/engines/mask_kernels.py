@@ -31,7 +31,15 @@ from visref.engines.mask_blocks import (
     touch,
     within_texture,
 )
-from visref.engines.ray_kernels import SampleGrid, Triangles, corner, dot, facet_of, minus
+from visref.engines.ray_kernels import (
+    SampleGrid,
+    Triangles,
+    corner,
+    corners_from,
+    dot,
+    facet_of,
+    minus,
+)
 from visref.engines.splat_kernels import edge, window_of
 from visref.masks.by_edges import extent_of, facing, reach_of
 from visref.masks.hits import UNIT, state_at
@@ -118,9 +126,7 @@ def find_in_view(which: NDArray[Any], mesh: Triangles, grid: SampleGrid, found: 
     whole = (0, len(grid.column_a), 0, len(grid.row_b))
     count = 0
     for t in which:
-        p0 = minus(corner(mesh, t, 0), eye)
-        p1 = minus(corner(mesh, t, 1), eye)
-        p2 = minus(corner(mesh, t, 2), eye)
+        p0, p1, p2 = corners_from(eye, mesh, t)
         x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), whole)
         if x0 >= x1 or y0 >= y1:
             continue

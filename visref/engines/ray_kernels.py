@@ -129,6 +129,13 @@ def counts(grid, z, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
+def corners_from(eye, mesh, t):  # type: ignore[no-untyped-def]
+    """The corners of a triangle, relative to the eye."""
+    p0, p1, p2 = corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)
+    return minus(p0, eye), minus(p1, eye), minus(p2, eye)
+
+
+@njit(inline="always")
 def facet_of(mesh, grid, t):  # type: ignore[no-untyped-def]
     """What a triangle's plane has in common for all rays: n, the sums of absolute products
     that n's rounding is relative to, and p."""

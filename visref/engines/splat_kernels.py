@@ -14,7 +14,7 @@ from visref.engines.ray_kernels import (
     RECTANGLE_MARGIN_PX,
     SampleGrid,
     Triangles,
-    corner,
+    corners_from,
     counts,
     cross,
     depth_interval,
@@ -128,9 +128,7 @@ def splat(
     eye = (m[0, 0], m[0, 1], m[0, 2])
     width = len(grid.column_a)
     for t in which:
-        p0 = minus(corner(mesh, t, 0), eye)
-        p1 = minus(corner(mesh, t, 1), eye)
-        p2 = minus(corner(mesh, t, 2), eye)
+        p0, p1, p2 = corners_from(eye, mesh, t)
         x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
@@ -207,9 +205,7 @@ def _layers(
     count = 0
     for index in range(begin, len(which)):
         t = which[index]
-        p0 = minus(corner(mesh, t, 0), eye)
-        p1 = minus(corner(mesh, t, 1), eye)
-        p2 = minus(corner(mesh, t, 2), eye)
+        p0, p1, p2 = corners_from(eye, mesh, t)
         x0, x1, y0, y1 = window_of(grid, (p0, p1, p2), window)
         if x0 >= x1 or y0 >= y1:
             continue
@@ -271,9 +267,7 @@ def settle_points(
     sorted_a = grid.column_a[by_a]
     margin = 2.0 * RECTANGLE_MARGIN_PX
     for t in which:
-        p0 = minus(corner(mesh, t, 0), eye)
-        p1 = minus(corner(mesh, t, 1), eye)
-        p2 = minus(corner(mesh, t, 2), eye)
+        p0, p1, p2 = corners_from(eye, mesh, t)
         low_a, high_a, low_b, high_b = _extent(grid, (p0, p1, p2))
         first = np.searchsorted(sorted_a, low_a - margin)
         for k in range(first, len(by_a)):

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -375,8 +374,7 @@ class Referee:
             if self.recorded is not None and panel.jobs:
                 review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
             self._sitting = sitting
-            for frame, following in pairwise([*judged, None]):
-                assert frame is not None
+            for frame, following in zip(judged, [*judged[1:], None], strict=False):
                 self._judge(sitting, frame, following, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)

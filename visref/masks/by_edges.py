@@ -178,12 +178,3 @@ def state_by_places(m, material, places):  # type: ignore[no-untyped-def]
     columns = wrapped(x0, x1, texture.width, of.wrap_s)
     rows = wrapped(y0, y1, texture.height, of.wrap_t)
     return state_of_places(m, material, columns, rows)
-
-
-@njit(inline="always")
-def state_by_edges(m, face, sides):  # type: ignore[no-untyped-def]
-    """SOLID, HOLE or BETWEEN of a triangle (`facing`) at a sample that it covers, by the values of
-    its edge functions; `UNSURE` where these do not tell."""
-    if not face[1]:
-        return UNSURE
-    return state_by_places(m, face[0], touched_by_edges(face, extent_of(m, face[0]), sides))

@@ -207,9 +207,8 @@ def _whole_blocks(first, last, size, k):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", makes_arrays=False)
 def state_of_bits(bits: NDArray[Any], start: int, size: Any, columns: Any, rows: Any) -> int:
     """SOLID, HOLE or BETWEEN where a lookup under a vertex alpha of one takes these texels, by a
-    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where that takes too
-    many words. `size`:
-    the texture's, (2,) integers."""
+    material's `MaskArrays.bits`, which begin at `start`; `UNSURE` where that takes too many words.
+    `size`: the texture's, (2,) integers."""
     # Of the level that decides, all texels of the blocks count.
     k = level_for(columns, rows, FINEST_ENTRIES)
     stride = words_of_row(size[0])

@@ -207,10 +207,7 @@ def _rasterise(
     m, perspective, near, per_unit, centre = projection
     for k in range(triangles.size):
         t, unit = triangles[k], unit_of[k]
-        p = in_camera_space(m, vertices, corners[t, 0])
-        q = in_camera_space(m, vertices, corners[t, 1])
-        r = in_camera_space(m, vertices, corners[t, 2])
-        ahead = (p[2] >= near) + (q[2] >= near) + (r[2] >= near)
+        p, q, r, ahead = in_camera_space(m, near, vertices, corners[t])
         if ahead == 0:
             continue
         if ahead == 3:
