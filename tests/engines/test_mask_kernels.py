@@ -121,6 +121,31 @@ def random_scene(seed: int) -> tuple[Scene, Camera, NDArray[np.int32]]:
     return replace(scene, alpha=alpha, masks=masks, one_sided=one_sided), camera, owner
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_an_engine_finds_in_each_view_what_a_fresh_one_finds(seed: int) -> None:
+    """Room for what is looked through serves again: for views of any size and kind."""
+    scene, camera, _ = random_scene(seed)
+    rng = np.random.default_rng(seed)
+    views = [
+        replace(camera, width=int(width), height=int(height))
+        for width, height in zip(
+            rng.choice([9, 37, 70], 6), rng.choice([5, 21, 80], 6), strict=True
+        )
+    ]
+    views += [replace(camera, shift_x_px=3.0), camera]
+    engine = make_engine("embree", scene)
+    found = engine.frames(views)
+    for view, truth in zip(views, found, strict=True):
+        fresh = make_engine("embree", scene)
+        alone = fresh.frame(view)
+        assert np.array_equal(truth.buffer.triangle, alone.buffer.triangle)
+        for one, other in zip(astuple(truth.doubt), astuple(alone.doubt), strict=True):
+            assert np.array_equal(one, other)
+        fresh.close()
+    assert any(len(truth.doubt) for truth in found)
+    engine.close()
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_blocks_find_what_is_found_sample_by_sample(seed: int) -> None:
     scene, camera, owner = random_scene(seed)

@@ -3,7 +3,8 @@ rays say that are cast and decided one by one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,9 +52,17 @@ def soup(seed: int) -> Scene:
 
 def owners(engine: EmbreeEngine, camera: Camera, *, one_by_one: bool = False) -> Int32:
     """(samples,) int32, what is cast before anything pending is settled."""
-    grid, triangle = sample_grid(camera), np.empty(camera.samples, np.int32)
+    return owners_of_views(engine, [camera], one_by_one=one_by_one)[0]
+
+
+def owners_of_views(
+    engine: EmbreeEngine, cameras: Sequence[Camera], *, one_by_one: bool = False
+) -> Int32:
+    """(v, samples) int32, the same of several views of one size, cast together."""
+    grids = [sample_grid(camera) for camera in cameras]
+    triangle = np.empty((len(cameras), cameras[0].samples), np.int32)
     cast = RayEngine._cast_all if one_by_one else EmbreeEngine._cast_all
-    cast(engine, grid, *engine._start(grid), triangle)
+    cast(engine, grids, [engine._start(grid) for grid in grids], triangle)
     return triangle
 
 
@@ -84,6 +93,22 @@ def test_eight_lanes_say_what_sixteen_say(seed: int) -> None:
             found.append(owners(engine, camera))
             casts.lanes = 16
         assert (found[0] == found[1]).all()
+    engine.close()
+
+
+@pytest.mark.parametrize("seed", range(0, SEEDS, 4))
+def test_views_cast_together_are_views_cast_alone(seed: int) -> None:
+    """Of both kinds in one call, near and far, starts and reached blocks each its own."""
+    engine = EmbreeEngine(soup(seed))
+    some = [
+        replace(camera, width=37, height=53)
+        for number in range(seed, seed + 3)
+        for camera in cameras(number)
+    ]
+    together = owners_of_views(engine, some)
+    for camera, found in zip(some, together, strict=True):
+        assert (found == owners(engine, camera)).all()
+    assert len(np.unique(together, axis=0)) > 1
     engine.close()
 
 

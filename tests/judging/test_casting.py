@@ -1,11 +1,10 @@
-"""The next frame's truth is cast while one is judged: where that may be, and with no effect on what
-is found."""
+"""The truths of frames that follow are cast while one is judged: where that may be, and with no
+effect on what is found."""
 
 from __future__ import annotations
 
 import threading
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from visref.culler import Culler, DrawnSet, Promise, Recorded
 from visref.engines import make_engine
 from visref.engines.base import TruthEngine
 from visref.errors import InputError
+from visref.judging import casting
 from visref.judging.asking import Panel
 from visref.judging.policy import Policy
 from visref.judging.referee import Referee, Sitting
@@ -29,7 +29,7 @@ WAIT_S = 20.0
 
 
 class Watched(TruthEngine):
-    """Embree, which notes the thread of each cast, and breaks down at the cast `breaks`."""
+    """Embree, which notes the thread of each cast, and breaks down at the camera `breaks`."""
 
     name = "watched"
     ahead = True
@@ -45,7 +45,7 @@ class Watched(TruthEngine):
         with self.casts:
             self.threads_of_casts.append(threading.current_thread())
             self.casts.notify_all()
-        if len(self.threads_of_casts) - 1 == self._breaks:
+        if camera is self._breaks:
             raise InputError("the engine broke down")
         return self._inner.frame(camera)
 
@@ -170,15 +170,82 @@ def test_the_engine_may_be_borrowed_between_frames():
 
 
 @pytest.mark.parametrize("engine", ["embree", "open3d"])
-def test_a_truth_is_whole_until_the_cast_after_the_next(engine):
+def test_a_truth_is_whole_for_as_long_as_it_is_held(engine):
     if engine == "open3d":
         pytest.importorskip("open3d")
     engine = make_engine(engine, SCENE)
-    for camera, following in pairwise(PATH.cameras):
+    held = []
+    for camera in PATH.cameras:
         truth = engine.frame(camera)
-        owners = truth.buffer.triangle.copy()
-        assert not np.array_equal(engine.frame(following).buffer.triangle, owners)
+        held.append((truth, truth.buffer.triangle.copy()))
+    assert len({owners.tobytes() for _, owners in held}) > 1
+    for truth, owners in held:
         assert np.array_equal(truth.buffer.triangle, owners)
+
+
+class Notes(Listening):
+    """Keeps the owners of each view, by frame and view."""
+
+    def __init__(self):
+        self.owners = []
+
+    def on_truth(self, frame, truth, seen, ms):
+        self.owners.append((frame, truth.camera.view, truth.buffer.triangle.copy()))
+
+
+def rig(frames):
+    """Frames of one, two or three views."""
+    views = [
+        tuple(
+            replace(PATH.cameras[(frame + 2 * number) % len(PATH)], view=f"eye{number}")
+            for number in range(1 + frame % 3)
+        )
+        for frame in range(frames)
+    ]
+    return CameraPath([Frame(some) for some in views])
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4, 5, 8, 9, 13, 30])
+def test_frames_of_any_number_of_views_are_cast_ahead_each_once(frames):
+    path, engine, notes = rig(frames), Watched(), Notes()
+    Referee(SCENE, lambda: engine).run(path, range(frames), [("half", HalfRecorded())], [notes])
+    expected = [(frame, camera) for frame in range(frames) for camera in path.views(frame)]
+    assert len(engine.threads_of_casts) == len(expected)
+    alone = make_engine("embree", SCENE)
+    for (frame, camera), (at, view, owners) in zip(expected, notes.owners, strict=True):
+        assert (frame, camera.view) == (at, view)
+        assert np.array_equal(owners, alone.frame(camera).buffer.triangle)
+
+
+def test_large_frames_are_cast_one_by_one(monkeypatch):
+    """So that what is cast ahead does not fill the memory."""
+    batches = []
+    together = Watched.frames
+
+    def frames(self, cameras):
+        batches.append(len(cameras))
+        return together(self, cameras)
+
+    monkeypatch.setattr(Watched, "frames", frames)
+    run(Watched(), HalfRecorded())
+    assert max(batches) == casting.TOGETHER
+    batches.clear()
+    monkeypatch.setattr(casting, "SAMPLES_TOGETHER", 2 * PATH.cameras[0].samples + 1)
+    run(Watched(), HalfRecorded())
+    assert max(batches) == 2
+
+
+def test_arrays_do_not_pile_up_with_the_frames():
+    held = []
+    for frames in (24, 96):
+        engine = make_engine("embree", SCENE)
+        path = rig(frames)
+        Referee(SCENE, lambda engine=engine: engine).run(
+            path, range(frames), [("half", HalfRecorded())]
+        )
+        held.append(len(engine._memory.unused))
+    # As many as frames are cast before they are looked at, a few at a time.
+    assert 0 < held[1] <= held[0] + 1 <= 8
 
 
 def test_a_breakdown_is_told_in_its_frame():
@@ -189,7 +256,7 @@ def test_a_breakdown_is_told_in_its_frame():
             done.append(frame)
 
     with pytest.raises(InputError, match="broke down"):
-        run(Watched(breaks=2), HalfRecorded(), [Counts()])
+        run(Watched(breaks=PATH.cameras[2]), HalfRecorded(), [Counts()])
     assert done == [0, 1]
 
 

@@ -130,12 +130,18 @@ class Everything(Culler):
 
 
 class Counting:
-    """An engine that counts what it casts, and lends the same arrays each time."""
+    """An engine that counts what it casts, one view at a time or several."""
 
     def __new__(cls, scene):
         engine = make_engine("embree", scene)
-        frame, engine.sizes = engine.frame, []
-        engine.frame = lambda camera: engine.sizes.append(camera.samples) or frame(camera)
+        engine.sizes = []
+        cast_together = engine._alike
+
+        def counted(cameras):
+            engine.sizes += [camera.samples for camera in cameras]
+            return cast_together(cameras)
+
+        engine._alike = counted
         return engine
 
 

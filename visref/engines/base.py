@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -25,7 +25,8 @@ class TruthEngine(ABC):
     `exact`: every sample's owner is decided exactly and every tie is listed. Whoever asks how
     far a truth goes asks this: it is recorded in manifests and truth files.
 
-    `ahead`: a view may be cast, in another thread, while others look at the truth before it.
+    `ahead`: frames may be cast, in another thread, while others ask this engine or look at truths,
+    each of which has its own arrays for as long as anybody holds them.
     """
 
     name: ClassVar[str]
@@ -40,8 +41,13 @@ class TruthEngine(ABC):
 
     @abstractmethod
     def frame(self, camera: Camera) -> FrameTruth:
-        """The truth of one camera's samples. Its arrays may be reused by the next call; by the call
-        after the next, where the engine may cast ahead."""
+        """The truth of one camera's samples. Unless the engine may cast `ahead`, its arrays may be
+        reused by the next call."""
+
+    def frames(self, cameras: Sequence[Camera]) -> list[FrameTruth]:
+        """The truths of several cameras, each in arrays of its own. An engine that casts them
+        together faster than one by one says how."""
+        return [self.frame(camera).copy() for camera in cameras]
 
     def known_wrong(self, camera: Camera) -> tuple[Int32, int]:
         """Triangles that this camera shows for certain while the engine sees nothing there, or what

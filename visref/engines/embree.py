@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -14,13 +14,9 @@ from visref.engines.embree_packets import PacketScene, load_library
 from visref.engines.in_motion import Places, nearer
 from visref.engines.packet_loops import BACK, FRONT, Aim
 from visref.engines.ray_kernels import SampleGrid
-from visref.engines.rays import RayEngine
+from visref.engines.rays import RayEngine, Start
 from visref.options import Option
-from visref.scene import Float32, Int32, Scene
-
-# Rows of an image that a core takes at a time: a multiple of these, which hold whole blocks, in
-# some eight turns, so that none waits long for another.
-BAND_ROWS, BANDS = 16, 8
+from visref.scene import Float32, Int32, Int64, Scene
 
 
 class EmbreeEngine(RayEngine):
@@ -59,28 +55,33 @@ class EmbreeEngine(RayEngine):
 
     def _plain_sides(self, casts: PacketScene) -> NDArray[np.uint8]:
         """`Aim.plain`, of the pose at hand."""
-        if self._sides is None:
+        sides = self._sides
+        if sides is None:
             one_sided = self._mesh.one_sided[self._solid]
-            self._sides = np.where(one_sided, FRONT, FRONT | BACK).astype(np.uint8)
-            self._sides[~casts.well_shaped(len(self._solid))] = 0
-        return self._sides
+            sides = np.where(one_sided, FRONT, FRONT | BACK).astype(np.uint8)
+            sides[~casts.well_shaped(len(self._solid))] = 0
+            # Not before it is whole: others may be casting.
+            self._sides = sides
+        return sides
 
-    def _cast_all(self, grid: SampleGrid, start_depth: float, slack: float, triangle: Int32) -> int:
+    def _cast_all(
+        self, grids: Sequence[SampleGrid], starts: Sequence[Start], triangle: Int32
+    ) -> Int64:
         casts = self._casts
-        if grid.scattered or grid.clips or not isinstance(casts, PacketScene):
-            return super()._cast_all(grid, start_depth, slack, triangle)
+        if not isinstance(casts, PacketScene) or any(one.scattered or one.clips for one in grids):
+            return super()._cast_all(grids, starts, triangle)
+        place = self.rebase, self.scale
+        reached = self._by_turns(
+            lambda view: casts.reached(grids[view], *place, starts[view][1]), range(len(grids))
+        )
         aim = Aim.of(
-            casts.lanes, grid, self.rebase, self.scale, start_depth, self._mesh, self._solid,
-            self._plain_sides(casts), slack,
-            casts.reached(grid, self.rebase, self.scale, slack),
+            casts.lanes, grids, starts, reached, *place, self._mesh, self._solid,
+            self._plain_sides(casts),
         )  # fmt: skip
-        height = len(grid.row_b)
-        rows = max(BAND_ROWS, height // (BANDS * self._casting_workers) // BAND_ROWS * BAND_ROWS)
-
-        def work(top: int) -> int:
-            return casts.cast((top, min(top + rows, height)), aim, triangle)
-
-        return sum(self._by_turns(work, range(0, height, rows)))
+        turns = np.zeros(1, np.int64)
+        parts = self._on_all(lambda _: casts.cast(aim, turns, triangle), self._casting_workers)
+        pending: Int64 = np.sum(parts, axis=0)
+        return pending
 
 
 class SingleRays:

@@ -38,7 +38,7 @@ from visref.engines.packet_loops import (
 )
 from visref.engines.ray_kernels import SampleGrid
 from visref.engines.reached import boxes_of_runs, flag, reach
-from visref.scene import Float32, Float64, Int32
+from visref.scene import Float32, Float64, Int32, Int64
 
 _DEVICE_VERSION, _DEVICE_NATIVE_RAY8, _DEVICE_NATIVE_RAY16 = 0, 33, 34
 _SCENE_ROBUST = 1 << 2
@@ -182,12 +182,12 @@ class PacketScene:
         flag(counts, result)
         return result
 
-    def cast(self, rows: tuple[int, int], aim: Aim, triangle: Int32) -> int:
-        """Who owns the samples of some rows of an image: see `packet_loops.cast`."""
-        packet = new_packet(self.lanes)
-        pending: int = cast(
-            new_scratch(self.lanes, aim.across.shape[1]), self._scenes, packet, aim, rows, triangle
-        )
+    def cast(self, aim: Aim, turns: Int64, triangle: Int32) -> Int64:
+        """Who owns the samples of some views, as many as the threads take that share `turns`: see
+        `packet_loops.cast`. (v,) int64, how many of each are pending."""
+        pending = np.zeros(len(triangle), np.int64)
+        scratch = new_scratch(self.lanes, aim.across.shape[2])
+        cast(scratch, self._scenes, new_packet(self.lanes), aim, turns, triangle, pending)
         return pending
 
     @property

@@ -6,9 +6,11 @@ whole. Loops over its samples hold no branches, so that a compiler makes vectors
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from visref.compiled import njit
@@ -17,11 +19,11 @@ from visref.engines.splat_kernels import at_sample
 from visref.masks.by_edges import state_by_places, touched_by_edges
 from visref.masks.lookup import (
     BETWEEN,
+    HOLE,
+    SOLID,
     UNSURE,
+    kinds_in_four_squares,
     state_of_bits,
-    state_of_four_squares,
-    state_of_places,
-    within_four_squares,
     wrapped,
 )
 from visref.visibility import BACKGROUND
@@ -70,12 +72,9 @@ class Blocks(NamedTuple):
     def of(cls, grid: SampleGrid, rows: int) -> Blocks:
         """For so many rows of an image, which `at` places."""
         across, down = -(-len(grid.column_a) // BLOCK_WIDTH), -(-rows // BLOCK_HEIGHT)
-        columns = grid.column_a[0] + 2.0 * np.arange(across * BLOCK_WIDTH)
-        columns[: len(grid.column_a)] = grid.column_a
-        a = np.tile(columns.reshape(across, 1, BLOCK_WIDTH), (1, BLOCK_HEIGHT, 1))
         count = across * down
-        return cls(
-            np.ascontiguousarray(a.reshape(across, BLOCK)),
+        blocks = cls(
+            np.empty((across, BLOCK)),
             np.empty((down, BLOCK)),
             0,
             np.empty(count, np.bool_),
@@ -93,6 +92,14 @@ class Blocks(NamedTuple):
             np.empty(BLOCK, np.uint8),
             np.empty((count, BLOCK), np.int32),
         )
+        return blocks.seeing(grid)
+
+    def seeing(self, grid: SampleGrid) -> Blocks:
+        """The same arrays for the columns of a grid that is as wide."""
+        columns = grid.column_a[0] + 2.0 * np.arange(len(self.a) * BLOCK_WIDTH)
+        columns[: len(grid.column_a)] = grid.column_a
+        self.a.reshape(-1, BLOCK_HEIGHT, BLOCK_WIDTH)[:] = columns.reshape(-1, 1, BLOCK_WIDTH)
+        return self
 
     def at(self, grid: SampleGrid, top: int, bottom: int) -> Blocks:
         """The same arrays for the rows from `top` to `bottom`, with nothing in them."""
@@ -161,18 +168,21 @@ def begin_block(blocks, block, row, column, mesh, grid, owner):  # type: ignore[
 
 @njit(inline="always")
 def _see_farthest(blocks, block):  # type: ignore[no-untyped-def]
-    # In two steps, of which the first makes vectors.
+    # In steps, of which the first makes vectors, and none waits long for another.
     half = BLOCK // 4
     for k in range(half):
         one, two = blocks.limit[block, k], blocks.limit[block, half + k]
         three, four = blocks.limit[block, 2 * half + k], blocks.limit[block, 3 * half + k]
-        one, three = (one if two <= one else two), (three if four <= three else four)
-        blocks.z[k] = one if three <= one else three
-    farthest = -np.inf
-    for k in range(half):
-        limit = blocks.z[k]
-        farthest = farthest if limit <= farthest else limit
-    blocks.farthest[block] = farthest
+        blocks.z[k] = _farther(_farther(one, two), _farther(three, four))
+    z = blocks.z
+    one, two = _farther(z[0], z[1]), _farther(z[2], z[3])
+    three, four = _farther(z[4], z[5]), _farther(z[6], z[7])
+    blocks.farthest[block] = _farther(_farther(one, two), _farther(three, four))
+
+
+@njit(inline="always")
+def _farther(one, other):  # type: ignore[no-untyped-def]
+    return one if other <= one else other
 
 
 @njit(inline="always")
@@ -247,6 +257,13 @@ def touch(blocks, row, column, face, extent, edges):  # type: ignore[no-untyped-
 
 
 @njit(inline="always")
+def _middle(first, last):  # type: ignore[no-untyped-def]
+    """Of these texels along an axis those that are in two squares of bits, about the middle."""
+    square = max(first >> 3, min((((first + last) >> 1) - 4) >> 3, (last >> 3) - 1))
+    return max(first, 8 * square), min(last, 8 * square + 15)
+
+
+@njit(inline="always")
 def state_of_all(masks, material, size, together, plain, start, stride):  # type: ignore[no-untyped-def]
     """SOLID or HOLE, if a lookup of the texels of all lookups is that: then is each of them.
     `plain`, `start`, `stride`: as of `state_of_one`."""
@@ -254,9 +271,13 @@ def state_of_all(masks, material, size, together, plain, start, stride):  # type
     if not certain or x1 - x0 + 1 >= size[0] or y1 - y0 + 1 >= size[1]:
         # As many texels as a row has, and a lookup may run over an edge that this one does not.
         return UNSURE
-    if plain and within_four_squares(x0, x1, y0, y1):
-        state = state_of_four_squares(masks.bits, start, stride, x0, x1, y0, y1)
-        return UNSURE if state == BETWEEN else state
+    if plain:
+        across, down = _middle(x0, x1), _middle(y0, y1)
+        solid, hole = kinds_in_four_squares(masks.bits, start, stride, across, down)
+        if solid != 0 and hole != 0:
+            return UNSURE
+        if across == (x0, x1) and down == (y0, y1):
+            return SOLID if solid != 0 else HOLE
     of = masks.materials[material]
     texels = np.int64(size[0]), np.int64(size[1])
     columns = wrapped(np.float64(x0), np.float64(x1), texels[0], of.wrap_s)
@@ -288,17 +309,58 @@ def within_texture(together, size):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def state_of_one(blocks, k, plain, masks, material, start, stride):  # type: ignore[no-untyped-def]
-    """SOLID, HOLE or BETWEEN at one of the samples (`touch`), else `UNSURE`. `plain`: whether the
-    block is `within_texture`. `start`, `stride`: see `lookup.state_of_four_squares`."""
+def look_up(blocks, bits, start, stride):  # type: ignore[no-untyped-def]
+    """Which of a block's lookups take solid texels, and which take holes, where it is
+    `within_texture`; and which may take others than were looked at, and so be BETWEEN too: a bit
+    for each of the samples that are kept. `start`, `stride`: see `lookup.kinds_in_four_squares`."""
     of = blocks.places
-    if not plain:
-        places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
-        return state_by_places(masks, material, places)
-    x0, x1, y0, y1 = np.int64(of[0, k]), np.int64(of[1, k]), np.int64(of[2, k]), np.int64(of[3, k])
-    if within_four_squares(x0, x1, y0, y1):
-        return state_of_four_squares(masks.bits, start, stride, x0, x1, y0, y1)
-    return state_of_places(masks, material, (x0, x1, 0, -1), (y0, y1, 0, -1))
+    solids, holes, more = np.uint64(0), np.uint64(0), np.uint64(0)
+    # Nothing is written: whatever is, a compiler takes for something that is read in the next turn.
+    for k in range(BLOCK):
+        kept = blocks.kept[k] != 0
+        # Elsewhere no texels may be there: the first is asked for.
+        x0, x1 = np.int64(of[0, k] if kept else 0.0), np.int64(of[1, k] if kept else 0.0)
+        y0, y1 = np.int64(of[2, k] if kept else 0.0), np.int64(of[3, k] if kept else 0.0)
+        across, down = _middle(x0, x1), _middle(y0, y1)
+        solid, hole = kinds_in_four_squares(bits, start, stride, across, down)
+        all_of_them = (across[0] == x0) & (across[1] == x1) & (down[0] == y0) & (down[1] == y1)
+        between = (solid != 0) & (hole != 0)
+        bit = np.uint64(kept) << np.uint64(k)
+        solids |= bit if solid != 0 else np.uint64(0)
+        holes |= bit if hole != 0 else np.uint64(0)
+        more |= np.uint64(0) if all_of_them | between else bit
+    return solids, holes, more
+
+
+@intrinsic
+def lowest_bit(typing_context: Any, bits: Any) -> Any:
+    """Which bit of a uint64, some of which are there, is the lowest that is."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        never_zero = context.get_constant(types.boolean, True)
+        return builder.cttz(arguments[0], never_zero)
+
+    return types.int64(types.uint64), generate
+
+
+@njit(inline="always")
+def with_bit(bits, k):  # type: ignore[no-untyped-def]
+    return bits | (np.uint64(1) << np.uint64(k))
+
+
+@njit(inline="always")
+def keep_only(blocks, bits):  # type: ignore[no-untyped-def]
+    """Of the samples that are kept, those whose bit is there."""
+    for k in range(BLOCK):
+        blocks.kept[k] = (bits >> np.uint64(k)) & np.uint64(1)
+
+
+@njit(inline="always")
+def state_of_one(blocks, k, masks, material):  # type: ignore[no-untyped-def]
+    """SOLID, HOLE or BETWEEN at one of the samples (`touch`), else `UNSURE`."""
+    of = blocks.places
+    places = (of[0, k], of[1, k], of[2, k], of[3, k], blocks.certain[k])
+    return state_by_places(masks, material, places)
 
 
 @njit(inline="always")

@@ -22,13 +22,17 @@ from visref.engines.mask_blocks import (
     Blocks,
     begin_block,
     keep,
+    keep_only,
     leave_open,
     list_kept,
+    look_up,
+    lowest_bit,
     misses,
     put_before,
     state_of_all,
     state_of_one,
     touch,
+    with_bit,
     within_texture,
 )
 from visref.engines.ray_kernels import (
@@ -89,6 +93,12 @@ class Scratch(NamedTuple):
             np.empty(room),
         )
         return cls(Blocks.of(grid, rows), np.empty(room, FOUND), left)
+
+    def seeing(self, grid: SampleGrid, rows: int) -> Scratch:
+        """The same for another grid, in the same memory where that is as large."""
+        if len(self.left.sample) != rows * len(grid.column_a):
+            return Scratch.of(grid, rows)
+        return self._replace(blocks=self.blocks.seeing(grid))
 
 
 @njit(inline="always")
@@ -239,10 +249,25 @@ def look_through(
                     if of_all == SOLID:
                         put_before(blocks, block, t)
                         continue
+                if plain:
+                    solids, holes, more = look_up(blocks, masks.bits, start, stride)
+                    while more != 0:
+                        k = lowest_bit(more)
+                        more &= more - np.uint64(1)
+                        if state_of_one(blocks, k, masks, face[0]) == BETWEEN:
+                            solids, holes = with_bit(solids, k), with_bit(holes, k)
+                    between = solids & holes
+                    while between != 0:
+                        leave_open(blocks, block, lowest_bit(between), t, hits, count)
+                        between &= between - np.uint64(1)
+                        count += 1
+                    keep_only(blocks, solids & ~holes)
+                    put_before(blocks, block, t)
+                    continue
                 for i in range(list_kept(blocks)):
                     k, state = blocks.order[i], BETWEEN
                     if face[1]:
-                        state = state_of_one(blocks, k, plain, masks, face[0], start, stride)
+                        state = state_of_one(blocks, k, masks, face[0])
                     if mask_row >= 0 and (state == UNSURE or not face[1]):
                         a, b = blocks.a[column, k], blocks.b[row, k]
                         state = state_at(masks, mask_row, axes, a, b, perspective, v0, v1, v2)

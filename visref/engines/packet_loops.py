@@ -7,6 +7,7 @@ image go by blocks: 4 x 4 where there are sixteen lanes, 4 x 2 where there are e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from visref.engines.ray_kernels import (
     point,
 )
 from visref.scene import Float64, Int32
+from visref.turns import take
 from visref.visibility import BACKGROUND
 
 # Rows of a packet, in lanes of 32 bits: origin, tnear, direction, time, tfar, mask, id, flags,
@@ -35,6 +37,8 @@ ROWS = 34
 # Bytes; what Embree asks of a packet of sixteen.
 ALIGNMENT = 64
 BLOCK_WIDTH = 4
+# Rows of an image that a thread takes at a time: whole blocks.
+TURN_ROWS = 16
 
 # What float32 leaves no doubt about is not asked again in float64. Let u = 2^-24 and M the greatest
 # coordinate before a ray's start (for a triangle's own, M = 1). Embree's tests of edges and its
@@ -113,43 +117,58 @@ class Scenes(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What is cast, beside the rows: see `ray_kernels.fill_rays` and `ray_kernels.resolve`.
+    """What is cast, beside the rows: see `ray_kernels.fill_rays` and `ray_kernels.resolve`. Several
+    views of as many samples each, v of them.
 
-    `across`: (3, w) float64, a R by axis and column, w the width made up to whole blocks; `up`: (3,
-    h), b U by row; what lies beyond the image is as at its edge. `plain`: (p,) uint8, by place the
-    sides on which the triangle counts, as bits; 0 where it is not `well_shaped`. `reached`: (r, c)
-    uint8, by block whether anything may be met there."""
+    `width`, `height`: samples of a view. `axes`: (v, 7, 3) float64, `near` and `far`: (v,) float64,
+    `perspective`: (v,) bool, as of `SampleGrid`. `across`: (v, 3, w) float64, a R by axis and
+    column, w the width made up to whole blocks; `up`: (v, 3, h), b U by row; what lies beyond the
+    image is as at its edge. `start_depth` and `depth_slack`: (v,) float64. `reached`: (v, r, c)
+    uint8, by block whether anything may be met there. `plain`: (p,) uint8, by place the sides on
+    which the triangle counts, as bits; 0 where it is not `well_shaped`."""
 
-    grid: SampleGrid
+    width: int
+    height: int
+    axes: NDArray[np.float64]
+    near: NDArray[np.float64]
+    far: NDArray[np.float64]
+    perspective: NDArray[np.bool_]
     across: NDArray[np.float64]
     up: NDArray[np.float64]
+    start_depth: NDArray[np.float64]
+    depth_slack: NDArray[np.float64]
+    reached: NDArray[np.uint8]
     origin: NDArray[np.float64]
     scale: float
-    start_depth: float
     mesh: Triangles
     triangle_of_place: NDArray[np.int32]
     plain: NDArray[np.uint8]
-    depth_slack: float
-    reached: NDArray[np.uint8]
 
     @classmethod
     def of(
-        cls, lanes: int, grid: SampleGrid, origin: Float64, scale: float, start_depth: float,
-        mesh: Triangles, triangle_of_place: Int32, plain: NDArray[np.uint8], depth_slack: float,
-        reached: NDArray[np.uint8],
+        cls, lanes: int, grids: Sequence[SampleGrid], starts: Sequence[tuple[float, float]],
+        reached: Sequence[NDArray[np.uint8]], origin: Float64, scale: float, mesh: Triangles,
+        triangle_of_place: Int32, plain: NDArray[np.uint8],
     ) -> Aim:  # fmt: skip
-        """At a grid's samples, the rest as of the class."""
-        across = _padded(grid.column_a, BLOCK_WIDTH) * grid.axes[2][:, None]
-        up = _padded(grid.row_b, lanes // BLOCK_WIDTH) * grid.axes[3][:, None]
+        """At the samples of grids alike in size. `starts`: by view, the depth of a ray's start, and
+        the slack; the rest as of the class."""
+        across = [_padded(one.column_a, BLOCK_WIDTH) * one.axes[2][:, None] for one in grids]
+        up = [_padded(one.row_b, lanes // BLOCK_WIDTH) * one.axes[3][:, None] for one in grids]
+        start_depth, depth_slack = np.array(starts, np.float64).T.copy()
         return cls(
-            grid, across, up, origin, scale, start_depth,
-            mesh, triangle_of_place, plain, depth_slack, reached,
+            len(grids[0].column_a), len(grids[0].row_b),
+            np.stack([one.axes for one in grids]),
+            np.array([one.near for one in grids]), np.array([one.far for one in grids]),
+            np.array([one.perspective for one in grids]),
+            np.stack(across), np.stack(up), start_depth, depth_slack, np.stack(reached),
+            origin, scale, mesh, triangle_of_place, plain,
         )  # fmt: skip
 
 
 def _padded(values: Float64, size: int) -> Float64:
     """Values made up to a multiple of `size` with the last of them."""
-    return np.pad(values, (0, -len(values) % size), mode="edge")
+    more = -len(values) % size
+    return np.concatenate([values, np.repeat(values[-1:], more)]) if more else values
 
 
 @njit(inline="always")
@@ -278,40 +297,30 @@ def nearest(
 
 
 @njit(error_model="numpy", makes_arrays=False)
-def cast(
-    scratch: Scratch,
-    scenes: Scenes,
-    packet: Packet,
-    aim: Aim,
-    rows: tuple[int, int],
-    triangle: NDArray[Any],
-) -> int:
-    """Who owns the samples of some rows of an image, from rows[0] to before rows[1]: into
-    `triangle`, the frame's flat buffer, (samples,) int32; returns how many are `PENDING`.
-
-    Rays are those of `ray_kernels.fill_rays`, and hits mean what `ray_kernels.resolve` says.
-    What is plainly a hit is not asked in float64 (see `STEEP`). The others of a block mostly
-    share a triangle or two, so that each triangle is asked about all of the block's samples at
-    once, in the machine's vectors.
-    """
+def _cast_rows(scratch, scenes, packet, aim, number, rows, triangle):  # type: ignore[no-untyped-def]
+    """Some rows of a view, from rows[0] to before rows[1]: see `cast`. To `triangle`, (samples,)
+    int32; returns how many are `PENDING`."""
     words, ids, fours, _, lanes = packet
     block_rows = len(lanes) // BLOCK_WIDTH
     first, places, owners, sure, rays, ray_fours, sides = scratch
-    grid, across, up, origin, scale, start, mesh, triangle_of_place, plain, slack, reached = aim
+    mesh, triangle_of_place, plain = aim.mesh, aim.triangle_of_place, aim.plain
     vertices, triangles, one_sided = mesh.vertices, mesh.triangles, mesh.one_sided
-    perspective, width, m = grid.perspective, len(grid.column_a), grid.axes
+    across, up, reached = aim.across[number], aim.up[number], aim.reached[number]
+    perspective, width, m = aim.perspective[number], aim.width, aim.axes[number]
+    near, far, origin, scale = aim.near[number], aim.far[number], aim.origin, aim.scale
+    start, slack = aim.start_depth[number], aim.depth_slack[number]
     view = (
         perspective,
         (m[0, 0], m[0, 1], m[0, 2]),
         (m[1, 0], m[1, 1], m[1, 2]),
         (m[4, 0], m[4, 1], m[4, 2]),
-        grid.near,
-        grid.far,
+        near,
+        far,
         slack,
     )
     # Parameters between which a hit's depth is within the range, whatever was rounded.
-    sure_from = scale * (grid.near + 2.0 * slack - start)
-    sure_to = scale * (grid.far - 2.0 * slack - start)
+    sure_from = scale * (near + 2.0 * slack - start)
+    sure_to = scale * (far - 2.0 * slack - start)
     lens = (
         perspective, scale, start,
         (m[0, 0] - origin[0], m[0, 1] - origin[1], m[0, 2] - origin[2]), view[2],
@@ -398,6 +407,37 @@ def cast(
                 for lane in range(len(lanes)):
                     ids[VALID, lane] = -1
     return pending
+
+
+@njit(makes_arrays=False)
+def cast(
+    scratch: Scratch,
+    scenes: Scenes,
+    packet: Packet,
+    aim: Aim,
+    turns: NDArray[Any],
+    triangle: NDArray[Any],
+    pending: NDArray[Any],
+) -> None:
+    """Who owns the samples of some views: into `triangle`, (v, samples) int32; how many of each are
+    `PENDING` is added to `pending`, (v,) int64. All threads that share the counter `turns`, (1,)
+    int64, share the work.
+
+    Rays are those of `ray_kernels.fill_rays`, and hits mean what `ray_kernels.resolve` says.
+    What is plainly a hit is not asked in float64 (see `STEEP`). The others of a block mostly
+    share a triangle or two, so that each triangle is asked about all of the block's samples at
+    once, in the machine's vectors.
+
+    Views that follow one another show much the same, so their rows are cast in turn: what one has
+    brought into the core's cache the others find there.
+    """
+    while True:
+        top = take(turns, TURN_ROWS)
+        if top >= aim.height:
+            break
+        rows = top, min(top + TURN_ROWS, aim.height)
+        for view in range(len(triangle)):
+            pending[view] += _cast_rows(scratch, scenes, packet, aim, view, rows, triangle[view])
 
 
 @njit()

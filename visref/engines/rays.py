@@ -21,12 +21,13 @@ frame's truth does not depend on the frames cast before it.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
+from itertools import count, groupby
 from typing import Any, TypeVar
 
 import numpy as np
@@ -53,6 +54,7 @@ from visref.engines.known_samples import (
     of_each_size,
     points_in_view,
 )
+from visref.engines.lending import Lender
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
 from visref.masks.store import Masks
@@ -68,6 +70,8 @@ from visref.visibility import (
 )
 
 T = TypeVar("T")
+# A view depth, and how far off depths may be: see `RayEngine._start`.
+Start = tuple[float, float]
 # Hits of masked or blended triangles, a column an array.
 Layers = tuple[NDArray[Any], ...]
 
@@ -118,8 +122,9 @@ class RayEngine(TruthEngine):
         self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
-        # Of the truth that is looked at, and of the next one.
-        self._owners: tuple[Int32, Int32] = np.empty(0, np.int32), np.empty(0, np.int32)
+        self._memory = Lender()
+        # What threads need while they look through masks, while none does.
+        self._mask_scratch: list[mask_kernels.Scratch] = []
         self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
         self.rebase_exact = True
         self._parts: Parts | None = None
@@ -266,20 +271,34 @@ class RayEngine(TruthEngine):
         return self._picked[index[wrong]], len(index)
 
     def frame(self, camera: Camera) -> FrameTruth:
-        camera = camera.relative_to(self.scene.origin)
-        samples = camera.samples
-        before, owners = self._owners
-        if len(owners) < samples:
-            owners = np.empty(samples, np.int32)
-        self._owners = owners, before
-        triangle = owners[:samples]
-        grid = sample_grid(camera)
-        depths = OwnerDepths(self._mesh, grid)
-        if self._cast(grid, triangle):
+        return self._alike([camera.relative_to(self.scene.origin)])[0]
+
+    def frames(self, cameras: Sequence[Camera]) -> list[FrameTruth]:
+        if type(self).frame is not RayEngine.frame:
+            # A subclass has its own way to cast a frame.
+            return super().frames(cameras)
+        placed = [camera.relative_to(self.scene.origin) for camera in cameras]
+        alike = groupby(placed, key=lambda camera: (camera.width, camera.height))
+        return [truth for _, some in alike for truth in self._alike(list(some))]
+
+    def _alike(self, cameras: Sequence[Camera]) -> list[FrameTruth]:
+        """Of cameras of one size, which are cast together."""
+        samples = cameras[0].samples
+        triangles = self._memory.lend(len(cameras) * samples).reshape(len(cameras), samples)
+        grids = [sample_grid(camera) for camera in cameras]
+        pending = self._cast(grids, triangles)
+        return [self._decided(*one) for one in zip(cameras, grids, triangles, pending, strict=True)]
+
+    def _decided(
+        self, camera: Camera, grid: SampleGrid, triangle: Int32, pending: int
+    ) -> FrameTruth:
+        """A view's truth, from what was cast."""
+        if pending:
             self._settle(grid, triangle)
         doubt = self._mask(camera, grid, triangle)
         blend, veiled = self._blend(grid, triangle, doubt)
-        buffer = VisibilityBuffer(triangle.reshape(camera.height, camera.width), depths)
+        image = triangle.reshape(camera.height, camera.width)
+        buffer = VisibilityBuffer(image, OwnerDepths(self._mesh, grid))
         return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend, veiled=veiled)
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
@@ -297,7 +316,7 @@ class RayEngine(TruthEngine):
             scattered=True,
         )
         triangle = np.empty(len(a), np.int32)
-        if len(a) and self._cast(grid, triangle):
+        if len(a) and self._cast([grid], triangle[None])[0]:
             pending = np.flatnonzero(triangle == PENDING)
             triangle[pending] = BACKGROUND
             depth = np.full(len(a), np.inf)
@@ -328,16 +347,23 @@ class RayEngine(TruthEngine):
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _cast(self, grid: SampleGrid, triangle: Int32) -> int:
-        """Fill in the owners; returns how many samples are pending."""
+    def _cast(self, grids: Sequence[SampleGrid], triangle: Int32) -> Int64:
+        """Fill in the owners of views alike in size, (v, samples); returns how many samples of each
+        are pending, (v,)."""
         if not len(self._solid):
             triangle.fill(BACKGROUND)
-            return 0
-        return self._cast_all(grid, *self._start(grid), triangle)
+            return np.zeros(len(grids), np.int64)
+        return self._cast_all(grids, [self._start(grid) for grid in grids], triangle)
 
-    def _cast_all(self, grid: SampleGrid, start_depth: float, slack: float, triangle: Int32) -> int:
-        """Fill in the owners; returns how many samples are pending. `start_depth`, `slack`: see
-        `_start`."""
+    def _cast_all(
+        self, grids: Sequence[SampleGrid], starts: Sequence[Start], triangle: Int32
+    ) -> Int64:
+        """As `_cast`, where there is something to meet. `starts`: by view, see `_start`."""
+        each = zip(grids, starts, triangle, strict=True)
+        return np.array([self._cast_one(*one) for one in each], np.int64)
+
+    def _cast_one(self, grid: SampleGrid, start: Start, triangle: Int32) -> int:
+        start_depth, slack = start
         samples, tile = len(triangle), self.tile_samples
 
         def work(start: int) -> int:
@@ -379,7 +405,7 @@ class RayEngine(TruthEngine):
     def _casting_workers(self) -> int:
         return self._workers
 
-    def _start(self, grid: SampleGrid) -> tuple[float, float]:
+    def _start(self, grid: SampleGrid) -> Start:
         """The view depth at which rays start, and how far off the library's depths may be.
 
         Rays start on the near plane or where the scene's box begins, whichever is further,
@@ -427,16 +453,16 @@ class RayEngine(TruthEngine):
             range(0, len(self._masked), MASKED_A_TURN),
             self._workers,
         )
-        found = mask_kernels.InView._make(_joined(parts))
+        found = mask_kernels.InView._make(_joined(parts, self._memory))
         seen = found.taken(self._by_depth(found.nearest))
         if not len(seen.triangle):
             return Doubt(), np.zeros(0)
         top, bottom = int(seen.window[:, 2].min()), int(seen.window[:, 3].max())
-        free: list[mask_kernels.Scratch] = []
+        free = self._mask_scratch
 
         def work(row: int) -> Layers:
             try:
-                scratch = free.pop()
+                scratch = free.pop().seeing(grid, MASKED_ROWS)
             except IndexError:
                 scratch = mask_kernels.Scratch.of(grid, MASKED_ROWS)
             rows = row, min(row + MASKED_ROWS, bottom)
@@ -445,8 +471,9 @@ class RayEngine(TruthEngine):
             return found
 
         bands = self._by_turns(work, range(top, bottom, MASKED_ROWS), self._workers)
-        sample, count, which, least = _joined(bands)
-        offsets = np.zeros(len(count) + 1, np.int64)
+        sample, count, which, least = _joined(bands, self._memory)
+        offsets = self._memory.lend(len(count) + 1, np.int64)
+        offsets[0] = 0
         np.cumsum(count, out=offsets[1:])
         return Doubt(sample, offsets, which), least
 
@@ -468,7 +495,7 @@ class RayEngine(TruthEngine):
             )
             return found
 
-        sample, which, z, error = _joined(self._in_bands(_whole(grid), work))
+        sample, which, z, error = _joined(self._in_bands(_whole(grid), work), self._memory)
         doubt, least = open_
         kept = np.ones(len(sample), np.bool_)
         if len(doubt):
@@ -524,6 +551,11 @@ def _of_alpha(scene: Scene, alpha: Alpha) -> Int32:
     return np.flatnonzero(scene.alpha == alpha).astype(np.int32)
 
 
-def _joined(bands: list[Layers]) -> Layers:
+def _joined(bands: list[Layers], memory: Lender) -> Layers:
     """Each column of the bands' hits, one after another."""
-    return tuple(np.concatenate(column) for column in zip(*bands, strict=True))
+    found = []
+    for column in zip(*bands, strict=True):
+        rows, of_row = sum(len(part) for part in column), column[0].shape[1:]
+        room = memory.lend(rows * math.prod(of_row), column[0].dtype)
+        found.append(np.concatenate(column, out=room.reshape(rows, *of_row)))
+    return tuple(found)

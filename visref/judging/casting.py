@@ -1,14 +1,15 @@
 """Who casts a run's truths, and when.
 
-Each view is cast once. While a frame is judged the next one's views may be cast already, where
-nothing moves and the engine allows it: a cast uses all cores, and judging mostly one.
+Each view is cast once. While a frame is judged the views of those that follow may be cast already,
+where nothing moves and the engine allows it: a cast uses all cores, and judging mostly one. Those
+frames are cast a few at a time, since one that follows another shows much the same: what the first
+brought into the processor's caches the others find there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 
 from visref.camera import Camera
@@ -34,6 +35,13 @@ class ViewCast:
     ms: float
 
 
+# A frame, and its cameras.
+Asked = tuple[int, Sequence[Camera]]
+# How many frames are cast together, if these are no more samples than that; beyond four, little is
+# won. And how many may be cast before they are looked at.
+TOGETHER, SAMPLES_TOGETHER = 4, 1 << 23
+AHEAD = 2 * TOGETHER
+
 # A truth, and the milliseconds of its cast.
 _Timed = tuple[FrameTruth, float]
 
@@ -46,7 +54,8 @@ class Casting:
         self._threads = threads
         self._engine: TruthEngine | None = None
         self._exact: ExactScene | None = None
-        self._next: tuple[int, Future[list[_Timed]]] | None = None
+        # By frame, what is cast ahead: views of it and of others, and where its own begin.
+        self._coming: dict[int, tuple[Future[list[_Timed]], int]] = {}
         self._thread: ThreadPoolExecutor | None = None
         # By frame, by how many pixels rounding moved a vertex that is seen, whose triangle it is,
         # and for which cullers that frame was cast: nobody where it was for the truth itself.
@@ -54,9 +63,7 @@ class Casting:
 
     @property
     def engine(self) -> TruthEngine | None:
-        """The engine, once it has cast, while it casts nothing. What it cast ahead is cast again,
-        since whoever asks may let it cast into the same arrays."""
-        self._drop()
+        """The engine, once it has cast. It may be casting ahead: it can be asked, but not posed."""
         return self._engine
 
     @property
@@ -69,18 +76,17 @@ class Casting:
         frame: int,
         cameras: Sequence[Camera],
         scene: Scene,
-        following: tuple[int, Sequence[Camera]] | None = None,
+        following: Sequence[Asked] = (),
     ) -> list[ViewCast]:
-        """A frame's views, of the scene as it stands in it. `following`: the frame to be cast while
-        others look at this one, of the same scene; if the engine allows it."""
-        if self._next is not None and self._next[0] == frame:
-            future, self._next = self._next[1], None
-            found = future.result()
-        else:
-            found = _cast(self._made(scene), cameras, keep=len(cameras) > 1)
+        """A frame's views, of the scene as it stands in it. `following`: the frames that will be
+        asked for next, of the same scene, `AHEAD` or all that are left, which may be cast while
+        others look at this one; if the engine allows it."""
+        found = self._awaited(frame, len(cameras))
+        if found is None:
+            found = _cast(self._made(scene), cameras)
         engine = self._engine
-        if following is not None and engine is not None and engine.ahead:
-            self._begin(engine, *following)
+        if engine is not None and engine.ahead:
+            self._cast_ahead(engine, following)
         return [self._gathered(frame, *one, scene) for one in found]
 
     def view(self, frame: int, camera: Camera, scene: Scene) -> Cast:
@@ -89,12 +95,36 @@ class Casting:
         found = self._gathered(frame, truth, ms, scene)
         return found.truth, found.seen
 
-    def _begin(self, engine: TruthEngine, frame: int, cameras: Sequence[Camera]) -> None:
+    def _awaited(self, frame: int, views: int) -> list[_Timed] | None:
+        """A frame that was cast ahead; None where it was not, or in vain: then what went wrong is
+        found again, in its own frame."""
+        if frame not in self._coming:
+            return None
+        cast, first = self._coming.pop(frame)
+        try:
+            return cast.result()[first : first + views]
+        except Exception:
+            return None
+
+    def _cast_ahead(self, engine: TruthEngine, following: Sequence[Asked]) -> None:
+        """Begin with those that follow, as soon as there are enough to be cast together."""
+        if not following:
+            return
+        samples = sum(camera.samples for camera in following[0][1])
+        together = max(1, min(TOGETHER, SAMPLES_TOGETHER // samples))
+        soon = following[: 2 * together]
+        new = [asked for asked in soon if asked[0] not in self._coming]
+        if len(new) < together and len(soon) == 2 * together:
+            return
         if self._thread is None:
             self._thread = ThreadPoolExecutor(1)
-        keep = len(cameras) > 1
-        cast = self._thread.submit(_cast, engine, cameras, keep=keep)
-        self._next = frame, cast
+        for start in range(0, len(new), together):
+            some = new[start : start + together]
+            cast = self._thread.submit(_cast, engine, [view for _, views in some for view in views])
+            first = 0
+            for frame, views in some:
+                self._coming[frame] = cast, first
+                first += len(views)
 
     def _gathered(self, frame: int, truth: FrameTruth, ms: float, scene: Scene) -> ViewCast:
         with Stopwatch() as watch:
@@ -135,11 +165,11 @@ class Casting:
         return self._engine
 
     def _drop(self) -> None:
-        """Wait for what is cast ahead, and forget it."""
-        if self._next is not None:
-            with suppress(Exception):
-                self._next[1].result()
-            self._next = None
+        """Forget what is cast ahead, once nobody is at it."""
+        for cast, _ in self._coming.values():
+            if not cast.cancel():
+                wait([cast])
+        self._coming.clear()
 
 
 def made_for(make: Callable[[], TruthEngine], scene: Scene) -> TruthEngine:
@@ -156,16 +186,17 @@ def made_for(make: Callable[[], TruthEngine], scene: Scene) -> TruthEngine:
     return engine
 
 
-def _cast(engine: TruthEngine, cameras: Sequence[Camera], *, keep: bool) -> list[_Timed]:
-    """Views; in arrays of their own where others are cast before they are done with."""
-    found = []
-    for camera in cameras:
-        with Stopwatch() as watch:
-            truth = engine.frame(camera)
-            if truth.ties_complete != engine.exact:
-                # An engine that lists its ties and says so nowhere is taken at its class's word.
-                truth = replace(truth, ties_complete=engine.exact)
-            if keep:
-                truth = truth.copy()
-        found.append((truth, watch.ms))
-    return found
+def _cast(engine: TruthEngine, cameras: Sequence[Camera], *, keep: bool = False) -> list[_Timed]:
+    """Views; of several, each takes as long as the other. `keep`: in arrays of their own, since
+    others are cast before they are done with; as are several at any rate."""
+    with Stopwatch() as watch:
+        if keep or len(cameras) > 1:
+            found = engine.frames(cameras)
+        else:
+            found = [engine.frame(camera) for camera in cameras]
+    # An engine that lists its ties and says so nowhere is taken at its class's word.
+    found = [
+        truth if truth.ties_complete == engine.exact else replace(truth, ties_complete=engine.exact)
+        for truth in found
+    ]
+    return [(truth, watch.ms / len(found)) for truth in found]

@@ -23,7 +23,7 @@ from visref.engines.base import TruthEngine
 from visref.findings import Finding
 from visref.judging.ages import Followed
 from visref.judging.asking import Answer, Job, Panel
-from visref.judging.casting import Cast, Casting
+from visref.judging.casting import AHEAD, Asked, Cast, Casting
 from visref.judging.frame import SettledFrame
 from visref.judging.holders import DrawList
 from visref.judging.joint import all_drawn, joined, judge_all_drawn, located
@@ -118,8 +118,8 @@ class Sitting:
     they are found: their misses have no age yet, and no policy was asked.
 
     The fields are the referee's. `path` is relative to the scene's origin. While a frame is judged
-    the next one's truth is cast, unless a culler is then at work that should have the machine to
-    itself.
+    the truths of those that follow are cast, unless a culler is then at work that should have the
+    machine to itself.
     """
 
     path: CameraPath
@@ -139,17 +139,17 @@ class Sitting:
     def frame(
         self, frame: int, jobs: Sequence[Job], on_truth: OnTruth, on_verdict: OnVerdict,
         before: Callable[[Mapping[str, NDArray[np.bool_]]], None] = lambda seen: None,
-        following: int | None = None,
+        following: Sequence[int] = (),
     ) -> None:  # fmt: skip
         """Judge a frame by these jobs. `before` is given, by view, (n,) bool, which objects own a
-        sample, before any culler is asked. `following`: the frame that will be asked for next."""
+        sample, before any culler is asked. `following`: the frames that will be asked for next."""
         self._pose(frame)
         cameras = self.path.views(frame)
         casts: dict[str, Cast] = {}
         if self.recorded is None:
-            ahead = None
-            if following is not None and self._may_cast_ahead():
-                ahead = following, self.path.views(following)
+            ahead: list[Asked] = []
+            if self._may_cast_ahead():
+                ahead = [(one, self.path.views(one)) for one in following]
             views = self.casting.views(frame, cameras, self.panel.scene, ahead)
             for camera, view in zip(cameras, views, strict=True):
                 on_truth(frame, view.truth, view.seen, view.ms)
@@ -321,8 +321,8 @@ class Referee:
 
     @property
     def caster(self) -> TruthEngine | None:
-        """The engine of the run that is under way, once it has cast. To be asked between frames,
-        when nobody needs its arrays."""
+        """The engine of the run that is under way, once it has cast. Its next answer may take the
+        arrays of the last: to be asked between frames."""
         return None if self._sitting is None else self._sitting.casting.engine
 
     def run(
@@ -374,13 +374,14 @@ class Referee:
             if self.recorded is not None and panel.jobs:
                 review.look_back(path, frames[: frames.index(judged[0])], self.recorded, self.scene)
             self._sitting = sitting
-            for frame, following in zip(judged, [*judged[1:], None], strict=False):
+            for place, frame in enumerate(judged):
+                following = judged[place + 1 : place + 1 + AHEAD]
                 self._judge(sitting, frame, following, review, listeners)
                 for listener in listeners:
                     listener.on_frame_done(frame)
                 if parting is not None and frame != judged[-1] and parting.due(frame):
                     parted = True
-                    # Between frames: nobody needs the engine's arrays.
+                    # Between frames: the engine may be asked.
                     parting.take(concluded(examine()), frame)
                     panel.forget()
                     sitting.casting.moved.clear()
@@ -394,7 +395,7 @@ class Referee:
         self,
         sitting: Sitting,
         frame: int,
-        following: int | None,
+        following: Sequence[int],
         review: Review,
         listeners: Sequence[Listener],
     ) -> None:

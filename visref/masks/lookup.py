@@ -167,26 +167,22 @@ def _down(first, last, square):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
-def within_four_squares(x0, x1, y0, y1):  # type: ignore[no-untyped-def]
-    """Whether these texels are in no more than two squares of `MaskArrays.bits` each way."""
-    return ((x1 >> 3) - (x0 >> 3) <= 1) & ((y1 >> 3) - (y0 >> 3) <= 1)
-
-
-@njit(inline="always")
-def state_of_four_squares(bits, start, stride, x0, x1, y0, y1):  # type: ignore[no-untyped-def]
-    """`state_of_bits` of texels that are `within_four_squares`, without a branch: `start` and
-    `stride` are the material's first word and `words_of_row`."""
+def kinds_in_four_squares(bits, start, stride, across, down):  # type: ignore[no-untyped-def]
+    """Of texels that are in no more than two squares of `MaskArrays.bits` each way, first and last
+    across and down: two words, of which one is not zero where some texel is solid, and the other
+    where some is a hole. Without a branch. `start` and `stride` are the material's first word and
+    `words_of_row`."""
+    (x0, x1), (y0, y1) = across, down
     column0, column1, row0, row1 = x0 >> 3, x1 >> 3, y0 >> 3, y1 >> 3
     left, right = _across(x0, x1, column0), _across(x0, x1, column1)
     above, below = _down(y0, y1, row0), _down(y0, y1, row1)
     upper, lower = start + row0 * stride, start + row1 * stride
-    a, b = bits[upper + column0], bits[upper + column1]
-    c, d = bits[lower + column0], bits[lower + column1]
+    # Indices without a sign: none counts from the end.
+    a, b = bits[np.uint64(upper + column0)], bits[np.uint64(upper + column1)]
+    c, d = bits[np.uint64(lower + column0)], bits[np.uint64(lower + column1)]
     solids = (((a & left) | (b & right)) & above) | (((c & left) | (d & right)) & below)
     holes = (((~a & left) | (~b & right)) & above) | (((~c & left) | (~d & right)) & below)
-    one, other = np.int64(solids != 0), np.int64(holes != 0)
-    # HOLE, SOLID and BETWEEN are 0, 1 and 2.
-    return one + (one & other)
+    return solids, holes
 
 
 @njit(makes_arrays=False)
