@@ -37,14 +37,6 @@ def test_cast(name: str, sizes: Sizes, turns: Turns, quick: bool) -> None:
         )
         for title, engine in engines.items()
     }
-    masked = scene.alpha == Alpha.MASK
-    if masked.any():
-        # What masks cost: the same triangles without.
-        solid = replace(scene, alpha=np.where(masked, Alpha.OPAQUE, scene.alpha), masks=None)
-        engines["Embree, masks solid"] = EmbreeEngine(solid)
-        jobs["visref Embree, masks solid"] = over(
-            views, lambda view: objects_seen(engines["Embree, masks solid"].frame(view), solid)
-        )
     ours = [objects_seen(engines["Embree"].frame(view), scene).samples for view in views]
     differing = {}
     for title, peer in peers_of(scene).items():
@@ -57,5 +49,23 @@ def test_cast(name: str, sizes: Sizes, turns: Turns, quick: bool) -> None:
         jobs[title] = over(views, peer.counts)
     turns.run("cast", f"{name}, {scene.triangle_count:,} triangles", jobs, rounds=2)
     turns.say(**{f"{title}: {DIFFERING}": off for title, off in differing.items()})
+    for engine in engines.values():
+        engine.close()
+
+
+def test_masks(sizes: Sizes, turns: Turns, quick: bool) -> None:
+    """What masks cost: the same cards as solid ones."""
+    masked, views = one_of_nine("leaves", sizes.image, small=quick)
+    alpha = np.where(masked.alpha == Alpha.MASK, Alpha.OPAQUE, masked.alpha)
+    scenes = {"solid": replace(masked, alpha=alpha, masks=None), "masked": masked}
+    engines = {title: EmbreeEngine(scene) for title, scene in scenes.items()}
+    jobs: dict[str, Job | Skipped] = {
+        f"cards {title}": over(
+            views,
+            lambda view, title=title: objects_seen(engines[title].frame(view), scenes[title]),
+        )
+        for title in scenes
+    }
+    turns.run("masks", f"leaves, {masked.triangle_count:,} triangles", jobs, rounds=9)
     for engine in engines.values():
         engine.close()

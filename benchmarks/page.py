@@ -13,6 +13,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 KINDS = {
     "cast": "From a camera to samples per object",
+    "masks": "What masks cost",
     "run": "Judging cullers, by workers",
     "truth": "Truth files, by version",
     "check": "A clean check",
