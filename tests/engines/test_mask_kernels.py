@@ -14,6 +14,7 @@ from tests.support.mask_by_edges import state_by_edges
 from visref.camera import Camera
 from visref.compiled import njit
 from visref.engines import make_engine
+from visref.engines.deciding import Deciding, OwnerDepths
 from visref.engines.grids import sample_grid
 from visref.engines.mask_kernels import Scratch, in_view, shown
 from visref.engines.ray_kernels import (
@@ -25,7 +26,6 @@ from visref.engines.ray_kernels import (
     facet_of,
     minus,
 )
-from visref.engines.rays import OwnerDepths, RayEngine
 from visref.engines.splat_kernels import at_sample, edge, meets, window_of
 from visref.masks.by_edges import facing, reach_of
 from visref.masks.hits import state_at
@@ -240,7 +240,7 @@ def test_the_order_in_which_masked_triangles_are_looked_at_is_seen_by_nobody(
         lambda count: rng.permutation(count),
     ]
     for order in orders:
-        monkeypatch.setattr(RayEngine, "_by_depth", lambda self, nearest: order(len(nearest)))  # noqa: B023
+        monkeypatch.setattr(Deciding, "_by_depth", lambda self, nearest: order(len(nearest)))  # noqa: B023
         other = seen()
         assert (other.buffer.triangle == usual.buffer.triangle).all()
         for one, same in zip(astuple(other.doubt), astuple(usual.doubt), strict=True):

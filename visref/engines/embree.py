@@ -71,7 +71,7 @@ class EmbreeEngine(RayEngine):
         if not isinstance(casts, PacketScene) or any(one.scattered or one.clips for one in grids):
             return super()._cast_all(grids, starts, triangle)
         place = self.rebase, self.scale
-        reached = self._by_turns(
+        reached = self._crew.by_turns(
             lambda view: casts.reached(grids[view], *place, starts[view][1]), range(len(grids))
         )
         aim = Aim.of(
@@ -79,7 +79,7 @@ class EmbreeEngine(RayEngine):
             self._plain_sides(casts),
         )  # fmt: skip
         turns = np.zeros(1, np.int64)
-        parts = self._on_all(lambda _: casts.cast(aim, turns, triangle), self._casting_workers)
+        parts = self._crew.on_all(lambda _: casts.cast(aim, turns, triangle), self._casting_workers)
         pending: Int64 = np.sum(parts, axis=0)
         return pending
 

@@ -23,8 +23,8 @@ from visref.engines.ray_kernels import (
     minus,
     point,
 )
+from visref.engines.turns import take
 from visref.scene import Float64, Int32
-from visref.turns import take
 from visref.visibility import BACKGROUND
 
 # Rows of a packet, in lanes of 32 bits: origin, tnear, direction, time, tfar, mask, id, flags,

@@ -3,9 +3,9 @@
 For each camera, tile by tile over all cores: rays are made in float64 and rounded once, the
 library names the nearest triangle, and `ray_kernels.resolve` computes its view depth in
 float64 and asks whether it counts. What is kept is the owner: its depth is computed again where
-somebody looks at it. The few samples whose hit does not count but may hide one
-that does, the masked triangles and the blended layers go to `splat_kernels` and `mask_kernels`,
-which test triangles against samples in float64; nothing is recast, so nothing behind a hit is lost.
+somebody looks at it. The few samples whose hit does not count but may hide one that does, the
+masked triangles and the blended layers are left to `visref.engines.deciding`; nothing is recast, so
+nothing behind a hit is lost.
 
 Numeric policy: owners are the library's, good to its float32 rounding, so a sample within that
 of an edge, or of a crossing of two surfaces, may go to a neighbour. Depths, near, far and sides
@@ -21,21 +21,18 @@ frame's truth does not depend on the frames cast before it.
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
-from itertools import count, groupby
-from typing import Any, TypeVar
+from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.engines import mask_kernels, ray_kernels, splat_kernels
+from visref.engines import ray_kernels, splat_kernels
 from visref.engines.base import TruthEngine
+from visref.engines.crew import Crew
+from visref.engines.deciding import Deciding, View, of_alpha
 from visref.engines.grids import sample_grid
 from visref.engines.in_motion import (
     Parts,
@@ -57,37 +54,22 @@ from visref.engines.known_samples import (
 from visref.engines.lending import Lender
 from visref.engines.ray_kernels import PENDING, SampleGrid, Triangles
 from visref.errors import InputError
-from visref.masks.store import Masks
 from visref.placing import origin_of, somewhere
 from visref.scene import OTHERS_MOVE, Alpha, Float32, Float64, Int32, Int64, Scene, same_moving
 from visref.threads import available_threads
-from visref.visibility import (
-    BACKGROUND,
-    BlendVisibility,
-    Doubt,
-    FrameTruth,
-    VisibilityBuffer,
-)
+from visref.visibility import BACKGROUND, FrameTruth
 
-T = TypeVar("T")
 # A view depth, and how far off depths may be: see `RayEngine._start`.
 Start = tuple[float, float]
-# Hits of masked or blended triangles, a column an array.
-Layers = tuple[NDArray[Any], ...]
 
 # How far the library's hit may be off in depth, relative to the largest local coordinate: some
 # 16 roundings (2^-24) of vertex less origin, which is at most 2 sqrt(3) of that coordinate,
 # come to 2^-18.2. Rays start this much early; hits that this lets in are sorted out in float64.
 DEPTH_SLACK = 2.0**-18
 
-
 # An engine that gets known samples of one in so many triangles of some size wrong does not see
 # such triangles.
 SIGHT = 8
-
-
-# How many masked triangles, and rows of an image, a core takes at a time.
-MASKED_A_TURN, MASKED_ROWS = 1 << 13, 32
 
 
 class RayEngine(TruthEngine):
@@ -113,19 +95,15 @@ class RayEngine(TruthEngine):
         self._unseen, self._asked = np.zeros(0, np.int32), 0
         self._workers = threads or available_threads()
         moving = scene.moving if scene.moving is not None and scene.moving.any() else None
-        self._solid = _of_alpha(scene, Alpha.OPAQUE)
+        self._solid = of_alpha(scene, Alpha.OPAQUE)
         if scene.absent is not None:
             ever = ~scene.absent if moving is None else ~scene.absent | moving
             self._solid = self._solid[ever[scene.object_of_triangle[self._solid]]]
-        self._masked = _of_alpha(scene, Alpha.MASK)
-        self._blended = _of_alpha(scene, Alpha.BLEND)
         self._mesh = Triangles(
             scene.vertices, scene.triangles, scene.one_sided, scene.object_of_triangle
         )
-        self._memory = Lender()
-        # What threads need while they look through masks, while none does.
-        self._mask_scratch: list[mask_kernels.Scratch] = []
-        self._pool = ThreadPoolExecutor(self._workers) if self._workers > 1 else None
+        self._memory, self._crew = Lender(), Crew(self._workers)
+        self._deciding = Deciding(scene, self._solid, self._crew, self._memory)
         self.rebase_exact = True
         self._parts: Parts | None = None
         if moving is not None:
@@ -287,19 +265,14 @@ class RayEngine(TruthEngine):
         triangles = self._memory.lend(len(cameras) * samples).reshape(len(cameras), samples)
         grids = [sample_grid(camera) for camera in cameras]
         pending = self._cast(grids, triangles)
-        return [self._decided(*one) for one in zip(cameras, grids, triangles, pending, strict=True)]
-
-    def _decided(
-        self, camera: Camera, grid: SampleGrid, triangle: Int32, pending: int
-    ) -> FrameTruth:
-        """A view's truth, from what was cast."""
-        if pending:
-            self._settle(grid, triangle)
-        doubt = self._mask(camera, grid, triangle)
-        blend, veiled = self._blend(grid, triangle, doubt)
-        image = triangle.reshape(camera.height, camera.width)
-        buffer = VisibilityBuffer(image, OwnerDepths(self._mesh, grid))
-        return FrameTruth(camera, self.name, buffer, doubt=doubt[0], blend=blend, veiled=veiled)
+        return [
+            self._deciding.truth(
+                View(self.scene, camera, grid, self._mesh, triangle), self.name, pending=count > 0
+            )
+            for camera, grid, triangle, count in zip(
+                cameras, grids, triangles, pending, strict=True
+            )
+        ]
 
     def probe(self, camera: Camera, a: Float64, b: Float64) -> Int32:
         """Who is seen at any points of the continuous image, as `frame` sees its samples.
@@ -340,12 +313,11 @@ class RayEngine(TruthEngine):
             met = self._nearest(rays.astype(np.float32))
             result[part] = np.where(met >= 0, self._solid[met], BACKGROUND)
 
-        self._by_turns(work, range(0, len(origins), self.tile_samples))
+        self._crew.by_turns(work, range(0, len(origins), self.tile_samples), self._casting_workers)
         return result
 
     def close(self) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._crew.close()
 
     def _cast(self, grids: Sequence[SampleGrid], triangle: Int32) -> Int64:
         """Fill in the owners of views alike in size, (v, samples); returns how many samples of each
@@ -376,22 +348,7 @@ class RayEngine(TruthEngine):
             )
             return pending
 
-        return sum(self._by_turns(work, range(0, samples, tile)))
-
-    def _by_turns(
-        self, work: Callable[[int], T], parts: range, workers: int | None = None
-    ) -> list[T]:
-        """What `work` gives for each part, in order: whichever core is free takes the next.
-        `workers`: how many may be at it, by default as many as may cast."""
-        turn = count()
-        found: dict[int, T] = {}
-
-        def take(_: int) -> None:
-            while (index := next(turn)) < len(parts):
-                found[index] = work(parts[index])
-
-        self._on_all(take, min(workers or self._casting_workers, len(parts)))
-        return [found[index] for index in range(len(parts))]
+        return sum(self._crew.by_turns(work, range(0, samples, tile), self._casting_workers))
 
     @cached_property
     def _picked(self) -> Int32:
@@ -424,138 +381,9 @@ class RayEngine(TruthEngine):
         start = depth - slack
         return (max(start, 0.0) if grid.perspective else start), slack
 
-    def _settle(self, grid: SampleGrid, triangle: Int32) -> None:
-        """Decide the pending samples in float64, against all opaque triangles."""
-        mark = triangle == PENDING
-        triangle[mark] = BACKGROUND
-        depth = np.empty(len(triangle))
-        depth[mark] = np.inf
-        rows, columns = np.divmod(np.flatnonzero(mark), len(grid.column_a))
-        window = (int(columns.min()), int(columns.max()) + 1, int(rows[0]), int(rows[-1]) + 1)
-
-        def work(part: tuple[int, int, int, int]) -> None:
-            splat_kernels.splat(self._solid, self._mesh, grid, part, mark, triangle, depth)
-
-        self._in_bands(window, work)
-
-    def _mask(self, camera: Camera, grid: SampleGrid, triangle: Int32) -> tuple[Doubt, Float64]:
-        """Let masked triangles own the samples where they are solid, in place, and return the
-        samples that they leave open, with the least depth of what may be seen at each."""
-        if not len(self._masked):
-            return Doubt(), np.zeros(0)
-
-        axes = np.stack([camera.eye, camera.forward, camera.right_step, camera.up_step])
-        masks = self.scene.masks or Masks.none(self.scene.triangle_count)
-        parts: list[Layers] = self._by_turns(
-            lambda start: mask_kernels.in_view(
-                self._masked[start : start + MASKED_A_TURN], self._mesh, grid
-            ),
-            range(0, len(self._masked), MASKED_A_TURN),
-            self._workers,
-        )
-        found = mask_kernels.InView._make(_joined(parts, self._memory))
-        seen = found.taken(self._by_depth(found.nearest))
-        if not len(seen.triangle):
-            return Doubt(), np.zeros(0)
-        top, bottom = int(seen.window[:, 2].min()), int(seen.window[:, 3].max())
-        free = self._mask_scratch
-
-        def work(row: int) -> Layers:
-            try:
-                scratch = free.pop().seeing(grid, MASKED_ROWS)
-            except IndexError:
-                scratch = mask_kernels.Scratch.of(grid, MASKED_ROWS)
-            rows = row, min(row + MASKED_ROWS, bottom)
-            found = mask_kernels.shown(seen, self._mesh, grid, rows, triangle, masks, axes, scratch)
-            free.append(scratch)
-            return found
-
-        bands = self._by_turns(work, range(top, bottom, MASKED_ROWS), self._workers)
-        sample, count, which, least = _joined(bands, self._memory)
-        offsets = self._memory.lend(len(count) + 1, np.int64)
-        offsets[0] = 0
-        np.cumsum(count, out=offsets[1:])
-        return Doubt(sample, offsets, which), least
-
-    def _by_depth(self, nearest: Float64) -> Int64:
-        """The order in which masked triangles are looked at, by the least depths of each."""
-        return np.argsort(nearest)
-
-    def _blend(
-        self, grid: SampleGrid, triangle: Int32, open_: tuple[Doubt, Float64]
-    ) -> tuple[BlendVisibility, Int32]:
-        """Blended triangles that lie before the owners, and before all that a mask leaves open;
-        and those, ascending, that lie before the owners alone."""
-        if not len(self._blended):
-            return BlendVisibility(), np.zeros(0, np.int32)
-
-        def work(part: tuple[int, int, int, int]) -> Layers:
-            found: Layers = splat_kernels.layers(
-                self._blended, self._mesh, grid, part, triangle, False
-            )
-            return found
-
-        sample, which, z, error = _joined(self._in_bands(_whole(grid), work), self._memory)
-        doubt, least = open_
-        kept = np.ones(len(sample), np.bool_)
-        if len(doubt):
-            place = np.minimum(np.searchsorted(doubt.sample, sample), len(doubt) - 1)
-            kept = (doubt.sample[place] != sample) | (z + error < least[place])
-        blend = BlendVisibility.of(self.scene, sample[kept], which[kept], z[kept])
-        return blend, np.unique(which[~kept])
-
-    def _in_bands(
-        self, window: tuple[int, int, int, int], work: Callable[[tuple[int, int, int, int]], T]
-    ) -> list[T]:
-        """What `work` gives for each band of a window's rows, on all cores."""
-        x0, x1, y0, y1 = window
-        bands = max(1, min(self._workers, y1 - y0))
-        edges = [y0 + (y1 - y0) * band // bands for band in range(bands + 1)]
-        return self._on_all(lambda band: work((x0, x1, edges[band], edges[band + 1])), bands)
-
-    def _on_all(self, work: Callable[[int], T], workers: int) -> list[T]:
-        if self._pool is None or workers == 1:
-            return [work(index) for index in range(workers)]
-        return list(self._pool.map(work, range(workers)))
-
-
-@dataclass(frozen=True)
-class OwnerDepths:
-    """How deep a frame's owners lie: in float64, as they stood when it was cast."""
-
-    mesh: Triangles
-    grid: SampleGrid
-
-    def __call__(self, triangle: Int32, samples: Int64 | None) -> Float64:
-        """As `visref.visibility.DepthOf`."""
-        depth = np.full(len(triangle), np.inf)
-        if len(self.mesh.triangles):
-            at = np.zeros(0, np.int64) if samples is None else samples
-            everywhere = samples is None
-            ray_kernels.owner_depths(triangle, at, everywhere, self.mesh, self.grid, depth)
-        return depth
-
 
 def _about_one(directions: Float64) -> Float64:
     """Each row of (k, 3) times a power of two, its greatest component from 1/2 to 1."""
     exponent = np.frexp(np.abs(directions).max(axis=1))[1]
     scaled: Float64 = np.ldexp(directions, -exponent[:, None])
     return scaled
-
-
-def _whole(grid: SampleGrid) -> tuple[int, int, int, int]:
-    return 0, len(grid.column_a), 0, len(grid.row_b)
-
-
-def _of_alpha(scene: Scene, alpha: Alpha) -> Int32:
-    return np.flatnonzero(scene.alpha == alpha).astype(np.int32)
-
-
-def _joined(bands: list[Layers], memory: Lender) -> Layers:
-    """Each column of the bands' hits, one after another."""
-    found = []
-    for column in zip(*bands, strict=True):
-        rows, of_row = sum(len(part) for part in column), column[0].shape[1:]
-        room = memory.lend(rows * math.prod(of_row), column[0].dtype)
-        found.append(np.concatenate(column, out=room.reshape(rows, *of_row)))
-    return tuple(found)

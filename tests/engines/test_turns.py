@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from visref.compiled import njit
-from visref.turns import take
+from visref.engines.turns import take
 
 TURNS, STEP, THREADS = 200_000, 3, 4
 
