@@ -29,7 +29,14 @@ MODULE_M = 12.0
 STOREY_M = 3.5
 WELL_M = 1.5  # half-width of the hole in the slab
 ROOM_M = 4.0
+# Two screens at a right angle round a seat: from (x, z) to (x, z), and how high.
+SCREENS, SCREEN_M = (((-1.2, -0.65), (1.2, -0.58)), ((-1.2, -0.58), (-1.13, 1.0))), 1.75
+# How near to a screen the eye may come, which has its near plane 0.1 ahead.
+CLEAR_M = 0.15
 SEATS = ((-4.0, -4.0), (0.0, -4.0), (4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))
+
+# Label, mesh, place, and quarter turns.
+Piece = tuple[str, Mesh, tuple[float, float, float], int]
 
 _solid = partial(furniture.mesh, solid=True)
 
@@ -55,11 +62,11 @@ def skyscraper(*, seed: int = 0, scale: float = 1.0, frames: int = 60) -> Datase
                     for label, mesh, place, turns in pieces
                 )
                 modules.append(furniture.placed(name, None, at, 0, parts))
-    return Dataset("skyscraper", tuple(modules), _path(floors, frames))
+    return Dataset("skyscraper", tuple(modules), _path(floors, frames, _across(pieces)))
 
 
-def _module(rng: np.random.Generator) -> list[tuple[str, Mesh, tuple[float, float, float], int]]:
-    """The objects of a module: (label, mesh, place, quarter turns)."""
+def _module(rng: np.random.Generator) -> list[Piece]:
+    """The objects of a module."""
     stock = {
         "desk": _solid("desk", furniture.desk()),
         "computer": _solid("computer", furniture.computer()),
@@ -136,22 +143,37 @@ def _walls() -> Mesh:
 
 def _partition() -> Mesh:
     """Two screens at a right angle round a desk."""
-    screens = [
-        box([-1.2, 0.0, -0.65], [1.2, 1.75, -0.58]),
-        box([-1.2, 0.0, -0.58], [-1.13, 1.75, 1.0]),
-    ]
+    screens = [box([x0, 0.0, z0], [x1, SCREEN_M, z1]) for (x0, z0), (x1, z1) in SCREENS]
     return _solid("partition", {"cloth": merge(screens)})
 
 
-def _path(floors: int, frames: int) -> CameraPath:
+def _across(pieces: list[Piece]) -> list[tuple[float, float]]:
+    """From where to where along a module the way through its doors is at a screen, or all but."""
+    found = []
+    for label, _, place, turns in pieces:
+        if label.startswith("partition"):
+            for (x0, z0), (x1, z1) in SCREENS:
+                ends = np.array([[x0, 0.0, z0], [x1, 0.0, z1]]) @ quarter_turn(turns).T + place
+                (low, _, first), (high, _, last) = ends.min(axis=0), ends.max(axis=0)
+                if first - CLEAR_M < -ROOM_M < last + CLEAR_M:
+                    found.append((float(low) - CLEAR_M, float(high) + CLEAR_M))
+    return found
+
+
+def _path(floors: int, frames: int, screens: list[tuple[float, float]]) -> CameraPath:
     """Through the doors along the first row of rooms of a middle floor, looking across the
-    whole tower, left and right."""
+    whole tower, left and right. Who would stand in a screen stands before it or behind."""
     y = (floors // 2) * STOREY_M + 1.625
     length = SIDE * MODULE_M - ROOM_M
     cameras = []
     for k in range(frames):
         done = (k + 0.5) / frames
-        eye = np.array([(done - 0.5) * length + (SIDE - 1) * MODULE_M / 2, y, -ROOM_M])
+        x = (done - 0.5) * length + (SIDE - 1) * MODULE_M / 2
+        module = MODULE_M * round(x / MODULE_M)
+        for low, high in screens:
+            if low < x - module < high:
+                x = module + (low if x - module - low < high - x + module else high)
+        eye = np.array([x, y, -ROOM_M])
         turn = 0.8 * math.sin(6.0 * math.pi * done)
         target = eye + np.array([math.sin(turn), -0.05, math.cos(turn)])
         cameras.append(

@@ -36,6 +36,8 @@ WALL_M = 0.125
 DOOR_M = (1.0, 2.125)
 EYE_HEIGHT_M = 1.625
 
+# From a screen's middle, how far one walks beside it.
+ASIDE_M = 0.25
 # How far ahead along the path the eye looks, and over how much of it the gaze is averaged.
 LOOK_AHEAD_M = 1.5
 
@@ -81,6 +83,13 @@ def _opening(number: int, length: float) -> tuple[float, float]:
     """Where one walks past a screen: (x, z), left and right in turn."""
     side = CORRIDOR_M / 2 - WALL_M / 2 - DOOR_M[0] / 2
     return (number + 0.5) * length / SCREENS, side if number % 2 else -side
+
+
+def _screen(z: float) -> tuple[float, float]:
+    """From where to where a screen stands whose opening is at z."""
+    side = math.copysign(1.0, z)
+    ends = -side * CORRIDOR_M / 2, z - side * DOOR_M[0] / 2
+    return min(ends), max(ends)
 
 
 def _across(x: float) -> Soup:
@@ -130,7 +139,7 @@ def _shell(offices: int) -> Mesh:
         ]
     for k in range(SCREENS):
         x, z = _opening(k, length)
-        sides = sorted((-z / abs(z) * inner, z - z / abs(z) * DOOR_M[0] / 2))
+        sides = _screen(z)
         walls.append(box([x - half, 0.0, sides[0]], [x + half, HEIGHT_M, sides[1]]))
     floor = box([0.0, -0.25, -outer], [length, 0.0, outer])
     ceiling = box([0.0, HEIGHT_M, -outer], [length, HEIGHT_M + 0.25, outer])
@@ -191,7 +200,8 @@ def _path(offices: int, frames: int) -> CameraPath:
         corners += [(x + dx, z) for dx, z in (ring if place else ring[2:])]
         corners += [(x, door + 0.8 * side), (x, 0.0)]
     corners.append((0.5 * width, 0.0))
-    way = np.array(_past_screens(corners, offices * width))
+    openings = _openings(offices * width)
+    way = np.array(_past_screens(corners, openings))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     cameras = []
     for k in range(frames):
@@ -203,7 +213,8 @@ def _path(offices: int, frames: int) -> CameraPath:
         )
         if s + 0.5 * LOOK_AHEAD_M > walked[-1]:
             ahead = at + np.array([-1.0, 0.0])
-        eye = np.array([at[0], EYE_HEIGHT_M, at[1]])
+        x = _aside(at, _along(way, walked, s + 0.1), openings)
+        eye = np.array([x, EYE_HEIGHT_M, at[1]])
         target = np.array([ahead[0], EYE_HEIGHT_M - 0.1, ahead[1]])
         cameras.append(
             Camera(look_at(eye, target), 512, 512, near=0.1, far=500.0, yfov=math.radians(60.0))
@@ -211,14 +222,32 @@ def _path(offices: int, frames: int) -> CameraPath:
     return CameraPath(tuple(cameras))
 
 
-def _past_screens(corners: list[tuple[float, float]], length: float) -> list[tuple[float, float]]:
-    """The way with a corner at each opening that its stretches of corridor pass."""
+def _openings(length: float) -> list[tuple[float, float]]:
+    """Where one walks past the screens of all copies, (x, z), from right to left."""
     openings = []
     for copy in range(COPIES):
         for k in range(SCREENS):
             x, z = _opening(k, length)
             openings.append((x + copy * length, z))
-    openings.sort(reverse=True)
+    return sorted(openings, reverse=True)
+
+
+def _aside(at: Float64, later: Float64, openings: list[tuple[float, float]]) -> float:
+    """The x at which one walks: where a screen stands before an office's door, at its right on
+    the way in and at its left on the way out. `later`: where the way goes on to."""
+    x, z = at.tolist()
+    for screen, opening in openings:
+        low, high = _screen(opening)
+        if abs(x - screen) < ASIDE_M and low - ASIDE_M < z < high + ASIDE_M:
+            right = abs(later[1]) > abs(z) if x == screen else x > screen
+            return screen + (ASIDE_M if right else -ASIDE_M)
+    return float(x)
+
+
+def _past_screens(
+    corners: list[tuple[float, float]], openings: list[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """The way with a corner at each opening that its stretches of corridor pass."""
     way = corners[:1]
     for before, after in itertools.pairwise(corners):
         if before[1] == after[1] == 0.0:
