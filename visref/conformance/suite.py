@@ -249,7 +249,7 @@ def exact_truths(built: Case) -> tuple[FrameTruth, ...]:
             if engine is not None:
                 engine.close()
             engine = ExactEngine(scene)
-        truths += [engine.frame(camera).copy() for camera in frame.cameras]
+        truths += engine.frames(frame.cameras)
     if engine is not None:
         engine.close()
     return tuple(truths)
