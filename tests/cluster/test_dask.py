@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
+import signal
 import sys
 import threading
+from collections import Counter
 
 import pytest
 
@@ -80,6 +83,57 @@ def test_what_a_lost_worker_had_is_judged_by_another(client, tmp_path):
     marks = mark(tmp_path / "marks", times=1)
     by_dask(client, tmp_path / "dask", MakingEnds(marks))
     assert os.listdir(marks) == []
+    assert differing(tmp_path / "one", tmp_path / "dask") == []
+
+
+def losing_what_was_said(client, monkeypatch, go=1):
+    """From now on one task is done, and its worker lost before anybody has what it said: the first
+    whose stretch is given to a worker for so many times. What became of such a task then."""
+    gather, given, became = client.gather, Counter(), []
+
+    async def late(future, **how):
+        what = future.key.rpartition("-")[0]
+        given[what] += 1
+        meant = given[what] == go
+        while meant and future.status == "pending":
+            await asyncio.sleep(0.01)
+        if meant and not became and future.status == "finished":
+            became.append(None)
+            [holder] = (await client.who_has([future]))[future.key]
+            pids = await client.run(os.getpid, workers=[holder])
+            os.kill(pids[holder], signal.SIGKILL)
+            while future.status == "finished":
+                await asyncio.sleep(0)
+            became[0] = future.status
+        return await gather(future, **how)
+
+    monkeypatch.setattr(client, "gather", late)
+    return became
+
+
+@pytest.mark.parametrize("frames_each", [None, 2])
+def test_what_is_lost_before_it_is_fetched_is_found_again(
+    frames_each, client, tmp_path, monkeypatch
+):
+    judge_to_folder(switched(), cullers("units"), tmp_path / "one")
+    became = losing_what_was_said(client, monkeypatch)
+    told, _ = by_dask(client, tmp_path / "dask", Making("units"), frames_each=frames_each)
+    assert became == ["lost"]
+    assert sorted(told) == list(switched().frames)
+    assert differing(tmp_path / "one", tmp_path / "dask") == []
+
+
+def test_a_suspect_whose_worker_is_lost_once_it_ended_well_is_not_convicted(
+    client, tmp_path, monkeypatch
+):
+    dask = pytest.importorskip("dask")
+    allowed = dask.config.get("distributed.scheduler.allowed-failures")
+    judge_to_folder(switched(), [("forgets", Forgets()), ("ends", Forgets())], tmp_path / "one")
+    became = losing_what_was_said(client, monkeypatch, go=2)
+    marks = mark(tmp_path / "marks", times=allowed + 1)
+    by_dask(client, tmp_path / "dask", MakingEnds(marks))
+    assert os.listdir(marks) == []
+    assert became == ["lost"]
     assert differing(tmp_path / "one", tmp_path / "dask") == []
 
 

@@ -38,7 +38,7 @@ _MOST_FRAMES = 100
 _FIRST_WORKER_S = 120.0
 _NO_WORKER_S = 120.0
 _LOOK_S = 2.0
-_BEGUN = "begun"
+_BEGUN, _ENDED_WELL = "begun", "ended well"
 
 
 @contextmanager
@@ -109,7 +109,7 @@ class _Running:
 
     def __init__(self, client: Any, order: Order, run: Begun) -> None:
         self._client, self._order, self._run = client, order, run
-        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._ended: queue.SimpleQueue[_Ended] = queue.SimpleQueue()
         self._under_way: dict[str, _Task] = {}
         self._suspects: list[Stretch] = []
         self._held: Any = None
@@ -165,7 +165,18 @@ class _Running:
         key = f"visref-{'look' if stretch is None else stretch}-{uuid.uuid4().hex}"
         future = self._client.submit(work, *given, key=key)
         self._under_way[key] = _Task(stretch, future)
-        future.add_done_callback(self._ended.put)
+        self._client.loop.add_callback(self._fetch, future)
+
+    async def _fetch(self, future: Any) -> None:
+        """Wait for what a task says, until it is here: a worker that is lost takes with it what its
+        tasks had said, and that is then found again, by tasks that are no longer done."""
+        said: dict[str, Any] = {}
+        raised = None
+        try:
+            said = await self._client.gather(future, asynchronous=True)
+        except Exception as error:
+            raised = error
+        self._ended.put(_Ended(future.key, said, raised))
 
     def _take(self, on_frame: Callable[[int], None], topic: str | None = None) -> None:
         """Wait for one task, and keep what it found. One that ended its workers is a suspect; where
@@ -186,23 +197,19 @@ class _Running:
 
     def _next(self) -> tuple[Stretch, dict[str, Any]]:
         """What the next task that ends has said, and of which stretch. Raises what it raised."""
-        from distributed import KilledWorker
+        from distributed import CancelledError, KilledWorker
 
-        future = self._wait()
-        task = self._under_way.pop(future.key)
+        ended = self._wait()
+        task = self._under_way.pop(ended.key)
         stretch = task.stretch or Stretch(0, 0)
-        if future.status == "finished":
-            try:
-                said: dict[str, Any] = future.result()
-            except Exception as error:  # its worker was lost with it, or the scheduler
-                raise self._broken(error) from error
-            raise_told(said)
-            return stretch, said
-        if future.status != "error":
+        why = ended.raised
+        if why is None:
+            raise_told(ended.said)
+            return stretch, ended.said
+        if isinstance(why, CancelledError):
             raise Unfinished(
                 "the scheduler let go of a part of the run: it was restarted, or has lost it"
-            )
-        why = future.exception()
+            ) from why
         if isinstance(why, KilledWorker):
             if task.stretch is None:
                 raise Unfinished(
@@ -216,8 +223,8 @@ class _Running:
             )
         raise self._broken(why) from why
 
-    def _wait(self) -> Any:
-        """The next future that is done."""
+    def _wait(self) -> _Ended:
+        """The next task that has ended."""
         empty_since = None
         while True:
             with suppress(queue.Empty):
@@ -255,7 +262,8 @@ class _Running:
         """What is said of a stretch that ends each worker that judges it."""
         frames = stretch.of(self._order.frames)
         which = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
-        said = [word for _, word in self._client.get_events(topic) if word != _BEGUN]
+        marks = (_BEGUN, _ENDED_WELL)
+        said = [word for word in _told_under(self._client, topic) if word not in marks]
         at = f"; the last one ended as {said[-1]}" if said else ""
         return Unfinished(f"{which}: each worker that judged this part ended by it{at}")
 
@@ -269,6 +277,15 @@ class _Task:
 
     stretch: Stretch | None
     future: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """What the task of this key has said, or raised."""
+
+    key: str
+    said: dict[str, Any]
+    raised: Exception | None
 
 
 class _WorkersLost(Exception):
@@ -336,10 +353,17 @@ def _judge_there(
     if topic is None:
         return judge_stretch(order, stretch, threads=threads)
     client = get_client()
-    if client.get_events(topic):
+    told = _told_under(client, topic)
+    if told and told[-1] != _ENDED_WELL:
         # Once is enough: it ended the worker that told what it does.
         return {"poisonous": True}
     client.log_event(topic, _BEGUN)
-    return judge_stretch(
+    said = judge_stretch(
         order, stretch, threads=threads, trace=lambda words: client.log_event(topic, words)
     )
+    client.log_event(topic, _ENDED_WELL)
+    return said
+
+
+def _told_under(client: Any, topic: str) -> list[str]:
+    return [words for _, words in client.get_events(topic)]
