@@ -17,12 +17,12 @@ Bool = NDArray[np.bool_]
 
 def every(flags: Bool, axis: int | tuple[int, ...]) -> Bool:
     """Whether all are set, along an axis."""
-    return np.asarray(np.all(flags, axis=axis))
+    return np.asarray(flags.all(axis=axis))
 
 
 def some(flags: Bool, axis: int | tuple[int, ...]) -> Bool:
     """Whether any is set, along an axis."""
-    return np.asarray(np.any(flags, axis=axis))
+    return np.asarray(flags.any(axis=axis))
 
 
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
@@ -44,7 +44,8 @@ class Boxes:
     def corners(self) -> Float64:
         """(k, 8, 3) in the world."""
         boxes = np.where(self.there[:, None, None], self.boxes, 0.0)
-        return np.stack([boxes[:, _CORNERS[:, axis], axis] for axis in range(3)], axis=2)
+        found: Float64 = boxes[:, _CORNERS, np.arange(3)]
+        return found
 
     def local(self, points: Float64) -> Float64:
         """(…, 3): to the right, up, and view depth."""
@@ -63,24 +64,7 @@ class Boxes:
 
     def beyond(self, local: Float64) -> Bool:
         """(…, 6) bool: beyond the left, right, bottom, top, near and far plane."""
-        camera = self.camera
-        step = float(np.linalg.norm(camera.right_step))
-        # The image's edges, half a pixel beyond the outermost samples.
-        left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
-        top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
-        scale = z if camera.is_perspective else np.ones_like(z)
-        return np.stack(
-            [
-                x < left * scale,
-                x > right * scale,
-                y < bottom * scale,
-                y > top * scale,
-                z < camera.near,
-                z > camera.far,
-            ],
-            axis=-1,
-        )
+        return beyond(self.camera, local, edges(self.camera), self.camera.is_perspective)
 
     @cached_property
     def planes(self) -> Bool:
@@ -116,20 +100,19 @@ class Boxes:
     def pixels(self, local: Float64) -> Float64:
         """(…, 2) pixel coordinates, whole numbers at samples."""
         camera = self.camera
-        step = float(np.linalg.norm(camera.right_step))
-        scale = step * (local[..., 2] if camera.is_perspective else np.ones(local.shape[:-1]))
+        depth = local[..., 2] if camera.is_perspective else np.ones(local.shape[:-1])
+        scale = step_of(camera) * depth
         with np.errstate(divide="ignore", invalid="ignore"):
-            x = (local[..., 0] / scale - camera.column_a[0]) / 2.0
-            y = (camera.row_b[0] - local[..., 1] / scale) / 2.0
-        return np.stack([x, y], axis=-1)
+            found: Float64 = local[..., :2] / scale[..., None]
+        found[..., 0] = (found[..., 0] - camera.column_a[0]) / 2.0
+        found[..., 1] = (camera.row_b[0] - found[..., 1]) / 2.0
+        return found
 
     @cached_property
     def spans(self) -> Float64:
         """(k, 4) float64: x0, y0, x1, y1 in pixels, finite; they say something of boxes that cross
         no near plane."""
-        # Far beyond the image is as good as infinity, and no arithmetic's trouble.
-        found = np.nan_to_num(span(self.pixels(self.seen_from)), nan=0.0)
-        return np.asarray(np.clip(found, -1e9, 1e9))
+        return finite(span(self.pixels(self.seen_from)))
 
     @cached_property
     def rectangles(self) -> Int32:
@@ -146,22 +129,63 @@ def within(camera: Camera, spans: Float64, *, texel: int = 1, inward: bool = Fal
     """(k, 4) int32 texels of `texel` samples a side that spans touch (or, `inward`, hold), clipped
     to the image; empty where x1 < x0."""
     width, height = -(-camera.width // texel), -(-camera.height // texel)
-    # Far beyond the image is as good as infinity, and no division's trouble.
-    spans = np.clip(np.nan_to_num(spans, nan=0.0), -1e9, 1e9)
+    spans = finite(spans)
     low, high = spans[:, :2] - 1e-6, spans[:, 2:] + 1e-6
     # A sample stands for the pixel about it, half a pixel each way.
     if inward:
         first, last = np.ceil((low + 0.5) / texel), np.floor((high + 0.5) / texel) - 1
     else:
         first, last = np.floor(low) // texel, np.ceil(high) // texel
-    first = np.clip(np.nan_to_num(first, nan=0.0), 0, (width, height))
-    last = np.clip(np.nan_to_num(last, nan=-1.0), -1, (width - 1, height - 1))
-    return np.concatenate([first, last], axis=1).astype(np.int32)
+    found = np.empty((len(spans), 4), np.int32)
+    found[:, :2] = np.minimum(np.maximum(first, 0), (width, height))
+    found[:, 2:] = np.minimum(np.maximum(last, -1), (width - 1, height - 1))
+    return found
+
+
+Edges = tuple[float, float, float, float]
+
+
+def edges(camera: Camera) -> Edges:
+    """The image's left, right, bottom and top edge, half a pixel beyond the outermost samples, at
+    view depth 1 (at any, where rays are parallel)."""
+    step = step_of(camera)
+    left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
+    top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+    return left, right, bottom, top
+
+
+def beyond(camera: Camera, local: Float64, edges: Edges, perspective: bool) -> Bool:
+    """(…, 6) bool: which points, (…, 3) local coordinates, lie beyond the left, right, bottom, top,
+    near and far plane, of a view that has these edges."""
+    left, right, bottom, top = edges
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    scale = z if perspective else np.ones_like(z)
+    found = np.empty((*z.shape, 6), np.bool_)
+    np.less(x, left * scale, out=found[..., 0])
+    np.greater(x, right * scale, out=found[..., 1])
+    np.less(y, bottom * scale, out=found[..., 2])
+    np.greater(y, top * scale, out=found[..., 3])
+    np.less(z, camera.near, out=found[..., 4])
+    np.greater(z, camera.far, out=found[..., 5])
+    return found
+
+
+def finite(spans: Float64) -> Float64:
+    """Far beyond the image is as good as infinity, and no arithmetic's trouble; what is no number
+    is in the middle of nowhere, 0."""
+    known = np.where(np.isnan(spans), 0.0, spans)
+    return np.minimum(np.maximum(known, -1e9), 1e9)
+
+
+def step_of(camera: Camera) -> float:
+    """Half the width of a pixel, at view depth 1 (at any, where rays are parallel)."""
+    step = camera.right_step
+    return math.sqrt(step.dot(step))
 
 
 def half_angle(camera: Camera) -> float:
     """tan(yfov / 2), or half the height."""
-    return float(np.linalg.norm(camera.right_step)) * camera.height
+    return step_of(camera) * camera.height
 
 
 def finite_far(camera: Camera, else_: float) -> float:

@@ -69,24 +69,32 @@ def _found(looked: Sequence[Looked], only: Bool) -> Float64 | None:
     sign = np.where(lost, 1, -1)
     tried, best, way = 1, 0, np.zeros(3)
 
-    def net(step: Float64) -> int:
-        return int(sign @ ~every(inside + normals @ step >= 0.0, 1))
-
-    near = [np.array(one) * unit for one in product(STEPS, repeat=3)]
+    near = unit * np.array(list(product(STEPS, repeat=3)))
     for _ in range(TIMES + 1):
-        for step in near:
-            tried += 1
-            found = net(step)
-            if found > best:
-                best, way, unit_of = found, step, np.abs(step).max()
+        tried += len(near)
+        nets = sign @ _out(inside, normals, near)
+        first = int(np.argmax(nets))
+        if nets[first] > best:
+            best, way = int(nets[first]), near[first]
+            unit_of = np.abs(way).max()
         if not best:
             return None
         unit_of = unit_of / 2.0
-        near = [way + np.array(one) * unit_of for one in product((-1.0, 0.0, 1.0), repeat=3)]
-    out = ~every(inside + normals @ way >= 0.0, 1)
+        near = way + unit_of * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+    out = _out(inside, normals, way[None])[:, 0]
     right, wrong = int((out & lost).sum()), int((out & ~lost).sum())
     found_odds = odds(right, wrong, int(lost.sum()), len(lost))
     return way if found_odds >= ODDS * tried else None
+
+
+def _out(inside: Float64, normals: Float64, ways: Float64) -> Bool:
+    """(k, m) which boxes lie beyond a side of the view, (k, 6) and (k, 6, 3), moved by each of the
+    ways, (m, 3)."""
+    found = np.zeros((len(inside), len(ways)), np.bool_)
+    for side in range(inside.shape[1]):
+        along = normals[:, side, :, None] * ways.T
+        found |= ~(inside[:, side, None] + (along[:, 0] + along[:, 1] + along[:, 2]) >= 0.0)
+    return found
 
 
 def _displaced(way: Float64, only: Bool) -> Hypothesis:

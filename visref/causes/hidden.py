@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, within
+from visref.causes.boxes import Boxes, step_of, within
 from visref.causes.layers import Layers
 from visref.causes.points import POINTS
 from visref.causes.quantised import QUANTISED
-from visref.causes.rectangles import asked, by_box, by_sample, kept
+from visref.causes.rectangles import any_asked, asked, by_box, by_sample, kept
 from visref.causes.shapes import TOO_LARGE, boxes_hide_boxes, eye_inside_asked
 from visref.causes.sights import CLIP_PLANE, OWN_TOO, At, Sight, Tell, Told
 from visref.causes.texels import (
@@ -76,7 +76,7 @@ def straight_both(at: At) -> Told:
     camera = at.camera
     if not camera.is_perspective:
         return None
-    step = float(np.linalg.norm(camera.right_step))
+    step = step_of(camera)
     a, b = np.meshgrid(camera.column_a * step, camera.row_b * step)
     longer = np.sqrt(1.0 + a * a + b * b)
     near = at.now.layers()
@@ -91,12 +91,10 @@ def some_of(pick: Callable[[Float64], Float64]) -> Tell:
         sides = at.boxes.rectangles.astype(np.float64)
         filled = sides[:, 2] >= sides[:, 0]
         points = np.floor(pick(sides)).astype(np.int32)
-        passes = np.zeros(len(sides), np.bool_)
-        for i in range(points.shape[1]):
-            one = np.concatenate([points[:, i], points[:, i]], axis=1)
-            one[~filled] = (0, 0, -1, -1)
-            passes |= asked(at, one, at.boxes.nearest).passing > 0
-        return kept(at, passes)
+        ones = np.concatenate([points, points], axis=2)
+        ones[~filled] = (0, 0, -1, -1)
+        depths = np.broadcast_to(at.boxes.nearest[:, None], ones.shape[:2])
+        return kept(at, any_asked(at, ones, depths))
 
     return tell
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, every, some, within
+from visref.causes.boxes import Boxes, edges, every, some, within
 from visref.causes.lenses import (
     first_lens,
     first_viewport,
@@ -174,9 +174,7 @@ def sphere(radius: Callable[[Float64], Float64]) -> Tell:
         r = radius(sides)
         x, y, z = boxes.centres.T
         camera = boxes.camera
-        step = float(np.linalg.norm(camera.right_step))
-        left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
-        top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+        left, right, bottom, top = edges(camera)
         outside = (z + r < camera.near) | (z - r > camera.far)
         for side, across, sign in ((left, x, 1), (right, x, -1), (bottom, y, 1), (top, y, -1)):
             if camera.is_perspective:
@@ -300,12 +298,10 @@ def on_a_plane(at: At) -> Told:
     boxes, camera = at.boxes, at.camera
     local = boxes.seen_from
     # The view shrunk by a hair.
-    step = float(np.linalg.norm(camera.right_step))
     hair = 1e-9 * (np.abs(local).max(initial=1.0) + camera.near)
     z = local[..., 2]
     scale = z if camera.is_perspective else np.ones_like(z)
-    left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
-    top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+    left, right, bottom, top = edges(camera)
     x, y = local[..., 0], local[..., 1]
     beyond = np.stack(
         [

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, every, some
+from visref.causes.boxes import Boxes, edges, every, some
 from visref.causes.evidence import Answer
 from visref.causes.fitted import ODDS, odds
 from visref.causes.in_view import kept_by_depth, origins
@@ -107,9 +107,7 @@ POINTS &= every(VOLUMES.middle == 0.0, 1)
 
 def sides_of(camera: Camera) -> Float64:
     """(6, 4): the view is where n p + d >= 0 for each: left, right, bottom, top, near and far."""
-    step = float(np.linalg.norm(camera.right_step))
-    left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
-    top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
+    left, right, bottom, top = edges(camera)
     ends = np.array([-left, right, -bottom, top])
     local = np.zeros((6, 4))
     local[[0, 1, 2, 3], [0, 0, 1, 1]] = 1.0, -1.0, 1.0, -1.0

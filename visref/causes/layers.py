@@ -12,12 +12,13 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
+from visref.causes.boxes import step_of
 from visref.compiled import njit
 from visref.near_plane import cut_off, in_camera_space
 from visref.scene import Float64, Int32, Int64
@@ -83,8 +84,7 @@ class LayersKept:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
+class Tested(NamedTuple):
     """What rectangles hold of the depth of others: (k,) float64 `farthest` and `nearest` depth
     (-inf and inf for an empty one), and (k,) int64, at how many samples it is at or behind the
     depth asked for (`passing`), and strictly behind it (`beyond`)."""
@@ -108,7 +108,7 @@ def draw(
     plane = np.zeros(4) if camera.clip_plane is None else np.array(camera.clip_plane)
     lens = np.array(
         [
-            float(np.linalg.norm(camera.right_step)),
+            step_of(camera),
             camera.column_a[0],
             camera.row_b[0],
             camera.near,
@@ -155,10 +155,7 @@ def ask(
     `whole`: look at every sample; otherwise at no more once one is strictly behind."""
     count = len(rectangles)
     found = Tested(
-        np.full(count, -np.inf),
-        np.full(count, np.inf),
-        np.zeros(count, np.int64),
-        np.zeros(count, np.int64),
+        np.empty(count), np.empty(count), np.empty(count, np.int64), np.empty(count, np.int64)
     )
     _ask(
         layers.nearest,

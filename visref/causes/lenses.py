@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes
+from visref.causes.boxes import Boxes, beyond, step_of
 from visref.causes.sights import At, Tell, Told
 from visref.scene import Float64
 
@@ -49,23 +49,11 @@ class Extent(Boxes):
     perspective: bool
 
     def beyond(self, local: Float64) -> Bool:
-        camera = self.camera
-        step = float(np.linalg.norm(camera.right_step))
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
-        scale = z if self.perspective else np.ones_like(z)
-        width, height = self.half
+        camera, (width, height) = self.camera, self.half
+        step = step_of(camera)
         aside, up = 2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step
-        return np.stack(
-            [
-                x < (aside - width) * scale,
-                x > (aside + width) * scale,
-                y < (up - height) * scale,
-                y > (up + height) * scale,
-                z < camera.near,
-                z > camera.far,
-            ],
-            axis=-1,
-        )
+        sides = aside - width, aside + width, up - height, up + height
+        return beyond(camera, local, sides, self.perspective)
 
 
 def extent(at: At, half: tuple[float, float], perspective: bool) -> Told:
@@ -74,7 +62,7 @@ def extent(at: At, half: tuple[float, float], perspective: bool) -> Told:
 
 
 def halves(camera: Camera) -> tuple[float, float]:
-    step = float(np.linalg.norm(camera.right_step))
+    step = step_of(camera)
     return step * camera.width, step * camera.height
 
 

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.causes.boxes import some
 from visref.causes.in_view import origins
-from visref.causes.rectangles import asked, kept
+from visref.causes.rectangles import any_asked, kept
 from visref.causes.sights import At, Tell, Told
 from visref.scene import Float64
 
@@ -43,15 +44,10 @@ def rays(points: Callable[[At], Float64], *, in_image: bool) -> Tell:
             inside = ((pixels > -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=2)
         inside &= local[..., 2] > at.camera.near
         places = np.where(inside[..., None], np.rint(np.where(inside[..., None], pixels, 0.0)), 0)
-        reached = np.zeros(len(at.ids), np.bool_)
-        for i in range(places.shape[1]):
-            one = np.concatenate([places[:, i], places[:, i]], axis=1).astype(np.int32)
-            one = np.clip(one, 0, (width - 1, height - 1, width - 1, height - 1)).astype(np.int32)
-            depth = np.ascontiguousarray(local[:, i, 2])
-            free = asked(at, one, depth).passing > 0
-            reached |= free & inside[:, i]
-            if not in_image:
-                reached |= ~inside[:, i]
+        places = np.minimum(np.maximum(places, 0), (width - 1, height - 1)).astype(np.int32)
+        reached = any_asked(at, np.concatenate([places, places], axis=2), local[..., 2], inside)
+        if not in_image:
+            reached |= some(~inside, 1)
         return kept(at, reached)
 
     return tell

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from visref.causes.boxes import some
 from visref.causes.layers import Layers, Tested, ask
 from visref.causes.sights import At, Sight
 from visref.scene import Float64, Int32
@@ -27,6 +28,21 @@ def asked(
     if layers is None:
         layers = (sight or at.now).layers()
     return ask(layers, rectangles, depths, at.ids, own=own or at.own, whole=whole)
+
+
+def any_asked(at: At, rectangles: Int32, depths: Float64, counts: Bool | None = None) -> Bool:
+    """(k,) whether some of the rectangles of each of `at.ids`, (k, m, 4) int32, is not hidden at
+    (k, m) view depths by the depth of others, of those that count, (k, m)."""
+    number = rectangles.shape[1]
+    found = ask(
+        at.now.layers(),
+        rectangles.reshape(-1, 4),
+        depths.reshape(-1),
+        np.repeat(at.ids, number),
+        own=at.own,
+    )
+    free = (found.passing > 0).reshape(-1, number)
+    return some(free if counts is None else free & counts, 1)
 
 
 def kept(at: At, passes: Bool) -> Bool:

@@ -172,6 +172,7 @@ class Sight:
     shown: Callable[[], Shown]
     owners: Callable[[], Int32]
     store: LayersKept
+    _last: tuple[Int32, Boxes] | None = None
 
     @cached_property
     def seen(self) -> Bool:
@@ -185,16 +186,28 @@ class Sight:
     def _owners(self) -> Int32:
         return self.owners()
 
+    @cached_property
+    def seen_anywhere(self) -> Bool:
+        """(u,) bool, the units that own samples."""
+        return self.seen_in(slice(None), slice(None))
+
     def seen_in(self, rows: slice, columns: slice) -> Bool:
         """(u,) bool, the units that own samples of a part of the image."""
-        triangles = np.unique(self._owners[rows, columns]).astype(np.int64)
-        unit, _ = self.place.members.units(triangles[triangles >= 0])
+        # The background's -1 is the last place.
+        owns = np.zeros(self.place.scene.triangle_count + 1, np.bool_)
+        owns[self._owners[rows, columns].reshape(-1)] = True
+        unit, _ = self.place.members.units(np.flatnonzero(owns[:-1]))
         result = np.zeros(self.place.units.count, np.bool_)
         result[unit] = True
         return result
 
     def boxes(self, ids: Int32, camera: Camera | None = None) -> Boxes:
-        return Boxes(camera or self.camera, self.place.bounds[ids])
+        if camera is not None:
+            return Boxes(camera, self.place.bounds[ids])
+        # Several hypotheses, one after the other, are about the same boxes.
+        if self._last is None or self._last[0] is not ids:
+            self._last = ids, Boxes(self.camera, self.place.bounds[ids])
+        return self._last[1]
 
     def layers(
         self,

@@ -22,7 +22,7 @@ def coarse_inward(texel: int) -> Tell:
     """Texels that hold the farthest of their pixels, of which those within the rectangle."""
 
     def tell(at: At) -> Told:
-        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        layers = at.now.kept(("farthest", texel), lambda: farthest_of_texel(at, texel))
         rectangles = within(at.camera, at.boxes.spans, texel=texel, inward=True)
         return kept(at, asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0)
 
@@ -31,7 +31,7 @@ def coarse_inward(texel: int) -> Tell:
 
 def coarse_rounded(texel: int) -> Tell:
     def tell(at: At) -> Told:
-        layers = at.now.kept(("farthest", texel), lambda: blocks(at.now.layers(), texel, np.max))
+        layers = at.now.kept(("farthest", texel), lambda: farthest_of_texel(at, texel))
         low = np.rint((at.boxes.spans[:, :2] + 0.5) / texel)
         high = np.maximum(np.rint((at.boxes.spans[:, 2:] + 0.5) / texel), low + 1) - 1
         sides = np.array(layers.owner.shape[::-1])
@@ -43,38 +43,45 @@ def coarse_rounded(texel: int) -> Tell:
 
 
 def blocks(layers: Layers, texel: int, how: Any, *, whole_only: bool = False) -> Layers:
-    """Depths of `texel` by `texel` samples taken together. Where a texel is of one owner, both
-    depths are kept apart; elsewhere nobody owns it. `whole_only`: without the texels of an odd
-    side's rest."""
+    """Depths of `texel` by `texel` samples taken together, `how`: by `np.min`, `np.max` or
+    `np.mean`. Where a texel is of one owner, both depths are kept apart; elsewhere nobody owns it.
+    `whole_only`: without the texels of an odd side's rest."""
     height, width = layers.owner.shape
+    if whole_only:
+        height, width = height // texel * texel, width // texel * texel
+    rows, columns = -(-height // texel), -(-width // texel)
 
-    def reduced(image: Float64, fill: float) -> NDArray[Any]:
-        if whole_only:
-            image = image[: height // texel * texel, : width // texel * texel]
-        rows, columns = -(-image.shape[0] // texel), -(-image.shape[1] // texel)
-        wide = np.full((rows * texel, columns * texel), fill)
-        wide[: image.shape[0], : image.shape[1]] = image
-        return np.moveaxis(wide.reshape(rows, texel, columns, texel), 2, 1).reshape(
-            rows, columns, -1
-        )
+    def padded(image: NDArray[Any], fill: float) -> NDArray[Any]:
+        """(rows, texel, columns * texel)"""
+        wide = np.full((rows * texel, columns * texel), fill, image.dtype)
+        wide[:height, :width] = image[:height, :width]
+        return wide.reshape(rows, texel, columns * texel)
 
-    with np.errstate(invalid="ignore"):
-        owner = reduced(layers.owner.astype(np.float64), np.nan)
-        low, high = np.nanmin(owner, axis=2), np.nanmax(owner, axis=2)
-        nearest, second = (
-            _over(reduced(one, np.nan), how) for one in (layers.nearest, layers.second)
+    def extreme(image: NDArray[Any], of: np.ufunc, fill: float) -> NDArray[Any]:
+        by_rows = of.reduce(padded(image, fill), axis=1)
+        return np.asarray(of.reduce(by_rows.reshape(rows, columns, texel), axis=2))
+
+    def mean(image: Float64) -> Float64:
+        each = padded(image, 0.0).reshape(rows, texel, columns, texel)
+        total = np.moveaxis(each, 2, 1).reshape(rows, columns, -1).sum(axis=2)
+        tall, wide = (
+            np.minimum(texel, side - texel * np.arange(count))
+            for side, count in ((height, rows), (width, columns))
         )
-    alone = low == high
+        return np.asarray(total / (tall[:, None] * wide))
+
+    def taken(image: Float64) -> Float64:
+        if how is np.mean:
+            return mean(image)
+        if how is np.max:
+            return extreme(image, np.maximum, -np.inf)
+        return extreme(image, np.minimum, np.inf)
+
+    nearest, second = taken(layers.nearest), taken(layers.second)
+    low = extreme(layers.owner, np.minimum, np.iinfo(np.int32).max)
+    alone = low == extreme(layers.owner, np.maximum, -1)
     own = np.where(alone, low, -1).astype(np.int32)
     return Layers(nearest, own, np.where(alone, second, nearest))
-
-
-def _over(texels: NDArray[Any], how: Any) -> Float64:
-    if how is np.max:
-        return np.asarray(np.nanmax(texels, axis=2))
-    if how is np.min:
-        return np.asarray(np.nanmin(texels, axis=2))
-    return np.asarray(np.nanmean(texels, axis=2))
 
 
 def coarse(texel: int, make: Callable[[At, int], Layers], key: str) -> Tell:
@@ -135,6 +142,10 @@ def nearest_of_texel(at: At, texel: int) -> Layers:
     return blocks(at.now.layers(), texel, np.min)
 
 
+def farthest_of_texel(at: At, texel: int) -> Layers:
+    return blocks(at.now.layers(), texel, np.max)
+
+
 def whole_texels(at: At, texel: int) -> Layers:
     return blocks(at.now.layers(), texel, np.max, whole_only=True)
 
@@ -163,7 +174,7 @@ def at_the_edge(texel: int, *, from_below: bool = False) -> Tell:
         rows = height // texel * texel
         whole = slice(height - rows, None) if from_below else slice(rows)
         inner = at.now.seen_in(whole, slice(width // texel * texel))
-        return (inner | ~at.now.seen_in(slice(None), slice(None)))[at.ids]
+        return (inner | ~at.now.seen_anywhere)[at.ids]
 
     return tell
 
