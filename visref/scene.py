@@ -259,6 +259,10 @@ class Scene(Shared):
         return bool((self.alpha == Alpha.MASK).any())
 
     @cached_property
+    def has_one_sided(self) -> bool:
+        return bool(self.one_sided.any())
+
+    @cached_property
     def object_bounds(self) -> Float64:
         """(n, 2, 3) float64, each object's least and greatest corner (exact: they are float32
         values); an object without triangles, or that is absent, has (+inf, -inf)."""

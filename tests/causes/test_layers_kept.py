@@ -8,7 +8,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.causes.small import Stage, at
 from visref.causes.layers import Layers, LayersKept
+from visref.causes.sights import Sights
+from visref.conformance.building import camera, case, pixel_panel
 
 SIDE = 8
 EACH = Layers.empty(SIDE, SIDE).bytes
@@ -51,3 +54,24 @@ def test_memory_is_given_back():
         tracemalloc.stop()
     assert held < 12 << 20
     assert np.isinf(kept.get(39, lambda: Layers.empty(1, 1)).nearest).all()
+
+
+def test_what_a_scene_has_not_makes_no_other_layers():
+    """Nor do those of a moment stand for others, however often its sight was made."""
+    asked = at(panels)
+    sights = Sights(asked.sights.moments, asked.sights.answers)
+    now = sights.sight(0, "")
+    drawn = now.layers()
+    again = now.layers(masks=True, glass=True, back_faces=True, unclipped=True)
+    assert again is drawn
+    assert now.layers(before_near=True) is not drawn
+    sights._sights.clear()
+    assert sights.sight(0, "").layers() is drawn
+    other = sights.sight(1, "").layers()
+    assert other is not drawn
+    assert not np.array_equal(other.nearest, drawn.nearest)
+
+
+def panels():
+    here, nearer = camera(), camera(eye=(0.0, 0.0, -1.0))
+    return Stage(case([("panel", pixel_panel(here, (10, 30), (10, 30), 9.0))], [here, nearer]))

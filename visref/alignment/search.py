@@ -260,7 +260,7 @@ class _World:
         """The same by object."""
         if changed is None:
             return None
-        if hypothesis.turned and not self.still.one_sided.any():
+        if hypothesis.turned and not self.still.has_one_sided:
             return None
         cameras = self.path.frames[changed.place].cameras
         key = changed.place, changed.views

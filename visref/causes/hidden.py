@@ -274,7 +274,7 @@ def among(
         known = (
             (masks and scene.has_mask)
             or (glass and scene.has_blend)
-            or (back_faces and scene.one_sided.any())
+            or (back_faces and scene.has_one_sided)
             or (unclipped and at.camera.clip_plane is not None)
             or (before_near and _is_cut(at))
         )

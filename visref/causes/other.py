@@ -48,7 +48,7 @@ def turned_away(*, one_sided_only: bool = False, reverse: bool = False, axis: bo
         if reverse:
             away = ~away
         if one_sided_only:
-            if not scene.one_sided.any():
+            if not scene.has_one_sided:
                 return None
             away &= scene.one_sided
         if not first:

@@ -47,8 +47,9 @@ SPECIAL = frozenset(
 OWN_TOO = ", own depth too"
 # So many moments are kept: what all hypotheses look at for one answer.
 KEPT = 32
-# Bytes of their layers: those of some twenty pictures of 1280 x 960.
-LAYERS_BYTES = 512 << 20
+# Bytes of their layers, those of some twenty pictures of 1280 x 960: of what is drawn, which is
+# asked for again by other answers, and of what is made of that for a cause or two.
+DRAWN_BYTES, MADE_BYTES = 320 << 20, 192 << 20
 # In place of a frame: the rest pose.
 AT_REST = -1
 
@@ -163,15 +164,17 @@ class Place:
 
 @dataclass(eq=False)
 class Sight:
-    """One camera on a place. `seen`: (u,) bool, the units that show, by the truth; `samples`: (u,)
-    int64, at how many samples."""
+    """One camera on a place; no other sight of a culler has its `key`. `seen`: (u,) bool, the units
+    that show, by the truth; `samples`: (u,) int64, at how many samples."""
 
     frame: int
+    key: tuple[int, str, int | None]
     camera: Camera
     place: Place
     shown: Callable[[], Shown]
     owners: Callable[[], Int32]
-    store: LayersKept
+    drawn: LayersKept
+    made: LayersKept
     _last: tuple[Int32, Boxes] | None = None
 
     @cached_property
@@ -221,14 +224,18 @@ class Sight:
     ) -> Layers:
         """What hides, triangle by triangle: by default what is opaque and turned this way, between
         near, far and clip plane."""
+        scene = self.place.scene
+        # Where there is no such thing, the layers are those without.
+        masks, glass = masks and scene.has_mask, glass and scene.has_blend
+        back_faces = back_faces and scene.has_one_sided
+        unclipped = unclipped and (camera or self.camera).clip_plane is not None
         key = (camera, masks, glass, back_faces, unclipped, before_near)
 
         def make() -> Layers:
             taken = camera or self.camera
-            scene = self.place.scene
             kinds = [Alpha.OPAQUE, *[Alpha.MASK] * masks, *[Alpha.BLEND] * glass]
             solid = np.isin(scene.alpha, kinds)
-            if not back_faces and scene.one_sided.any():
+            if not back_faces and scene.has_one_sided:
                 solid &= ~(scene.one_sided & ~facing(scene, taken))
             if unclipped:
                 taken = replace(taken, clip_plane=None)
@@ -246,11 +253,11 @@ class Sight:
             )
             return layers
 
-        return self.kept(key, make)
+        return self.drawn.get((self.key, key), make)
 
     def kept(self, key: Hashable, make: Callable[[], Layers]) -> Layers:
-        """Layers of this sight, made once, or again where they were given up."""
-        return self.store.get((self, key), make)
+        """Layers made of those of this sight, once, or again where they were given up."""
+        return self.made.get((self.key, key), make)
 
 
 def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = False) -> Bool:
@@ -270,7 +277,7 @@ class Sights:
         self._members = Membership(units)
         self._places: dict[int, Place] = {}
         self._sights: dict[tuple[int, str, int | None], Sight] = {}
-        self._layers = LayersKept(LAYERS_BYTES)
+        self._drawn, self._made = LayersKept(DRAWN_BYTES), LayersKept(MADE_BYTES)
 
     @cached_property
     def shares_triangles(self) -> bool:
@@ -298,6 +305,7 @@ class Sights:
             scene = timeline.still if at == AT_REST else timeline.at(at)
             self._sights[key] = Sight(
                 frame,
+                key,
                 camera,
                 self.place(scene),
                 lambda: (
@@ -306,7 +314,8 @@ class Sights:
                     else self.moments.cast(scene, camera)
                 ),
                 lambda: self.moments.owners(scene, camera),
-                self._layers,
+                self._drawn,
+                self._made,
             )
         return self._sights[key]
 

@@ -84,7 +84,7 @@ _CLASSES = {
     ),
     "one-sided": _Class(
         "surfaces that are culled from behind and hide nothing there",
-        lambda scene, path, units: bool(scene.one_sided.any()),
+        lambda scene, path, units: scene.has_one_sided,
     ),
     "orthographic": _Class(
         "orthographic views",

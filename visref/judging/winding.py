@@ -45,7 +45,7 @@ def inside_out(
     """A finding where the scene looks inside out to the cameras of these frames, a list of views
     each, relative to the scene's origin; an engine of this kind casts it with both sides solid.
     Nothing is cast where no triangle is one-sided."""
-    if not scene.one_sided.any():
+    if not scene.has_one_sided:
         return []
     both_sided = replace(scene, one_sided=np.zeros(scene.triangle_count, np.bool_))
     solid = kind(both_sided, threads=threads)

@@ -108,7 +108,7 @@ class Case:
     def inputs(self, engine: str = DEFAULT_ENGINE, threads: int | None = 1) -> Inputs:
         """What a run of this case works on."""
         scene, path = self.scene, self.path
-        if not self.cull_backfaces and scene.one_sided.any():
+        if not self.cull_backfaces and scene.has_one_sided:
             scene = replace(scene, one_sided=np.zeros(scene.triangle_count, np.bool_))
         if self.shapes:
             scene = _rigged(scene, self.vertex_starts, self.shapes)

@@ -106,7 +106,7 @@ def structure_of(shrunk: Shrunk) -> str:
         "glass": bool((scene.alpha == Alpha.BLEND).any()),
         "mask": scene.masks is not None,
         "equal names": len(set(scene.given_names)) < scene.object_count,
-        "one-sided": bool(scene.one_sided.any()),
+        "one-sided": scene.has_one_sided,
     }
     several = "several objects" if scene.object_count > 1 else "an object"
     return ", ".join([several, *(name for name, there in special.items() if there)])

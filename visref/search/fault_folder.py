@@ -121,7 +121,7 @@ def _opened(folder: Path, case: Case, engine: str) -> Inputs:
 
 def _culls(case: Case) -> bool:
     """Whether the setting makes a difference to the case."""
-    return case.cull_backfaces and bool(case.scene.one_sided.any())
+    return case.cull_backfaces and case.scene.has_one_sided
 
 
 def _scene_arguments(case: Case, engine: str) -> list[str]:
