@@ -78,12 +78,55 @@ class DependsOnThreads(Changed):
 
 
 class Remembers(Changed):
-    frames = 0
+    asked = 0
 
     def change(self, truth):
-        self.frames += 1
-        truth.buffer.depth[:] += self.frames
+        self.asked += 1
+        truth.buffer.depth[:] += self.asked
         return truth
+
+
+class GivesTheFirstForAll(ExactEngine):
+    def frames(self, cameras):
+        return [self.frame(cameras[0]).copy() for _ in cameras]
+
+
+class TurnsThemRound(ExactEngine):
+    def frames(self, cameras):
+        return super().frames(cameras[::-1])
+
+
+class LeavesOneOut(ExactEngine):
+    def frames(self, cameras):
+        return super().frames(cameras[:-1])
+
+
+class UsesItsArraysAgain(ExactEngine):
+    """Of `frames`, in what it gives: whoever holds a truth sees the next one."""
+
+    last = None
+
+    def frames(self, cameras):
+        truths = super().frames(cameras)
+        self.last = self.last or truths
+        for held, truth in zip(self.last, truths, strict=False):
+            if held.buffer.triangle.shape == truth.buffer.triangle.shape:
+                held.buffer.triangle[:] = truth.buffer.triangle
+        return truths
+
+
+class SaysAhead(ExactEngine):
+    """Its truths are in the same arrays each time, though it says that each has its own."""
+
+    ahead = True
+    room = None
+
+    def frame(self, camera):
+        truth = super().frame(camera)
+        if self.room is None or self.room.shape != truth.buffer.triangle.shape:
+            self.room = truth.buffer.triangle
+        self.room[:] = truth.buffer.triangle
+        return replace(truth, buffer=VisibilityBuffer(self.room, truth.buffer.depth))
 
 
 class StaysBehind(ExactEngine):
@@ -112,6 +155,11 @@ class FailsToCloseTwice(ExactEngine):
         (FillsTheBackground, "walk_through_a_city"),
         (DependsOnThreads, "same_answer_again"),
         (Remembers, "same_answer_again"),
+        (GivesTheFirstForAll, "frames_together"),
+        (TurnsThemRound, "frames_together"),
+        (LeavesOneOut, "frames_together"),
+        (UsesItsArraysAgain, "frames_together"),
+        (SaysAhead, "frames_together"),
         (StaysBehind, "in_motion"),
         (FailsToCloseTwice, "close_at_any_time"),
     ],

@@ -16,6 +16,7 @@ also asked for a scene that moves; another one is for scenes that stand still.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -212,6 +213,38 @@ def _repeats(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
     return tuple(problems)
 
 
+def _together(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
+    """Cameras of several sizes, asked for at once, get the answers that each gets by itself, and
+    keep them; so do single ones, and while frames are cast in another thread, where the engine says
+    that it may be asked `ahead`."""
+    built, _ = built_case("walk_through_a_city", seed)
+    cameras = list(built.path)
+    half = replace(cameras[0], width=cameras[0].width // 2)
+    cameras = [*cameras[:2], half, *cameras[2:]]
+    engine = make_engine(built.scene, threads=2)
+    problems = []
+    try:
+        alone = [_bytes(engine.frame(camera)) for camera in cameras]
+        truths = engine.frames(cameras)
+        if [_bytes(truth) for truth in truths] != alone:
+            problems.append("frames() gives other answers than frame()")
+        engine.frames(cameras[::-1])
+        if [_bytes(truth) for truth in truths] != alone:
+            problems.append("truths of frames() change when others are cast")
+        if engine.frames([]):
+            problems.append("frames() of no camera gives truths")
+        if engine.ahead:
+            with ThreadPoolExecutor(1) as other:
+                coming = other.submit(engine.frames, cameras)
+                held = [engine.frame(camera) for camera in cameras]
+                both = coming.result(), held
+            if any([_bytes(truth) for truth in some] != alone for some in both):
+                problems.append("frames cast in another thread change answers, or are changed")
+    finally:
+        engine.close()
+    return tuple(problems)
+
+
 def _moments(seed: int, count: int = 3) -> list[tuple[Scene, Camera]]:
     """A city of which half moves, comes and goes, at several moments; each with a camera."""
     built, _ = built_case("walk_through_a_city", seed)
@@ -290,6 +323,7 @@ def _closes(make_engine: MakeEngine, seed: int) -> tuple[str, ...]:
 
 _CONTRACT = [
     EngineCheck("same_answer_again", "threads and other frames change no byte", _repeats),
+    EngineCheck("frames_together", "several cameras at once, as each by itself", _together),
     EngineCheck("in_motion", "a scene that moves is seen as it stands", _in_motion),
     EngineCheck("empty_scene_is_background", "nothing is background everywhere", _empty),
     EngineCheck("close_at_any_time", "closing never fails", _closes),
