@@ -65,6 +65,9 @@ def test_what_a_scene_has_not_makes_no_other_layers():
     again = now.layers(masks=True, glass=True, back_faces=True, unclipped=True)
     assert again is drawn
     assert now.layers(before_near=True) is not drawn
+    small = now.layers(by=2)
+    assert small.owner.shape == tuple(side // 2 for side in drawn.owner.shape)
+    assert now.layers(by=2, masks=True, glass=True) is small
     sights._sights.clear()
     assert sights.sight(0, "").layers() is drawn
     other = sights.sight(1, "").layers()

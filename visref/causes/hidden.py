@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from visref.causes.points import POINTS
 from visref.causes.quantised import QUANTISED
 from visref.causes.rectangles import any_asked, asked, by_box, by_sample, kept
 from visref.causes.shapes import TOO_LARGE, boxes_hide_boxes, eye_inside_asked
-from visref.causes.sights import CLIP_PLANE, OWN_TOO, At, Sight, Tell, Told
+from visref.causes.sights import CLIP_PLANE, OWN_TOO, At, Tell, Told
 from visref.causes.texels import (
     at_the_edge,
     coarse,
@@ -170,39 +169,26 @@ def smaller_image(by: int) -> Tell:
     """What shows in an image of a fraction of the size."""
 
     def tell(at: At) -> Told:
-        small = _smaller(at.camera, by)
-        if small is None:
+        if _too_small(at.camera, by):
             return None
-        layers = at.now.kept(("small", by), lambda: _drawn(at.now, small))
+        layers = at.now.layers(by=by, masks=True, glass=True)
         return by_sample(at, layers) & at.boxes.in_view | ~at.boxes.there
 
     return tell
 
 
-def _smaller(camera: Camera, by: int) -> Camera | None:
-    if min(camera.width, camera.height) < 2 * by:
-        return None
-    return replace(
-        camera,
-        width=-(-camera.width // by),
-        height=-(-camera.height // by),
-        shift_x_px=camera.shift_x_px / by,
-        shift_y_px=camera.shift_y_px / by,
-    )
-
-
-def _drawn(sight: Sight, camera: Camera) -> Layers:
-    return sight.layers(camera=camera, masks=True, glass=True)
+def _too_small(camera: Camera, by: int) -> bool:
+    """Whether a fraction of the size says nothing."""
+    return min(camera.width, camera.height) < 2 * by
 
 
 def smaller_depth(by: int) -> Tell:
     """Boxes against the depth that is drawn at a fraction of the size."""
 
     def tell(at: At) -> Told:
-        small = _smaller(at.camera, by)
-        if small is None:
+        if _too_small(at.camera, by):
             return None
-        layers = at.now.kept(("small depth", by), lambda: at.now.layers(camera=small))
+        layers = at.now.layers(by=by)
         rectangles = within(at.camera, at.boxes.spans, texel=by)
         found = asked(at, rectangles, at.boxes.nearest, layers=layers).passing > 0
         return kept(at, found)

@@ -215,7 +215,7 @@ class Sight:
     def layers(
         self,
         *,
-        camera: Camera | None = None,
+        by: int = 1,
         masks: bool = False,
         glass: bool = False,
         back_faces: bool = False,
@@ -223,16 +223,16 @@ class Sight:
         before_near: bool = False,
     ) -> Layers:
         """What hides, triangle by triangle: by default what is opaque and turned this way, between
-        near, far and clip plane."""
+        near, far and clip plane. `by`: drawn at such a fraction of the size."""
         scene = self.place.scene
         # Where there is no such thing, the layers are those without.
         masks, glass = masks and scene.has_mask, glass and scene.has_blend
         back_faces = back_faces and scene.has_one_sided
-        unclipped = unclipped and (camera or self.camera).clip_plane is not None
-        key = (camera, masks, glass, back_faces, unclipped, before_near)
+        unclipped = unclipped and self.camera.clip_plane is not None
+        key = (by, masks, glass, back_faces, unclipped, before_near)
 
         def make() -> Layers:
-            taken = camera or self.camera
+            taken = self.camera if by == 1 else _smaller(self.camera, by)
             kinds = [Alpha.OPAQUE, *[Alpha.MASK] * masks, *[Alpha.BLEND] * glass]
             solid = np.isin(scene.alpha, kinds)
             if not back_faces and scene.has_one_sided:
@@ -258,6 +258,17 @@ class Sight:
     def kept(self, key: Hashable, make: Callable[[], Layers]) -> Layers:
         """Layers made of those of this sight, once, or again where they were given up."""
         return self.made.get((self.key, key), make)
+
+
+def _smaller(camera: Camera, by: int) -> Camera:
+    """The view at a fraction of the size, rounded up."""
+    return replace(
+        camera,
+        width=-(-camera.width // by),
+        height=-(-camera.height // by),
+        shift_x_px=camera.shift_x_px / by,
+        shift_y_px=camera.shift_y_px / by,
+    )
 
 
 def facing(scene: Scene, camera: Camera, *, axis: bool = False, eye: bool = False) -> Bool:

@@ -14,7 +14,6 @@ import numpy as np
 from visref.camera_path import CameraPath
 from visref.errors import InputError
 from visref.files import replacing_folder
-from visref.scene import Alpha
 from visref.search import edits
 from visref.search.case import Case
 from visref.search.fault_folder import FAULT_FOLDER, write_fault
@@ -103,7 +102,7 @@ def structure_of(shrunk: Shrunk) -> str:
         "clip plane": any(camera.clip_plane is not None for camera in cameras),
         "far plane": any(np.isfinite(camera.far) for camera in cameras),
         "far out": bool(scene.origin.any()),
-        "glass": bool((scene.alpha == Alpha.BLEND).any()),
+        "glass": scene.has_blend,
         "mask": scene.masks is not None,
         "equal names": len(set(scene.given_names)) < scene.object_count,
         "one-sided": scene.has_one_sided,
