@@ -134,7 +134,7 @@ def root_mean_square_across(camera: Camera, points: Float64, offsets: Float64) -
 
 def _pixel(camera: Camera) -> float:
     """A pixel's width in world units, at unit depth in a perspective view."""
-    return 2.0 * float(np.linalg.norm(camera.right_step))
+    return 2.0 * camera.half_pixel
 
 
 def _summary(reduction: int, frames: list[_Frame]) -> dict[str, Any]:

@@ -220,3 +220,12 @@ def test_pose_that_overflows_is_refused(turn):
     matrix[:2, :2] = [[1e200, 1e200], [turn * -1e200, 1e200]]
     with pytest.raises(InputError, match="world_from_camera"):
         Camera(matrix, 2, 2, near=0.1, yfov=1.0)
+
+
+@pytest.mark.parametrize(
+    ("lens", "half"), [({"yfov": 1.0}, math.tan(0.5) / 6), ({"ymag": 3.0}, 0.5)]
+)
+def test_half_a_pixel_is_the_image_s_half_height_by_its_rows(lens, half):
+    camera = Camera(look_at((1.0, 2.0, 3.0), (4.0, 5.0, 7.0)), 8, 6, near=0.1, far=10.0, **lens)
+    assert camera.half_pixel == pytest.approx(half, rel=1e-15)
+    assert camera.half_pixel == np.linalg.norm(camera.right_step)

@@ -212,6 +212,11 @@ class Camera(Shared):
         return self._kept(self.world_from_camera[:3, 1] * self._step)
 
     @cached_property
+    def half_pixel(self) -> float:
+        """|R|: half the width of a pixel at view depth 1, or at any where rays are parallel."""
+        return math.sqrt(self.right_step.dot(self.right_step))
+
+    @cached_property
     def column_a(self) -> Float64:
         """a of every pixel column: (width,) float64, integers unless the lens is shifted."""
         x = np.arange(self.width, dtype=np.float64)

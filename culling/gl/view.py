@@ -154,7 +154,7 @@ class View:
     @cached_property
     def pixel(self) -> float:
         """Width of a pixel in world units: at unit depth for a perspective view."""
-        return 2.0 * float(np.linalg.norm(self.camera.right_step))
+        return 2.0 * self.camera.half_pixel
 
     @cached_property
     def _window_error_px(self) -> float:
@@ -205,7 +205,7 @@ def _check_lengths(camera: Camera, scene: Scene) -> None:
     """Raise InputError where GL would flush or overflow lengths, without a word."""
     away = float(np.abs(scene.bounds - camera.eye).max())
     greatest = max(away, float(np.abs(camera.eye).max()), float(np.abs(scene.bounds).max()))
-    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    pixel = 2.0 * camera.half_pixel
     least = pixel * away if camera.is_perspective else pixel
     # An empty scene has nothing to draw.
     if away > 0.0 and not (greatest < GREATEST_LENGTH and least > LEAST_LENGTH):

@@ -140,7 +140,7 @@ def light_from_relative(light: Light, eye: Float64) -> Float64:
     local = np.concatenate([axes, (axes @ (eye - camera.eye))[:, None]], axis=1)
     distance, one = -local[2], np.array([0.0, 0.0, 0.0, 1.0])
     divisor = distance if camera.is_perspective else one
-    step = float(np.linalg.norm(camera.right_step))
+    step = camera.half_pixel
     # As Camera.pixel_of, half a pixel on: lexel k is k ... k + 1.
     x = 0.5 * local[0] / step + (0.5 * camera.width - camera.shift_x_px) * divisor
     y = -0.5 * local[1] / step + (0.5 * camera.height - camera.shift_y_px) * divisor
@@ -150,5 +150,5 @@ def light_from_relative(light: Light, eye: Float64) -> Float64:
 def lexels_per_unit(light: Light) -> Float64:
     """(2,) float64, lexels that a unit of length has: (at any distance, or of a spot light at
     distance 1)."""
-    lexels = 0.5 / float(np.linalg.norm(light.camera.right_step))
+    lexels = 0.5 / light.camera.half_pixel
     return np.array([lexels, 0.0] if light.directional else [0.0, lexels])

@@ -63,9 +63,7 @@ def small_camera(camera: Camera, scale: int) -> Camera:
 def grown(view: View, boxes: Float64) -> Float64:
     """Boxes (k, 2, 3) relative to the eye, larger by what the module's argument asks."""
     camera = view.camera
-    texel = 2.0 * max(
-        float(np.linalg.norm(camera.right_step)), float(np.linalg.norm(camera.up_step))
-    )
+    texel = 2.0 * max(camera.half_pixel, float(np.linalg.norm(camera.up_step)))
     reach = np.linalg.norm(np.abs(boxes).max(axis=1), axis=1)
     growth = GROWTH_TEXELS * texel * (reach if camera.is_perspective else np.ones(len(boxes)))
     return boxes + np.array([[-1.0], [1.0]]) * growth[:, None, None]

@@ -101,7 +101,7 @@ class Boxes:
         """(…, 2) pixel coordinates, whole numbers at samples."""
         camera = self.camera
         depth = local[..., 2] if camera.is_perspective else np.ones(local.shape[:-1])
-        scale = step_of(camera) * depth
+        scale = camera.half_pixel * depth
         with np.errstate(divide="ignore", invalid="ignore"):
             found: Float64 = local[..., :2] / scale[..., None]
         found[..., 0] = (found[..., 0] - camera.column_a[0]) / 2.0
@@ -148,7 +148,7 @@ Edges = tuple[float, float, float, float]
 def edges(camera: Camera) -> Edges:
     """The image's left, right, bottom and top edge, half a pixel beyond the outermost samples, at
     view depth 1 (at any, where rays are parallel)."""
-    step = step_of(camera)
+    step = camera.half_pixel
     left, right = (camera.column_a[0] - 1.0) * step, (camera.column_a[-1] + 1.0) * step
     top, bottom = (camera.row_b[0] + 1.0) * step, (camera.row_b[-1] - 1.0) * step
     return left, right, bottom, top
@@ -177,15 +177,9 @@ def finite(spans: Float64) -> Float64:
     return np.minimum(np.maximum(known, -1e9), 1e9)
 
 
-def step_of(camera: Camera) -> float:
-    """Half the width of a pixel, at view depth 1 (at any, where rays are parallel)."""
-    step = camera.right_step
-    return math.sqrt(step.dot(step))
-
-
 def half_angle(camera: Camera) -> float:
     """tan(yfov / 2), or half the height."""
-    return step_of(camera) * camera.height
+    return camera.half_pixel * camera.height
 
 
 def finite_far(camera: Camera, else_: float) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from visref.causes.boxes import Boxes, step_of
+from visref.causes.boxes import Boxes
 from visref.causes.layers import Layers
 from visref.causes.rectangles import asked
 from visref.causes.sights import At, Sight, Tell
@@ -124,7 +124,7 @@ def aside(axes: tuple[int, ...]) -> Callable[[At], Float64]:
 
     def value(at: At) -> Float64:
         camera, local = at.camera, at.boxes.seen_from
-        step = step_of(camera)
+        step = camera.half_pixel
         found = np.zeros(len(at.ids))
         shift = (2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step)
         sides = (step * camera.width, step * camera.height)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, step_of, within
+from visref.causes.boxes import Boxes, within
 from visref.causes.layers import Layers
 from visref.causes.points import POINTS
 from visref.causes.quantised import QUANTISED
@@ -75,7 +75,7 @@ def straight_both(at: At) -> Told:
     camera = at.camera
     if not camera.is_perspective:
         return None
-    step = step_of(camera)
+    step = camera.half_pixel
     a, b = np.meshgrid(camera.column_a * step, camera.row_b * step)
     longer = np.sqrt(1.0 + a * a + b * b)
     near = at.now.layers()

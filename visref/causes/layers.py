@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import step_of
 from visref.compiled import njit
 from visref.near_plane import cut_off, in_camera_space
 from visref.scene import Float64, Int32, Int64
@@ -108,7 +107,7 @@ def draw(
     plane = np.zeros(4) if camera.clip_plane is None else np.array(camera.clip_plane)
     lens = np.array(
         [
-            step_of(camera),
+            camera.half_pixel,
             camera.column_a[0],
             camera.row_b[0],
             camera.near,

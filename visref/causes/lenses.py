@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visref.camera import Camera
-from visref.causes.boxes import Boxes, beyond, step_of
+from visref.causes.boxes import Boxes, beyond
 from visref.causes.sights import At, Tell, Told
 from visref.scene import Float64
 
@@ -50,7 +50,7 @@ class Extent(Boxes):
 
     def beyond(self, local: Float64) -> Bool:
         camera, (width, height) = self.camera, self.half
-        step = step_of(camera)
+        step = camera.half_pixel
         aside, up = 2.0 * camera.shift_x_px * step, -2.0 * camera.shift_y_px * step
         sides = aside - width, aside + width, up - height, up + height
         return beyond(camera, local, sides, self.perspective)
@@ -62,7 +62,7 @@ def extent(at: At, half: tuple[float, float], perspective: bool) -> Told:
 
 
 def halves(camera: Camera) -> tuple[float, float]:
-    step = step_of(camera)
+    step = camera.half_pixel
     return step * camera.width, step * camera.height
 
 

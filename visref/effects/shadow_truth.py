@@ -123,7 +123,7 @@ class ShadowTruth:
         the shadows' faces there against each other, for points at depths `near` ... `far`."""
         # Half of the interval is the surface's own doubt; a shadow's face has no more there.
         along = (far - near) + _depth_step(camera, far, tolerance)
-        pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+        pixel = 2.0 * camera.half_pixel
         across = tolerance.snap_px * pixel * (far if camera.is_perspective else np.ones_like(far))
         return along * self._longest(camera) + across + self._face_error(camera)
 

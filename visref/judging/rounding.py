@@ -34,7 +34,7 @@ def moved_px(scene: Scene, camera: Camera, triangles: Int32) -> Float64:
     if scene.moved is None or not len(triangles):
         return np.zeros(len(triangles))
     corners = scene.triangles[triangles]
-    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    pixel = 2.0 * camera.half_pixel
     if camera.is_perspective:
         depth = (scene.vertices[corners] - camera.eye) @ camera.forward
         pixels: Float64 = scene.moved[corners] / (pixel * np.maximum(depth, camera.near))
@@ -48,7 +48,7 @@ def may_matter(scene: Scene, camera: Camera) -> bool:
     """Whether any vertex moved so far that it may be seen from this camera at all."""
     if scene.moved is None:
         return False
-    pixel = 2.0 * float(np.linalg.norm(camera.right_step))
+    pixel = 2.0 * camera.half_pixel
     least = camera.near if camera.is_perspective else 1.0
     return scene.most_moved > FORGIVEN_PX * pixel * least
 

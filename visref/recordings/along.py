@@ -72,8 +72,8 @@ def _other_camera(recorded: Camera, camera: Camera) -> str:
         return "the position"
     if not _near(recorded.world_from_camera[:3, :3], camera.world_from_camera[:3, :3], 1.0):
         return "the direction"
-    step = float(np.linalg.norm(camera.right_step))
-    if not math.isclose(float(np.linalg.norm(recorded.right_step)), step, rel_tol=_SAME):
+    step = camera.half_pixel
+    if not math.isclose(recorded.half_pixel, step, rel_tol=_SAME):
         return "the field of view"
     shifts = (recorded.shift_x_px - camera.shift_x_px, recorded.shift_y_px - camera.shift_y_px)
     return "the lens shift" if max(map(abs, shifts)) > _SAME_PX else ""

@@ -67,7 +67,7 @@ class UnitImage:
         pixels, samples = np.array([shape[1], shape[0]]), np.array([camera.width, camera.height])
         if window is not None:
             pixels, samples = np.full(2, window.scale), np.ones(2)
-        per_unit = pixels / samples / (2.0 * float(np.linalg.norm(camera.right_step)))
+        per_unit = pixels / samples / (2.0 * camera.half_pixel)
         middle = np.array(
             [
                 camera.width / 2 - camera.shift_x_px - left,
